@@ -28,8 +28,9 @@
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
+    vec4 matter = AT(matter); // rough, thin, white, shine
     return GroundPoint(
-        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, AT(rough), AT(tone), sun.w, RIPPLE, AT(light), AT(lamps), AT(haze)
+        at.xy, at.zw, lift.xy, lift.zw, sun.xy, sun.z, 0.0, matter.x, matter.y, matter.z, matter.w, AT(tone), sun.w, RIPPLE, AT(light), AT(lamps), AT(haze)
     );
 }
 #endif
@@ -52,7 +53,7 @@ void main() {
     SLOPE(vec2, place, place)
     SLOPE(color, surface.land, land)
     SLOPE(float, surface.shore, shore)
-    SLOPE(float, surface.cover, cover)
+    SLOPE(float, surface.share, share)
     SLOPE(float, surface.lit, lit)
 #define ALONG(value, name) (value + side.x * name##_x + side.y * name##_y)
 #endif
@@ -68,6 +69,8 @@ void main() {
         g.toward = middle.toward;
         g.sharp = middle.sharp;
         g.rough = middle.rough;
+        g.thin = middle.thin;
+        g.white = middle.white;
         g.tone = middle.tone;
         g.lamps = middle.lamps;
 #if MAGNIFIED && !HIGH
@@ -75,7 +78,7 @@ void main() {
         // where a texel begins, its neighbour's slope may lead below darkness
         s.land = max(ALONG(surface.land, land), 0.0);
         s.shore = ALONG(surface.shore, shore);
-        s.cover = max(ALONG(surface.cover, cover), 0.0);
+        s.share = max(ALONG(surface.share, share), 0.0);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
         quad[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #elif HIGH && OCEAN_COLOUR

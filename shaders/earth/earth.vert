@@ -51,7 +51,8 @@ void main() {
         ADD(g.lamps, lamps)
         ADD(g.haze, haze)
         ADD(g.tone, tone)
-        ADD(g.rough, rough)
+        vec4 matter = vec4(g.rough, g.thin, g.white, g.shine);
+        ADD(matter, matter)
 #if HIGH
         ADD(vec4(g.lift, g.cloud_uv), lift)
         ADD(g.ripple, ripple)

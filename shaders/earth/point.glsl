@@ -42,20 +42,31 @@ struct GroundPoint {
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
     float rough;    // of the land, 0..1
+    float thin;     // of clouds: the optical depth, times one minus its asymmetry, that returns half of what endless cloud does
+    float white;    // reflectance of endless cloud
+    float shine;    // of leaves: what they return in the direction of view over their mean
     color tone;     // of the land: its reflectance over the map's, by season and by the slope to the Sun
     float glint;    // Sun glint over irradiance, times pi [1]
     float ripple;   // HIGH: change of its logarithm with that of the slopes' variance [1]
     color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
-    color lamps;    // radiance at the camera of a city's brightest texels [W m-2 sr-1]
+    color lamps;    // radiance at the camera of the night map's brightest texels [W m-2 sr-1]
     color haze;     // radiance of the air in between [W m-2 sr-1]
 };
 
-// radiance of a city's brightest texels [W m-2 sr-1 per band]; VIIRS: 100-200 nW cm-2 sr-1; sodium and warm white lamps
-#if BANDS == 1
-const float CITY = 2.0e-3;
-#else
-const vec3 CITY = vec3(1.2e-3, 0.75e-3, 0.28e-3);
+// Light of lamps over that of all bands, of a sum of one: sodium of some 2000 K, and white diodes of 4000 K. Cities have one
+// more than the other, each its own share (Small 2022, Technologies 10, 93).
+#if BANDS == 3
+const vec3 SODIUM = vec3(0.60, 0.33, 0.07), WHITE = vec3(0.42, 0.355, 0.225);
 #endif
+color city_lamps(vec3 p) {
+#if BANDS == 1
+    return CITY_MAX;
+#else
+    // waves of some 150 to 400 km without a common period
+    vec3 wave = sin(p.yzx * vec3(131.0, 157.0, 113.0) + 2.0 * sin(p.zxy * vec3(71.0, 83.0, 97.0)));
+    return CITY_MAX * mix(SODIUM, WHITE, clamp(0.4 + 0.3 * (wave.x + wave.y + wave.z), 0.0, 1.0));
+#endif
+}
 
 // Where a ray meets the ground, and the light there.
 GroundPoint ground_point(GlobeRay ray, GroundAir air) {
@@ -108,13 +119,17 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     color gain = mix(BAND(textureLod(t_month_before, g.uv, coarse - 1.0)), BAND(textureLod(t_month_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = g.ripple = 0.0;
-    // clouds, leaves and stones shine back towards the Sun more than to the sides: mean 1 over the directions
+    // leaves hide their shadows from who looks along the light: mean 1 over the directions
     float back = 0.5 - 0.5 * dot(ray.direction, sun);
     back *= back;
-    float shine = 0.78 + 1.03 * back * back;
+    g.shine = 0.9 + 0.5 * back * back;
+    // escape functions of the light's and the view's angle (King 1987, eq. 2); endless cloud as the law of isotropic scatterers
+    // has it with them, within 8 per cent of discrete ordinates; 1.3: both graze, where clouds hide each other
+    g.thin = (9.0 / 49.0 * 4.0 / 3.0) * (1.0 + 2.0 * max(mu, 0.0)) * (1.0 + 2.0 * c_view);
+    g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.3);
 #if GLINT
     vec2 glint = sun_glint(n, -ray.direction, sun, c_view, mu);
-    if (mu > 0.0) g.glint = direct * PI * glint.x / (max(mu, 0.05) * shine);
+    if (mu > 0.0) g.glint = direct * PI * glint.x / max(mu, 0.05);
     g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
 #endif
 #if AIR
@@ -136,8 +151,8 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
 #endif
     g.haze = color(0.0);
 #endif
-    g.light *= through * BAND(u_globe_irradiance) * (shine / PI);
+    g.light *= through * BAND(u_globe_irradiance) / PI;
     g.haze *= BAND(u_globe_irradiance);
-    g.lamps = through * (CITY * (1.0 - smoothstep(-0.10, 0.02, g.mu)));
+    g.lamps = through * (city_lamps(p) * (1.0 - smoothstep(-0.10, 0.02, g.mu)));
     return g;
 }

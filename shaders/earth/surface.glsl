@@ -2,13 +2,16 @@
 // Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; FAR: pixels may
 // be wider than 1.6 km; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
-uniform sampler2D t_map;    // square roots of land reflectance and cloud opacity, night lights, distance to the coast
+uniform sampler2D t_map;    // square roots of land reflectance, cloud opacity and light of lamps, distance to the coast
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
 uniform sampler2D t_detail; // simulator/celestial/detail_noise.py
 #if HIGH
 uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
+#endif
+#if NIGHT
+uniform sampler2D t_city;   // simulator/celestial/city_lights.py
 #endif
 #if ICE
 uniform sampler2D t_ice;    // share of the sea under ice; simulator/celestial/sea_ice.py
@@ -30,18 +33,20 @@ uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 k
 #endif
 
 #if BANDS == 1
+// share of the light from the ground that clear air, with ozone and aerosol, returns to it: PythonicDISORT 1.8
+const float BACK = 0.085;
 const float SEA = 0.022;      // reflectance of the water's body: clear ocean, in band (Morel & Maritorena 2001)
 #else
+const vec3 BACK = vec3(0.055, 0.10, 0.19);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float CLOUD = 0.84;     // reflectance of thick cloud
 const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
 const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
 const float GRAVEL = 0.55;    // HIGH: what valleys' floors reflect more than the rock beside
-const float RELIEF_KM = 0.9;  // height of a puff of full contrast, for its own shading
+const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
 
 // Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
 struct Waters {
@@ -90,9 +95,12 @@ struct Surface {
     float wriggle; // change of that with the detail's first channel
     color sea;     // reflectance of the open sea
     color waves;   // its change with the detail's first channel
-    float cover;   // share of the ground under cloud
-    float scale;   // of clouds: one over half the width of their edges
-    float lit;     // root of the light of lamps over that of a city's brightest texels
+    float share;   // of the ground under cloud; over one where it has no gaps
+    float scale;   // one over that
+    float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
+    float veil;    // and between them
+    float mean;    // FAR: of one cloud that is even and returns as much
+    float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
 // The surface at a ground point. map: of t_map there; land_uv: of the maps where the land is read.
@@ -113,12 +121,14 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     color reflectance = root * root;
     // deserts and snow are even: what grows patchily elsewhere does not grow there
 #if BANDS == 1
-    s.patchy = GRAIN - clamp(2.2 * reflectance - 0.27, 0.0, 0.45);
+    float pale = reflectance;
+    s.patchy = GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6);
 #else
     // what is brighter is yellower: fields beside woods
-    s.patchy = (GRAIN - clamp(2.2 * reflectance.x - 0.27, 0.0, 0.45)) * vec3(1.25, 1.0, 0.7);
+    float pale = reflectance.x;
+    s.patchy = (GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6)) * vec3(1.25, 1.0, 0.7);
 #endif
-    s.land = reflectance * g.tone;
+    s.land = reflectance * g.tone * mix(1.0, g.shine, clamp(1.4 - 6.0 * pale, 0.0, 1.0));
 #if HIGH
     s.hilly = 0.0; // hills are those of the valleys
 #else
@@ -137,11 +147,30 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     s.sea += 0.9 * g.glint;
     s.waves += 0.2 * g.glint; // cat's paws
 #endif
-    // the map is a cover: the detail, whose histogram is even, is cut where just that share remains
-    s.cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0);
-    s.scale = 1.0 / (0.14 + 0.30 * s.cover);
+    // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
+    // detail, whose histogram is even; where it is larger they are thicker too
+    float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0), cover2 = cover * cover;
+    s.share = cover * (2.0 - cover) + 0.6 * cover2 * cover2;
+    s.scale = 1.0 / (s.share + 0.02);
+    s.thick = (1.2 + 1.6 * cover + 2.0 * cover2 + 16.0 * cover2 * cover2 * cover2) * min(10.0 * cover, 1.0);
+    s.veil = 0.25 * cover2;
+    s.mean = cover * (0.84 + cover * (1.74 + cover2 * cover2 * (12.9 * cover2 - 0.6)));
     s.lit = map.z;
     return s;
+}
+
+// Reflectance of cloud over that of endless cloud; over: from its edge, 0, to the middle of the thickest, 1. Two-stream: for
+// thick cloud this is the asymptotic theory of King (1987).
+float cloud_reflectance(float over, float thick, float veil, float thin) {
+    float depth = thick * over * over + veil;
+    return depth / (depth + thin * (1.15 - over));
+}
+
+// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, swell, slicks along the lines of
+// currents. The mean of the variance is kept. All from 0 to 1, of even histograms.
+float sea_calm(float gusts, float streaks, float swell, float current) {
+    float slick = 1.0 - min(14.0 * abs(current - 0.5), 1.0);
+    return 0.7 * gusts + 0.35 * streaks + 0.25 * swell + 0.5 * slick - 0.653;
 }
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
@@ -161,16 +190,17 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // plains are under sand and soil
     reflectance *= 1.0 + bare * (mix(ROCK * (rock.z - 0.5), GRAVEL, rock.w) - 0.25 * GRAVEL) - clamp(1.6 * bare * bank, -0.6, 0.6);
 #endif
-    reflectance = min(reflectance, color(0.75)); // fresh snow
+    reflectance = min(reflectance, color(SNOW_REFLECTANCE));
 #if BANDS == 3
     // snow is white whatever grows under it
     reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    // wind in gusts, and slicks: calm water shines more in the middle of the glint, less around it
-    float gusts = textureLod(t_detail, mat2(0.9, 0.7, -0.2, 0.25) * g.plane, DETAIL_LEVEL).x;
-    float calm = 0.8 * gusts + 0.3 * under.x - 0.55; // less of the variance's logarithm
+    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 0.6).x;
+    float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 1.0).x;
+    float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
+    float calm = sea_calm(gusts, streaks, swell, under.x);
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
@@ -185,16 +215,16 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     color ground = mix(sea, reflectance, clamp(s.shore + s.wriggle * under.x, 0.0, 1.0));
 #if CLOUDS
-    float present = min(s.cover * 10.0, 1.0);
-    float over = (puff + s.cover) * s.scale + (1.0 - 1.06 * s.scale); // depth of the cloud, 0 at its edge
-    float depth = max(over, 0.0);
-    depth *= depth * (0.9 * present);               // optical depth times one minus its asymmetry
-    depth = max(depth, 1.2 * s.cover * s.cover);    // the veil between the puffs
-    float cloud = depth / (1.0 + depth);            // two-stream reflectance
+#if HIGH
+    // the veil is cirrus: fibres along the wind, 9 km high
+    float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
+    s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
+#endif
+    float over = (puff - 1.0 + s.share) * s.scale; // 0 at the cloud's edge, 1 at most
+    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
-    // from far away the puffs are averaged before they are cut: their mean then is a curve of the cover
-    float blurred = clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0);
-    cloud = mix(cloud, s.cover * (0.698 + s.cover * (0.772 - 0.738 * s.cover)), blurred);
+    // from far away the puffs are averaged before they are cut: their mean then is that of a cover
+    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
 #endif
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
@@ -204,39 +234,31 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float shading = clamp(rise * CLOUD_KM, -0.25, 0.25);
 #endif
 #if ONE_OPTICS
-    ground = mix(ground, color(CLOUD), s.cover);
+    ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
-    float shadow = clamp(0.5 * (over + shading * s.scale), 0.0, 1.0);
-    ground -= ground * (shadow * (0.55 * present));
-    float relief = clamp(1.0 - RELIEF_KM * rise, 0.45, 1.35);
-    ground = mix(ground, color(relief * (CLOUD * 0.72 + CLOUD * 0.28 * puff)), cloud);
+    float before = clamp(over + shading * s.scale, 0.0, 1.0);
+    ground -= ground * (0.8 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+    float relief = clamp(1.0 - RELIEF_KM * min(s.scale, 4.0) * rise, 0.5, 1.35);
+    ground = mix(ground, color(g.white * relief), cloud);
 #endif
+#endif
+#if AIR
+    ground += BACK * ground * ground; // what the air sends down again
 #endif
     color radiance = ground * g.light + g.haze;
 #if NIGHT
-    color lamp_tint = color(1.0);
-    float lit = s.lit * s.lit; // the map's levels are nearly logarithms of the light: its fourth power is drawn
-    // streets along the valleys, bright crossings, dark blocks between them; nearly one on average
-    float street = clamp(1.7 * under.w - 0.35, 0.0, 1.0);
-    street *= street * street;
-    float streets = street * street * (3.0 + 7.0 * under.x);
-#if HIGH
-    // blocks and crossings of a few hundred metres
-    vec2 block = textureLod(t_detail, mat2(4.8, 3.6, -3.6, 4.8) * g.plane, DETAIL_LEVEL + 2.585).xw;
-    float bright = clamp(1.6 * block.y - 0.25, 0.0, 1.0);
-    streets = mix(streets, 0.5 + 0.5 * streets, 0.5) * bright * bright * (1.6 + 3.4 * block.x * block.x);
-    // the middles of cities are built up
-    streets = mix(streets, 1.0 + 0.6 * (block.x - 0.5), 0.8 * lit * lit * lit);
-#if BANDS == 3
-    // districts have lamps of their own: sodium here, white there
-    lamp_tint = mix(vec3(1.05, 0.97, 0.8), vec3(0.75, 1.05, 2.3), smoothstep(0.45, 0.95, block.y));
-#endif
-#endif
-    color lamps = g.lamps * (lit * lit * streets);
+    // the map's cells are broken up into streets, where they are dark into villages, each of a mean of one
+    vec4 city = textureLod(t_city, CITY_TILES * g.plane, DETAIL_LEVEL + CITY_LEVEL);
+    float streets = mix(city.y, city.x, min(3.0 * s.lit, 1.0)) * CITY_BRIGHTEST;
+    color lamps = g.lamps * (s.lit * s.lit * streets);
 #if CLOUDS
-    lamps *= 1.0 - 0.8 * cloud;
+    lamps *= 1.0 - cloud;
 #endif
-    radiance += lamps * lamp_tint;
+#if BANDS == 3
+    // districts have lamps of their own
+    lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.z);
+#endif
+    radiance += lamps;
 #endif
     return radiance;
 }
@@ -251,7 +273,8 @@ color ground_radiance(GroundPoint g, Waters waters) {
     vec2 aside = (detail.ground.xw - 0.5) * WARP_KM;
     land_uv += aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
     map.xz = textureLod(t_map, land_uv, MAP_LEVEL).xz;
-    map.y = textureLod(t_map, g.cloud_uv, MAP_LEVEL).y;
+    aside = (detail.cloud.xw - 0.5) * WARP_KM;
+    map.y = textureLod(t_map, g.cloud_uv + aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM), MAP_LEVEL).y;
 #else
     Detail detail = detail_at(g, detail_place(g, map));
 #endif

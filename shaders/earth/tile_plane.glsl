@@ -2,10 +2,10 @@
 // each slope per half a tile. STAGE: out in the vertex shader, in in the fragment shader.
 #if HIGH
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
-    F(color, tone) F(float, rough) F(vec4, lift) F(float, ripple)
+    F(color, tone) F(vec4, matter) F(vec4, lift) F(float, ripple)
 #else
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \
-    F(color, tone) F(float, rough)
+    F(color, tone) F(vec4, matter)
 #endif
 #define DECLARE(type, name) flat STAGE type v_##name[3];
 FOR_EACH_VALUE(DECLARE)

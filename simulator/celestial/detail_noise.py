@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 SIZE = 2048
 PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
-SLOPE_PER_KM = 1.1  # the slope channels hold plus and minus this
+SLOPE_PER_KM = 0.6  # the slope channels hold plus and minus this
 GRAIN = 0.7  # the land channel holds plus and minus half of this share of the reflectance
 _BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, one repeated twice each way
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
+_DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
 _STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
@@ -32,32 +33,33 @@ def detail_texture() -> ByteArray:
 def make_detail() -> ByteArray:
     """Two scales in one tile, so that one fetch serves both.
 
-    Channels: puffs of cloud, 0..1 with an even histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v; 0.5 + the
-    land's relative brightness / GRAIN.
+    Channels: puffs of cloud, 0..1 with an even histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v, of the puffs
+    blurred as light diffuses in them; 0.5 + the land's relative brightness / GRAIN.
     """
     rng = np.random.default_rng(_SEED)
     broad_cloud, broad_land = _field(rng, _BROAD)
     fine_cloud, fine_land = _field(rng, _FINE)
     cloud = _equalise(_BROAD_WEIGHT * _upsample(broad_cloud) + _FINE_WEIGHT * np.tile(fine_cloud, (2, 2)))
     land = 0.26 * (_upsample(broad_land) - 0.5) + 0.42 * (np.tile(fine_land, (2, 2)) - 0.5)
+    tops = _blur(cloud, _DIFFUSION)
     out = np.empty((SIZE, SIZE, 4), np.uint8)
     for first in range(0, SIZE, _ROWS):
         rows = slice(first, first + _ROWS)
-        around = cloud.take(range(first - 1, first + _ROWS + 1), axis=0, mode="wrap")
-        out[rows] = _coded(around, land[rows])
+        around = tops.take(range(first - 1, first + _ROWS + 1), axis=0, mode="wrap")
+        out[rows] = _coded(cloud[rows], around, land[rows])
     return out
 
 
-def _coded(around: Float32Array, land: Float32Array) -> ByteArray:
+def _coded(cloud: Float32Array, around: Float32Array, land: Float32Array) -> ByteArray:
     """(R, SIZE, 4) of `make_detail`: rows of a tile, which stay in a processor's own memory.
 
     Parameters
     ----------
-    around : (R + 2, SIZE) clouds, with the rows above and below.
+    around : (R + 2, SIZE) tops of the clouds, with the rows above and below.
     """
     texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
-    cloud = around[1:-1]
-    wide = np.concatenate([cloud[:, -1:], cloud, cloud[:, :1]], axis=1)
+    tops = around[1:-1]
+    wide = np.concatenate([tops[:, -1:], tops, tops[:, :1]], axis=1)
     du = (wide[:, 2:] - wide[:, :-2]) / (2 * texel_km)
     dv = (around[2:] - around[:-2]) / (2 * texel_km)
     out = np.empty((*land.shape, 4), np.uint8)
@@ -71,12 +73,17 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     """Cloud and land detail, periodic, each with an even histogram 0..1."""
     scale = size // 512
     f = _frequencies(size)
-    # turrets: puffs of three sizes, brightest at their middles, on a turbulent field
-    puffs = np.zeros((size, size), np.float32)
-    for count, weight in ((22, 1.0), (53, 0.7), (120, 0.45)):
-        puffs += weight * (1 - _worley_noise(rng, size, count * scale))
-    soft = _spectral_noise(rng, f, f**-1.25, 3.0 * scale)
-    cloud = _blur(_equalise(soft / soft.std() + 0.75 * (puffs - puffs.mean()) / puffs.std()))
+    # liquid water's spectrum of -5/3, smoother below a kilometre (Davis et al. 1996), drawn into filaments
+    soft = _spectral_noise(rng, f, _liquid_water(f, scale), 3.0 * scale)
+    soft = _stirred(rng, f, soft / soft.std(), 3.0 * scale, 14.0)
+    soft = _stirred(rng, f, soft, 12.0 * scale, 3.0)
+    # turrets: domes of three sizes, which stand on the crests
+    domes = np.zeros((size, size), np.float32)
+    for count, weight in ((19, 1.0), (43, 0.8), (97, 0.6)):
+        distance = np.float32(1.15) * _worley_noise(rng, size, count * scale)
+        domes += weight * np.maximum(1 - distance * distance, 0)
+    domes = _stirred(rng, f, (domes - domes.mean()) / domes.std(), 12.0 * scale, 3.5)
+    cloud = _blur(_equalise(soft + (0.5 + 0.3 * np.clip(soft, -1.5, 2.0)) * domes))
     # valleys: creases of several sizes, as rivers cut them, and patches
     creases = np.zeros((size, size), np.float32)
     steep = f**-1.9
@@ -93,6 +100,26 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
     return cloud, land
 
 
+def _liquid_water(f: FloatArray, scale: int) -> FloatArray:
+    """Amplitudes by frequency: those of the liquid water of stratocumulus, and less from the scale break on."""
+    knee = (90 * scale / len(f)) ** -2
+    return np.asarray(f**-1.4 / (1 + f * f * knee) ** 0.7)
+
+
+def _stirred(
+    rng: np.random.Generator, frequencies: FloatArray, image: Float32Array, low: float, texels: float
+) -> Float32Array:
+    """A periodic image displaced by a flow without divergence, ``texels`` in the root mean square."""
+    size, pad = len(image), 64
+    stream = _spectral_noise(rng, frequencies, frequencies**-2.4, low)
+    flow = np.roll(stream, -1, 0) - np.roll(stream, 1, 0), np.roll(stream, 1, 1) - np.roll(stream, -1, 1)
+    step = np.float32(texels / np.hypot(*flow).std())
+    y, x = np.indices((size, size), np.float32)
+    places = ((k + step * along) % size + pad for k, along in zip((x, y), flow, strict=True))
+    wrapped = np.pad(image.astype(np.float32), pad, mode="wrap")
+    return np.asarray(cv2.remap(wrapped, *places, interpolation=cv2.INTER_LINEAR), np.float32)
+
+
 def _upsample(image: Float32Array) -> Float32Array:
     """To the size of the tile, periodic."""
     factor, pad = SIZE // len(image), 8
@@ -101,10 +128,10 @@ def _upsample(image: Float32Array) -> Float32Array:
     return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor], np.float32)
 
 
-def _blur(image: Float32Array) -> Float32Array:
+def _blur(image: Float32Array, texels: float = 0.6) -> Float32Array:
     """A periodic blur of about a texel."""
     wrapped = np.pad(image, 8, mode="wrap")
-    return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), 0.6), np.float32)[8:-8, 8:-8]
+    return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), texels), np.float32)[8:-8, 8:-8]
 
 
 def _spectral_noise(

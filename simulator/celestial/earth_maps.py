@@ -1,6 +1,7 @@
 """The Earth's maps, packed for the shader: one RGBA texture per number of bands, equirectangular.
 
-Channels for one band: land reflectance (square root), cloud opacity (square root), night lights, distance to the coast.
+Channels for one band: land reflectance (square root), cloud opacity (square root), light of lamps (square root of its
+share of the brightest), distance to the coast.
 For three bands a second RGBA texture holds the land's colour (square roots) and its alpha is unused.
 """
 
@@ -29,10 +30,12 @@ NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
 TERRAIN = "terrain_detail_1024.png"
 TERRAIN_SLOPE_MAX = 0.9  # its slope channels hold plus and minus this
 
-# Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert, forest and snow to their
-# broadband reflectances (0.35, 0.03-0.05, 0.6-0.7; Liang 2001, Narrowband to broadband conversions). No leaf and no
+# Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert and forest to their broadband
+# reflectances (0.35, 0.03-0.05; Liang 2001, Narrowband to broadband conversions). No leaf and no
 # soil is as black as the picture's dark colours: a canopy returns 0.02 of the blue and of the red
 _REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
+# nor is snow as grey as the picture, which holds back its highlights: 0.97 in the visible (Warren 1982, fig. 1)
+_SNOW_FROM, _SNOW_RISE, SNOW_REFLECTANCE = 0.80, 20.0, 0.97
 PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/illumination/bands.py
 _ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
@@ -117,7 +120,9 @@ def terrain_texture() -> ByteArray:
 def to_reflectance() -> Float32Array:
     """Lookup table of 256 reflectances."""
     v = np.arange(256, dtype=np.float32) / 255
-    return np.asarray(np.hypot(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, _DARKEST), np.float32)
+    ground = np.hypot(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, _DARKEST)
+    snow = _SNOW_RISE * np.maximum(v - _SNOW_FROM, 0) ** 2
+    return np.asarray(np.minimum(ground + snow, SNOW_REFLECTANCE), np.float32)
 
 
 def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
@@ -168,8 +173,11 @@ def _pack_panchromatic() -> ByteArray:
         picture = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE)
         cv2.insertChannel(cv2.LUT(picture, thin, picture), out, 1)  # in its place: new memory takes longer
 
+    # the picture's levels are nearly logarithms of the light: their fourth power is
+    squares = np.round(np.arange(256) ** 2 / 255).astype(np.uint8)
+
     def night() -> None:
-        cv2.insertChannel(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), out, 2)
+        cv2.insertChannel(cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares), out, 2)
 
     with ThreadPoolExecutor(beside_the_caller()) as pool:
         # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps

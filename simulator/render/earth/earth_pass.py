@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from flyaround.simulator.celestial import city_lights
 from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
 from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
-from flyaround.simulator.celestial.earth_maps import TERRAIN_SLOPE_MAX, terrain_texture
+from flyaround.simulator.celestial.earth_maps import SNOW_REFLECTANCE, TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.celestial.earth_maps import WIDTH as MAP_WIDTH
 from flyaround.simulator.celestial.ocean_colour import SCALE as OCEAN_COLOUR_SCALE
 from flyaround.simulator.celestial.sea_ice import WIDTH as ICE_WIDTH
@@ -20,7 +21,7 @@ from flyaround.simulator.celestial.sea_ice import sea_ice
 from flyaround.simulator.celestial.seasons import OCTAVES, month_gain, season
 from flyaround.simulator.celestial.seasons import SLOPE_MAX as GROUND_SLOPE_MAX
 from flyaround.simulator.render.earth.map_textures import AUGUST
-from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES
+from flyaround.simulator.render.earth.screen_tiles import EARTH_TILES, ice_day
 from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
@@ -59,7 +60,7 @@ CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distan
 MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
 FAR_LEVEL = 0.5  # of a tile: from the next on floes, and then puffs, are averaged
 _OWN = ("t_coverage", "t_radiance", "t_map", "t_detail", "t_ground_slopes", "t_month_before", "t_month_after")
-_RARE = ("t_ice", "t_ocean_colour", "t_terrain")
+_RARE = ("t_ice", "t_ocean_colour", "t_terrain", "t_city")
 _SAMPLERS = {
     1: (*_OWN, *_RARE, "t_air", "t_ground"),
     3: (*_OWN, *_RARE, "t_colour", "t_ground", *AIR_SAMPLERS[3]),
@@ -69,11 +70,6 @@ _SAMPLERS = {
 def season_of(scene: SceneState) -> Season:
     """The months that are mixed."""
     return season(scene.epoch_utc) if scene.environment.seasons else AUGUST
-
-
-def ice_day(scene: SceneState) -> str:
-    """The day whose sea ice is drawn: the maps' own without seasons."""
-    return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
 
 
 @dataclass(frozen=True)
@@ -153,6 +149,7 @@ class Earth:
         self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
         self._ocean_colour: Future[MipmapChain] | moderngl.Texture = prefetched.ocean_colour
+        self._city: Future[MipmapChain] | moderngl.Texture = prefetched.city
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
@@ -165,8 +162,8 @@ class Earth:
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
-        maps = [self._detail, self._terrain, self._ground_slopes, *self._maps, self._ocean_colour]
-        maps += self._months.values()
+        maps = [self._detail, self._terrain, self._ground_slopes, self._ocean_colour, self._city]
+        maps += [*self._maps, *self._months.values()]
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
             if isinstance(texture, moderngl.Texture):
@@ -187,6 +184,11 @@ class Earth:
         texture = mipmapped_texture(self._context, levels)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
+        return texture
+
+    def _tiled(self, levels: MipmapChain) -> moderngl.Texture:
+        texture = self._mapped(levels)
+        texture.repeat_y = True
         return texture
 
     def _month(self, month: int) -> moderngl.Texture:
@@ -244,6 +246,11 @@ class Earth:
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
             "TERRAIN_SLOPE": TERRAIN_SLOPE_MAX,
+            "SNOW_REFLECTANCE": SNOW_REFLECTANCE,
+            "CITY_MAX": city_lights.MAP_MAX_W_M2_SR,
+            "CITY_BRIGHTEST": city_lights.BRIGHTEST,
+            "CITY_TILES": PERIOD_KM / city_lights.PERIOD_KM,
+            "CITY_LEVEL": math.log2(DETAIL_TEXEL_KM * city_lights.SIZE / city_lights.PERIOD_KM),
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
@@ -265,8 +272,9 @@ class Earth:
             textures["t_terrain"] = self._terrain_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
-        touched = frame.tiles.holding(covered=False)
-        if touched is not None:
+        if environment.night_lights and any(kind.night for kind in frame.tiles.centers_px):
+            textures["t_city"] = self._city_lights()
+        if (touched := frame.tiles.holding(covered=False)) is not None:
             frame.images.mark_lit(touched)
         for draw, vertices_of in draws:
             # large textures that the last draw did not have may end its scene
@@ -277,11 +285,9 @@ class Earth:
             # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
+            smaller = self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR
             for texture in self._maps:
-                texture.filter = (
-                    self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR,
-                    self._context.LINEAR,
-                )
+                texture.filter = smaller, self._context.LINEAR
             program, level = draw.program, draw.level or 0.0
             program.bind_textures(**textures, t_detail=draw.detail)
             textures = {}  # they are on the same units of the other programs
@@ -325,11 +331,17 @@ class Earth:
         return self._detail
 
     def _terrain_of_high(self) -> moderngl.Texture:
-        """The land's valleys: made or read, and uploaded, when `high` is first asked for."""
+        """The land's valleys, uploaded when `high` is first asked for."""
         if self._terrain is None:
-            self._terrain = self._mapped(mipmap_chain(terrain_texture(), globe=False))
-            self._terrain.repeat_y = True
+            self._terrain = self._tiled(mipmap_chain(terrain_texture(), globe=False))
         return self._terrain
+
+    def _city_lights(self) -> moderngl.Texture:
+        """Streets and villages: uploaded when the night is first in view."""
+        if not isinstance(self._city, moderngl.Texture):
+            self._city = self._tiled(self._city.result())
+            self._city.filter = (self._context.LINEAR_MIPMAP_NEAREST, self._context.LINEAR)
+        return self._city
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
+    from flyaround.simulator.scene.state import SceneState
 
 TILE_RAD = 0.0107
 """32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between."""
@@ -129,6 +130,11 @@ class ScreenTiles:
 
 
 EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")
+
+
+def ice_day(scene: SceneState) -> str:
+    """The day whose sea ice is drawn: the maps' own without seasons."""
+    return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
 
 
 def tile_size_px(camera: Camera) -> int:

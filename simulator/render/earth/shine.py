@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
-from flyaround.simulator.render.earth.earth_pass import ice_day, season_of
-from flyaround.simulator.render.earth.screen_tiles import TileKind
+from flyaround.simulator.render.earth.earth_pass import season_of
+from flyaround.simulator.render.earth.screen_tiles import TileKind, ice_day
 from flyaround.simulator.scene.illumination.irradiance import field_of_samples
 
 if TYPE_CHECKING:

@@ -15,13 +15,14 @@ from flyaround.simulator.celestial.ocean_colour import near_bright_water
 from flyaround.simulator.celestial.sea_ice import near_ice
 from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.craft.viewport_fit import TILE_PX
-from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL, ice_day
+from flyaround.simulator.render.earth.earth_pass import FAR_LEVEL
 from flyaround.simulator.render.earth.earth_view import EarthTilesPass
 from flyaround.simulator.render.earth.screen_tiles import (
     EARTH_TILES,
     ICE_SINE,
     ScreenTiles,
     TileKind,
+    ice_day,
     tile_edges,
     tile_size_px,
 )

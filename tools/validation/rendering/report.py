@@ -24,6 +24,9 @@ from tools.validation.rendering import (
 from tools.validation.rendering import (
     sky as rendering_sky,
 )
+from tools.validation.rendering import (
+    surfaces as rendering_surfaces,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +38,11 @@ Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
 PARTS: tuple[Part, ...] = (
     ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
     ("Scattering in the air", rendering_air.rows, rendering_air.NOTES),
+    (
+        "The Earth from above: day side by kind, city lights",
+        rendering_surfaces.rows,
+        rendering_surfaces.NOTES,
+    ),
     ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
     ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
 )
