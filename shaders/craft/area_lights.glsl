@@ -89,16 +89,18 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
         mat4x3 corners = mat4x3(middle - right - down, middle + right - down, middle + right + down, middle - right + down);
         vec3 h;
         float share = mirrored_share(s.v, corners, t, b, s.n, max(alpha, 0.001), h) * (seen / all);
-        color light = s.diffuse * kept * (falling * patch_m2) + mirrored(s, h, s.f0, alpha) * s.again * share;
+        color scattered = s.diffuse * kept, gloss = mirrored(s, h, s.f0, alpha) * s.again * share;
+#ifdef CRINKLE
+        if (s.creased > 0.0) { // so wide a lobe is nearly Lambert's
+            scattered += s.f0 * (s.creased / PI);
+            gloss *= 1.0 - s.creased;
+        }
+#endif
+        color light = scattered * (falling * patch_m2) + gloss;
 #ifdef CLEARCOAT
         float coat_alpha = max(surface.z * surface.z, 0.001);
         float coat = mirrored_share(s.v, corners, t, b, s.n, coat_alpha, h) * (coat_seen / coat_all);
-        float fc = (0.04 + 0.96 * pow5(1.0 - s.n_v)) * s.coat;
-#if BANDS == 1
-        light = light * (1.0 - fc) + s.coat * mirrored(s, h, 0.04, coat_alpha) * coat;
-#else
-        light = light * (1.0 - fc) + s.coat * mirrored(s, h, vec3(0.04), coat_alpha) * coat;
-#endif
+        light = light * (color(1.0) - coat_fresnel(s, s.n_v)) + s.coat * mirrored(s, h, s.film, coat_alpha) * coat;
 #endif
         sum += light * BAND(u_light_radiance[k]);
     }

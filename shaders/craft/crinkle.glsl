@@ -1,57 +1,71 @@
-// Crinkled insulation: the normal of a blanket creased into random flat facets.
+// Creased insulation: slopes of a blanket's facets at two scales, and the tape along its seams.
+uniform sampler2D t_creases; // slopes along u and v, their deviation within a texel, mottle; simulator/baking/creases.py
 
-// Pseudo-random direction of a lattice cell, components -1..1. Integer hash of Jarzynski & Olano (2020), Hash
-// functions for GPU rendering, JCGT 9(3), pcg3d.
-vec3 cell_tilt(ivec3 cell) {
-    uvec3 v = uvec3(cell) * 1664525u + 1013904223u;
-    v.x += v.y * v.z; v.y += v.z * v.x; v.z += v.x * v.y;
-    v ^= v >> 16u;
-    v.x += v.y * v.z; v.y += v.z * v.x; v.z += v.x * v.y;
-    return vec3(v >> 8u) / 8388607.5 - 1.0;
-}
+// How a surface is laid flat on the target's plane nearest to it: metres along two of the target's axes.
+struct Laid {
+    vec2 uv;
+    float width_m;   // of a pixel on the surface
+    int across;      // the axis left out
+};
 
-// Smoothly blended tilt of the cells around a point in units of one cell.
-vec3 tilt_at(vec3 x) {
-    vec3 base = floor(x), f = x - base;
-    f = f * f * (3.0 - 2.0 * f);
-    ivec3 c = ivec3(base);
-    vec3 a = mix(mix(cell_tilt(c), cell_tilt(c + ivec3(1, 0, 0)), f.x),
-                 mix(cell_tilt(c + ivec3(0, 1, 0)), cell_tilt(c + ivec3(1, 1, 0)), f.x), f.y);
-    vec3 b = mix(mix(cell_tilt(c + ivec3(0, 0, 1)), cell_tilt(c + ivec3(1, 0, 1)), f.x),
-                 mix(cell_tilt(c + ivec3(0, 1, 1)), cell_tilt(c + ivec3(1, 1, 1)), f.x), f.y);
-    return mix(a, b, f.z);
-}
-
-// Low-pass weight of a wave in the mean over a pixel that spans so many of its periods: 1 below a quarter, 0 above 3/4.
-float pass_weight(float periods) { return clamp(1.5 - 2.0 * periods, 0.0, 1.0); }
-
-// One set of parallel folds: the side of the crease on which x lies, as a tilt along the folds' normal. Adds it to tilt
-// as far as a pixel of width_m shows it; lost: and the variance of the rest.
-void fold(vec3 x, vec3 across, float per_m, float wander, float size, float width_m, inout vec3 tilt, inout float lost) {
-    float share = pass_weight(per_m * width_m);
-    tilt += across * (fract(dot(x, across) * per_m + wander) < 0.5 ? size * share : -size * share);
-    lost += size * size * (1.0 - share * share);
-}
-
-// Normal n at the point p_m (both camera frame): folds in six directions, 25 to 90 mm apart, that wander, cut the
-// blanket into flat facets; a soft billow of 70 mm lies under them. Facets that a pixel holds many of make it rougher
-// instead: their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
-vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness) {
+// n: the face's normal, camera frame.
+Laid laid_flat(vec3 n, vec3 p_m) {
     mat3 R = mat3(u_camera_from_target);
-    vec3 x = (p_m - u_camera_from_target[3].xyz) * R; // R transposed times: into the target frame
+    vec3 x = (p_m - u_camera_from_target[3].xyz) * R, a = n * R; // R transposed times: into the target frame
+    vec3 size = abs(a) * vec3(1.0, 1.04, 0.96); // faces at 45 degrees to two axes: one of them, and no flicker
+    int across = size.x > max(size.y, size.z) ? 0 : size.y > size.z ? 1 : 2;
+    vec2 uv = across == 0 ? x.yz : across == 1 ? x.zx : x.xy;
+    // opposite faces differ
+    uv += 0.31 * sign(across == 0 ? a.x : across == 1 ? a.y : a.z) + float(across) * vec2(0.17, 0.41);
     float width_m = p_m.z / (max(u_intrinsics.x, u_intrinsics.y) * sqrt(max(-dot(n, normalize(p_m)), 0.05)));
-    vec3 billow = tilt_at(x * 14.0);
-    float share = pass_weight(7.0 * width_m), lost = 0.18 * (1.0 - share * share);
-    vec3 tilt = 0.7 * share * billow;
-    fold(x, vec3(0.68, 0.36, 0.64), 11.0, 0.30 * billow.x, 0.30, width_m, tilt, lost);
-    fold(x, vec3(-0.48, 0.80, 0.36), 13.0, 0.30 * billow.y, 0.30, width_m, tilt, lost);
-    fold(x, vec3(0.30, -0.50, 0.81), 17.0, 0.30 * billow.z, 0.25, width_m, tilt, lost);
-    fold(x, vec3(0.89, -0.41, -0.20), 23.0, 0.22 * billow.y, 0.20, width_m, tilt, lost);
-    fold(x, vec3(0.10, 0.95, -0.30), 31.0, 0.22 * billow.z, 0.15, width_m, tilt, lost);
-    fold(x, vec3(-0.60, -0.15, 0.79), 40.0, 0.22 * billow.x, 0.15, width_m, tilt, lost);
-    float slope = 0.5 * amplitude;
-    // alpha^2 is twice the variance of slopes; a third of it lies along each axis
-    float alpha2 = roughness * roughness * roughness * roughness + lost * slope * slope * (2.0 / 3.0);
+    return Laid(uv, width_m, across);
+}
+
+// A tile of the texture that is so many metres wide, turned by an angle of this cosine and sine: slopes, deviation, mottle.
+vec4 crease_tile(Laid laid, float tile_m, vec2 turn) {
+    mat2 T = mat2(turn.x, turn.y, -turn.y, turn.x);
+    vec4 s = textureLod(t_creases, T * laid.uv / tile_m, log2(laid.width_m * (CREASE_SIZE / tile_m)));
+    return vec4((s.xy * 2.0 - 1.0) * CREASE_SLOPE * T, s.z * CREASE_DEVIATION, s.w); // T transposed times
+}
+
+// Share of a pixel that lies in strips along both axes of lines `pitch` apart [m], `wide` to each side of them.
+float strips(Laid laid, vec2 pitch, float wide) {
+    vec2 off = (0.5 - abs(fract(laid.uv / pitch) - 0.5)) * pitch;
+    vec2 share = clamp((wide - off) / laid.width_m + 0.5, 0.0, min(1.0, 2.0 * wide / laid.width_m));
+    return max(share.x, share.y);
+}
+
+// Normal of a blanket at the point p_m (both camera frame). Facets that a pixel holds many of make it rougher instead:
+// their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
+// tape: share of the pixel that is tape, which lies flatter.
+vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness, out float tape) {
+    Laid laid = laid_flat(n, p_m);
+    vec4 coarse = crease_tile(laid, COARSE_M, vec2(0.8253, 0.5646));
+    float lost = coarse.z * coarse.z;
+    vec2 slope = coarse.xy;
+#if CREASE_SCALES > 1
+    vec4 fine = crease_tile(laid, FINE_M, vec2(0.2675, 0.9636));
+    slope += FINE_SHARE * fine.xy;
+    lost += FINE_SHARE * FINE_SHARE * fine.z * fine.z;
+    tape = strips(laid, vec2(SEAM_U_M, SEAM_V_M), TAPE_M);
+    float flat_share = 1.0 - 0.6 * tape;
+    slope *= flat_share;
+    lost *= flat_share * flat_share;
+#else
+    lost += FINE_SHARE * FINE_SHARE * CREASE_VARIANCE;
+    tape = 0.0;
+#endif
+    slope *= amplitude;
+    // alpha^2 is twice the variance of slopes along an axis
+    float alpha2 = roughness * roughness * roughness * roughness + lost * amplitude * amplitude;
     roughness = sqrt(sqrt(min(alpha2, 1.0)));
-    return unit_or(n + slope * (R * tilt), n);
+    vec3 tilt = laid.across == 0 ? vec3(0.0, slope) : laid.across == 1 ? vec3(slope.y, 0.0, slope.x) : vec3(slope, 0.0);
+    return unit_or(n - mat3(u_camera_from_target) * tilt, n);
+}
+
+// Reflectance over its mean of a matt surface: what light, handling and the sheet below leave on it, and its joints.
+float mottle(vec3 n, vec3 p_m, float amplitude) {
+    Laid laid = laid_flat(n, p_m);
+    float level = crease_tile(laid, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;
+    return 1.0 + amplitude * (2.0 * level - JOINT_DARKER * strips(laid, vec2(JOINT_M), JOINT_WIDE_M));
 }

@@ -4,6 +4,9 @@
 #ifdef CRINKLE
 #include "craft/crinkle.glsl"
 #endif
+#ifdef CELLS
+#include "craft/cells.glsl"
+#endif
 #ifdef LAMP
 #include "craft/lamp.glsl"
 #endif
@@ -55,11 +58,26 @@ struct Surface {
     color f0;
     color again;    // over the first bounce between microfacets
     float coat;     // share that is clear coated
+#ifdef CLEARCOAT
+    color film;     // reflectance of the coat at normal incidence, and by how much a slant view adds to it
+    color slant;
+#endif
+#ifdef CRINKLE
+    float creased;  // share of the gloss that is scattered by creases too fine for any picture
+#endif
 #ifdef BRUSHED
     vec3 across;    // unit vector along the surface, across the grain
     float stretch;  // by which the lobe is wider that way: alpha -> mix(alpha, 1, stretch)
 #endif
 };
+
+#ifdef CLEARCOAT
+// Fresnel reflectance of the clear coat at an angle of this cosine.
+color coat_fresnel(Surface s, float cosine) {
+    color f = s.film + s.slant * (1.0 - cosine);
+    return (f + (color(1.0) - f) * pow5(1.0 - cosine)) * s.coat;
+}
+#endif
 
 // Radiance over the irradiance of a face that looks at the light; l: unit vector to it.
 // alpha, coat_alpha: widths of the lobes, the light's own included.
@@ -72,10 +90,14 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 #else
     float lobe = distribution_ggx(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
 #endif
+#ifdef CRINKLE
+    if (s.creased > 0.0)
+        lobe = mix(lobe, distribution_ggx(n_h, CREASED_ALPHA) * visibility_smith(n_l, s.n_v, CREASED_ALPHA), s.creased);
+#endif
     color out_light = (color(1.0) - f) * s.diffuse + f * s.again * lobe;
 #ifdef CLEARCOAT
-    float fc = (0.04 + 0.96 * pow5(1.0 - v_h)) * s.coat;
-    out_light = out_light * (1.0 - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, s.n_v, coat_alpha);
+    color fc = coat_fresnel(s, v_h);
+    out_light = out_light * (color(1.0) - fc) + fc * distribution_ggx(n_h, coat_alpha) * visibility_smith(n_l, s.n_v, coat_alpha);
 #endif
     return out_light;
 }
@@ -92,7 +114,20 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
     vec3 v = -normalize(p_m);
 #ifdef CRINKLE
-    if (surface.w > 0.0) n = crinkled(n, p_m, surface.w, surface.x);
+    float creased = 0.0;
+    if (surface.w > 0.0) {
+        float tape;
+        n = crinkled(n, p_m, surface.w, surface.x, tape);
+        if (base.w > 0.0) { // foil: what is no mirror is a wider one
+            creased = 1.0 - base.w;
+            base *= vec4(vec3(1.0 - TAPE_DARKER * tape), 0.0);
+            base.w = 1.0;
+        }
+    } else if (surface.w < 0.0) base.xyz *= mottle(n, p_m, -surface.w);
+#endif
+#ifdef CELLS
+    float cell_film = 1.0;
+    if (surface.y > 1.0) cell_film = cell_at(p_m, n, base);
 #endif
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
@@ -100,6 +135,9 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
 #ifdef CLEARCOAT
+    // beyond one: a cover glass with films on it and on the cell below
+    bool films = surface.y > 1.0;
+    surface.y -= float(films);
     f0 = mix(f0, under_coat(f0), surface.y);
 #endif
     color diffuse = albedo * ((1.0 - base.w) / PI);
@@ -115,12 +153,32 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #else
     vec2 e = directional_albedo(surface.x, n_v);
 #endif
+#ifdef CRINKLE
+    if (creased > 0.0) e = mix(e, directional_albedo(sqrt(CREASED_ALPHA), n_v), creased);
+#endif
     // light that bounces several times between microfacets: Turquin (2019), Practical multiple scattering compensation
     color again = color(1.0) + f0 * (1.0 / (e.x + e.y) - 1.0);
+    Surface s;
+    s.n = n;
+    s.v = v;
+    s.n_v = n_v;
+    s.diffuse = diffuse;
+    s.f0 = f0;
+    s.again = again;
+    s.coat = surface.y;
+#ifdef CLEARCOAT
+    s.film = films ? FILM : color(0.04);
+    s.slant = films ? FILM_SLANT : color(0.0);
+#ifdef CELLS
+    if (films) s.film *= cell_film;
+#endif
+#endif
+#ifdef CRINKLE
+    s.creased = creased;
+#endif
 #ifdef BRUSHED
-    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y, across, stretch);
-#else
-    Surface s = Surface(n, v, n_v, diffuse, f0, again, surface.y);
+    s.across = across;
+    s.stretch = stretch;
 #endif
     color direct = color(0.0);
 #if SHADOW_WINDOW
@@ -155,17 +213,20 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float mirrored = sky_visibility_towards(visibility, n_target, r * R);
     color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
     float rim = dot(r, u_globe_rim.xyz) - u_globe_rim.w;
-    float blur = surface.x * surface.x + 0.02;
+    float blur = surface.x * surface.x + 0.02, seen = smoothstep(-blur, blur, rim);
+#ifdef CRINKLE
+    if (creased > 0.0) seen = mix(seen, smoothstep(-CREASED_ALPHA, CREASED_ALPHA, rim), creased);
+#endif
     color gloss = (f0 * e.x + e.y) * again;
 #ifdef LIGHT_POINTS
     direct += area_light(s, geometric, p_m, surface, color(1.0) - gloss);
 #endif
-    color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * smoothstep(-blur, blur, rim) + own);
+    color sky = ambient * diffuse * (color(1.0) - gloss) + gloss * (earth * seen + own);
 #ifdef CLEARCOAT
     {
-        float fe = (0.04 + 0.96 * pow5(1.0 - n_v)) * surface.y;
+        color fe = coat_fresnel(s, n_v);
         float coat_blur = surface.z * surface.z + 0.02;
-        sky = sky * (1.0 - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
+        sky = sky * (color(1.0) - fe) + fe * (earth * smoothstep(-coat_blur, coat_blur, rim) + own);
     }
 #endif
     return direct + sky;

@@ -29,7 +29,7 @@ color ground_radiance(MoonPoint g) {
     // the maria are younger: fewer and smaller craters
     float age = clamp(albedo * 1.6 - 0.7, 0.15, 1.0);
     vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX);
-    albedo *= 1.0 + 0.35 * (fine.z - 0.5) + 0.25 * (broad.z - 0.5);
+    albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);
     float facet = inversesqrt(1.0 + dot(slope, slope));
     // facets that face the Sun below the horizon lie in the shadow of others
     float dawn = smoothstep(-0.03, 0.05, g.light.x);

@@ -104,6 +104,7 @@ class OpticsSection(Section, frozen=True, kw_only=True):
     rim_radius: Annotated[float, within(OPTICS["rim_radius"])] = 1.2
     glow_share: Annotated[float, within(OPTICS["glow_share"])] = 0.0
     glow_radius_px: Annotated[float, within(OPTICS["glow_radius_px"])] = 20.0
+    scatter_share: Annotated[float, within(OPTICS["scatter_share"])] = 0.0
     veiling_glare_sr: Annotated[float, within(OPTICS["veiling_glare_sr"])] = 0.0
     glare_limit_deg: Annotated[float, within(OPTICS["glare_limit_deg"])] = 60.0
 

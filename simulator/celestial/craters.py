@@ -1,7 +1,14 @@
-"""Tiling craters for the Moon's ground below its map: slopes and brightness of a field saturated with impacts."""
+"""Tiling craters for the Moon's ground below its map: slopes and brightness of a field saturated with impacts.
+
+Craters are there in all states, from a sharp bowl with bright ejecta to a shallow dish: each is the profile of a fresh
+one after topographic diffusion (Fassett & Thomson 2014, Crater degradation on the lunar maria, JGR Planets 119, 2255).
+The ground is in equilibrium: as many are worn down as are made, so that their ages are even over their lifetimes, and
+their cumulative number falls with the square of the diameter (Minton et al. 2019, Icarus 326, 63).
+"""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,67 +24,142 @@ SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
 _SEED = 1969
 _SMALLEST_PX = 4.0  # diameter
 BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0  # a tile often seen must have nothing that is known again
-_COVER = 0.08  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
+_COVER = 0.12  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
+_COMPLEX_KM = 17.0  # diameter beyond which floors are flat (Pike 1977)
+_REACH, _FADED, _STEP = 4.0, 2.8, 0.04  # of profiles: as they wear, as they are stamped; their nodes [radii]
+_WORN = 0.7  # diffusivity times time over the radius squared after which 0.07 of the depth is left
+_WORN_COMPLEX = 0.1  # the same of large craters, which smaller ones wear more than diffusion does
+_STATES = 24
+_SHARP_PX = 0.6  # standard deviation of the smoothing that a texel needs
+_BRIGHT = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
+_RAYED, _RAYS_PX, _RAYS_REACH = 0.03, 5.0, 7.0  # the same of rays; least radius; length [radii]
 
 
-def crater_texture(largest_px: float) -> ByteArray:
+def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
     """(SIZE, SIZE, 4): slope along u and v, brightness, unused; from the cache."""
     return cached_array(
-        entry_name("craters", (make_craters,), float(largest_px)), lambda: make_craters(largest_px)
+        entry_name("craters", (make_craters,), float(largest_px), float(texel_km)),
+        lambda: make_craters(largest_px, texel_km),
     )
 
 
-def make_craters(largest_px: float) -> ByteArray:
-    """The tile; numbers of craters fall with the square of their diameter, so that it serves at any scale."""
+def make_craters(largest_px: float, texel_km: float) -> ByteArray:
+    """The tile.
+
+    Parameters
+    ----------
+    largest_px : diameter of the largest crater. texel_km : larger ones are shallower.
+    """
     rng = np.random.default_rng([_SEED, int(largest_px)])
     count = int(_COVER * SIZE**2 / _SMALLEST_PX**2)
     share = (np.arange(count) + rng.random(count)) / count
     diameters = np.minimum(_SMALLEST_PX / np.sqrt(1 - share), largest_px)
-    height, bright = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE))
-    # the large ones are the old ones
-    for diameter in diameters[::-1]:
-        fresh = rng.random() ** 2
-        _stamp(height, bright, rng.random(2) * SIZE, diameter / 2, fresh, rng.random(5) * 7)
-    height += 0.7 * _rough(rng)
+    age = rng.random(count)  # of its lifetime, which grows with the diameter
+    rough = _rough(rng)
+    height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))
+    for k in np.argsort(-age * diameters):
+        _stamp(height, bright, rng, diameters[k] / 2, age[k], texel_km)
+    height += 0.4 * np.roll(rough, SIZE // 2)
     du = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) / 2
     dv = (np.roll(height, -1, axis=0) - np.roll(height, 1, axis=0)) / 2
+    bright += 0.35 * np.minimum(du**2 + dv**2, 0.3)  # what slides bares ground that has not darkened
     channels = np.dstack(
         [
             0.5 + du / (2 * SLOPE_MAX),
             0.5 + dv / (2 * SLOPE_MAX),
-            0.5 + np.clip(bright, -0.4, 0.5),
+            0.5 + np.clip(bright - bright.mean(), -0.4, 0.5),
             np.ones_like(du),
         ]
     )
     return np.ascontiguousarray(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
 
 
+def fresh_profile(r: FloatArray, diameter_km: float) -> FloatArray:
+    """Height of a fresh crater over its radius, at distances in radii.
+
+    References
+    ----------
+    Pike (1977), Size-dependence in the shape of fresh impact craters on the Moon: depth and height of the rim.
+    McGetchin, Settle & Head (1973), EPSL 20, 226: ejecta thin with the cube of the distance.
+    """
+    simple = diameter_km < _COMPLEX_KM
+    depth = 0.196 * diameter_km**1.01 if simple else 1.044 * diameter_km**0.301
+    rim = 0.036 * diameter_km**1.014 if simple else 0.236 * diameter_km**0.399
+    depth, rim = 2 * depth / diameter_km, 2 * rim / diameter_km
+    bowl = np.maximum(depth * (r**2 if simple else 2.2 * r**2 - 1.2) - depth + rim, rim - depth)
+    peak = 0.0 if simple else 0.3 * depth * np.exp(-((r / 0.16) ** 2))
+    return np.asarray(np.where(r < 1, bowl + peak, rim * np.maximum(r, 1) ** -3.0))
+
+
+@lru_cache(maxsize=64)
+def worn_profiles(diameter_km: float) -> FloatArray:
+    """(STATES, N) heights over the radius in states of wear, evenly up to the last; node k at ``k _STEP`` radii."""
+    r = np.arange(0, _REACH + _STEP / 2, _STEP)
+    last = _WORN if diameter_km < _COMPLEX_KM else _WORN_COMPLEX
+    steps = int(np.ceil(last / (0.2 * _STEP**2 * (_STATES - 1))))
+    gain = last / ((_STATES - 1) * steps) / _STEP**2
+    h, out = fresh_profile(r, diameter_km), []
+    for _ in range(_STATES):
+        out.append(h)
+        for _ in range(steps):
+            rise = np.diff(h)
+            outwards = (r[:-1] + _STEP / 2) * rise
+            h = h.copy()
+            h[1:-1] += gain * np.diff(outwards) / r[1:-1]
+            h[0] += 4 * gain * rise[0]
+    # what is left where the stamp ends would be a step
+    return np.array(out) * np.clip(_FADED - r, 0, 1)
+
+
 def _stamp(
-    height: FloatArray, bright: FloatArray, at: FloatArray, radius: float, fresh: float, phases: FloatArray
+    height: FloatArray,
+    bright: FloatArray,
+    rng: np.random.Generator,
+    radius: float,
+    age: float,
+    texel_km: float,
 ) -> None:
-    """One crater: a bowl a fifth as deep as wide when fresh, a rim, the ejecta's slope (Pike 1974, GRL 1, 291)."""
-    reach = int(np.ceil(2.4 * radius)) + 1
+    """Add one crater, and erase what its bowl and ejecta cover."""
+    diameter_km = 2 * radius * texel_km
+    # simple craters are alike, and of complex ones a step of 5 km is enough
+    kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)
+    at, phases = rng.random(2) * SIZE, rng.random(5) * 7
+    rayed = age < _RAYED and _RAYS_PX < radius < 0.45 * SIZE / _RAYS_REACH
+    reach = int(np.ceil((_RAYS_REACH if rayed else _FADED) * radius)) + 1
+    if 2 * reach + 1 > SIZE:
+        raise ValueError(
+            f"a crater of radius {radius} px does not fit the tile of {SIZE} px; make it smaller"
+        )
     x0, y0 = int(at[0]) - reach, int(at[1]) - reach
     span = np.arange(2 * reach + 1)
     x, y = (x0 + span - at[0]) / radius, (y0 + span - at[1]) / radius
-    # no crater is a circle
     turn = np.arctan2(y[:, None], x[None, :])
+    # no crater is a circle
     swell = sum(
         0.09 / k * np.cos(k * (turn - phase)) for k, phase in zip((2, 3, 5, 7, 11), phases, strict=True)
     )
     r = np.hypot(x[None, :], y[:, None]) * (1 + swell)
-    depth, rim = 0.36 * radius * (0.15 + 0.85 * fresh), 0.07 * radius * (0.3 + 0.7 * fresh)
-    # the floors of large ones are flat, filled by what slid down
-    inside = np.maximum((depth + rim) * r**2 - depth, -depth * (1 if radius < 20 else 0.62))
-    outside = rim * np.maximum((2.4 - r) / 1.4, 0) ** 3
-    # worn rims are round: the two meet over a tenth of the radius
-    blend = np.clip((r - 1) / 0.16 + 0.5, 0, 1)
-    shape = np.minimum(inside, rim) * (1 - blend) + outside * blend
+    profiles = worn_profiles(kind)
+    last = _WORN if kind < _COMPLEX_KM else _WORN_COMPLEX
+    state = min(age + 0.5 * (_SHARP_PX / radius) ** 2 / last, 1.0) * (_STATES - 1)
+    low = min(int(state), _STATES - 2)
+    profile = profiles[low] + (state - low) * (profiles[low + 1] - profiles[low])
+    nodes = np.arange(profiles.shape[1]) * _STEP
     rows, columns = np.ix_((y0 + span) % SIZE, (x0 + span) % SIZE)
-    if 2 * reach + 1 > SIZE:
-        raise ValueError(f"a crater of radius {radius} px does not fit the tile")
-    height[rows, columns] += shape
-    bright[rows, columns] += 0.3 * fresh**2 * np.exp(-((r / 1.1) ** 2))
+    there = height[rows, columns]
+    erased = np.clip((1.5 - r) / 0.6, 0, 1)
+    # down to the plane that the ground had here
+    level = (there * erased).sum() / erased.sum()
+    plane = level + sum(d * (there * erased * d).sum() / (erased * d * d).sum() for d in (x, y[:, None]))
+    height[rows, columns] = there + erased * 0.9 * (plane - there) + radius * np.interp(r, nodes, profile)
+    young = max(1 - age / _BRIGHT, 0.0)
+    light = 0.3 * young**2 * np.exp(-((r / 1.5) ** 2))
+    if rayed:
+        spokes = sum(np.cos(k * turn + p) for k, p in zip((3, 7, 12, 19), phases, strict=False)) / 4
+        light += (
+            0.35 * (1 - age / _RAYED) * np.clip(0.2 + spokes, 0, 1) * np.clip(1 - r / _RAYS_REACH, 0, 1) ** 2
+        )
+    bright[rows, columns] = np.maximum(bright[rows, columns] * (1 - erased), light)
 
 
 def _rough(rng: np.random.Generator) -> FloatArray:

@@ -15,7 +15,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import blur, defocus_px
 from flyaround.simulator.camera.detector.readout import detect, detector_sigma
 from flyaround.simulator.camera.detector.response import electrons_per_radiance, white_balance
-from flyaround.simulator.camera.detector.shading import glow, veiling_glare, vignetting
+from flyaround.simulator.camera.detector.shading import glow, scatter, veiling_glare, vignetting
 from flyaround.simulator.camera.detector.transfer import converter, encode_numbers
 from flyaround.simulator.runtime.threads import pieces_of, share_out, threads
 from flyaround.simulator.scene.illumination.bands import bands_of, sun_irradiance_w_m2, sunlight_balance
@@ -91,12 +91,12 @@ def expose(
 
 
 def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingConditions) -> Float32Array:
-    """Vignetting and veiling glare; the picture itself where there is neither."""
+    """Vignetting, veiling glare, glow, scatter; the picture itself where there is none."""
     share = vignetting(around.camera, optics)
     if share is not None:
         image = image * (share if image.ndim == 2 else share[..., None])
     glare = veiling_glare(around.camera, optics, around.sun_direction, around.sun_irradiance_w_m2)
-    return glow(image if glare is None else image + glare, optics)
+    return scatter(glow(image if glare is None else image + glare, optics), optics)
 
 
 def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:

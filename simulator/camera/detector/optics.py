@@ -36,6 +36,9 @@ class Optics:
         the axis; 0 for none. ``rim_radius`` is that rim's radius in aperture radii.
     glow_share : share of the light that is scattered about, into a tail of the PSF of ``glow_radius_px`` (standard
         deviation; half of it goes three times as far). 0 for none.
+    scatter_share : share of the light that glass and dust scatter into the wings of the PSF, which fall with the power
+        2.5 of the distance: bloom round what is bright, a veil over what is dark. 0 for none; about 0.01 in a good
+        lens, 0.03 in a dusty one.
     veiling_glare_sr : light of the Sun scattered into the picture, radiance over irradiance at one degree from the
         Sun [sr-1]; it falls with the square of the angle. 0 for none.
     glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
@@ -55,6 +58,7 @@ class Optics:
     rim_radius: float = bounded(1.2, 0.1, 10.0)
     glow_share: float = bounded(0.0, 0.0, 0.5)
     glow_radius_px: float = bounded(20.0, 2.0, 500.0)
+    scatter_share: float = bounded(0.0, 0.0, 0.5)
     veiling_glare_sr: float = bounded(0.0, 0.0, 1.0)
     glare_limit_deg: float = bounded(60.0, 0.0, 180.0)
 

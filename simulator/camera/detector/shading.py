@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.camera.detector.psf_pyramid import REACH, Pyramid
+
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.optics import Optics
     from flyaround.simulator.camera.lens.camera_model import Camera
@@ -19,6 +21,8 @@ _CORE_DEG = 0.3  # nearer to the Sun than its own disc the glare is part of the 
 _GLOW_STEP_PX = 4  # pixels joined before so wide a blur: its error is far below a step of the picture
 # The tail is two Gaussians of half the light each, the second so much wider: nearer to a tail's power law than one.
 _WIDER = 3.0
+_SCATTER_TAPS = 2
+_SCATTER_POWER = 2.5  # of the distance, by which the wings of the PSF fall
 
 
 @lru_cache(maxsize=4)
@@ -148,3 +152,28 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
     whole = cv2.resize(tail, (width, height), interpolation=cv2.INTER_LINEAR)
     share = np.float32(optics.glow_share)
     return np.asarray(image * (1 - share) + share * whole, np.float32)
+
+
+def scatter(image: Float32Array, optics: Optics) -> Float32Array:
+    """Spread ``scatter_share`` of the light into wings of the PSF that fall as a power of the distance.
+
+    Return the same object where there are none. Beyond the image's border its last pixels go on.
+
+    References
+    ----------
+    King (1971), The profile of a star image, PASP 83, 199: wings of the power -2 over four decades of brightness.
+    Peterson (2004), Analytic expressions for in-field scattered light distributions, Proc. SPIE 5178, 184: surfaces
+    scatter as a power of the angle, -1.5 to -3. ISO 9358: veiling glare of 0.01 to 0.03 in good lenses.
+    """
+    return image if optics.scatter_share <= 0 else scattering_pyramid(optics.scatter_share).blur(image, 1.0)
+
+
+@lru_cache(maxsize=8)
+def scattering_pyramid(share: float) -> Pyramid:
+    """The wings as Gaussians an octave apart, one on each level of a pyramid; together nearly a power law."""
+    weights = 2.0 ** (-(_SCATTER_POWER - 2) * np.arange(1, len(REACH)))
+    at = np.arange(-_SCATTER_TAPS, _SCATTER_TAPS + 1)
+    bell = np.exp(-(at**2) / 2)
+    bell /= bell.sum()
+    taps = [np.array([[1 - share]]), *(w * np.outer(bell, bell) for w in share * weights / weights.sum())]
+    return Pyramid(tuple(t.astype(np.float32) for t in taps))

@@ -13,13 +13,15 @@ from flyaround.simulator.baking.charts import TEXEL
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.geometry.subdivision import subdivide
 from flyaround.simulator.geometry.triangles import face_vectors
+from flyaround.simulator.render.craft.cell_lattice import cell_lattices
+from flyaround.simulator.render.craft.finishes import has_films
 from flyaround.simulator.render.gl.shared_blocks import MAX_MATERIALS
 
 if TYPE_CHECKING:
     import moderngl
 
     from flyaround.simulator.baking.baked_mesh import Geometry
-    from flyaround.simulator.runtime.arrays import Float32Array, IntArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.targets.model import Material, Target
 
 VERTEX_FORMAT = "3f 3f 1f"
@@ -67,6 +69,13 @@ class GpuMesh(BakedMesh):
         corners = self.values[:, :3].astype(float)[self.triangles]
         across = face_vectors(corners)
         return 0.5 * float(np.linalg.norm(across, axis=1).sum())
+
+    @cached_property
+    def cell_lattices(self) -> FloatArray:
+        """Of its solar cells, as `cell_lattice.cell_lattices` gives them."""
+        numbers = [k for k, m in enumerate(self.materials, start=1) if has_films(m)]
+        of_cells = np.isin(self.values[self.triangles[:, 0], 6], numbers)
+        return cell_lattices(self.values[:, :3].astype(float), self.triangles[of_cells].astype(np.int64))
 
     def vertex_array(
         self,

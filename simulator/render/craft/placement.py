@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.render.craft.finishes import FOIL_ROUGHNESS, has_films, is_foil, mottle_of
 from flyaround.simulator.render.craft.viewport_fit import (
     TILE_REACH_PX,
     choose_pattern,
@@ -137,11 +138,14 @@ def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[st
         albedo = reflectance(bands, np.asarray(material.base_color))
         color[k, : len(albedo)] = albedo
         color[k, 3] = material.metallic
+        gloss = FOIL_ROUGHNESS if is_foil(material) else 1.0
         surface[k] = [
-            max(material.roughness, 0.03),  # below this a highlight is narrower than the Sun's own disc
-            material.clearcoat,
+            max(
+                material.roughness * gloss, 0.03
+            ),  # below this a highlight is narrower than the Sun's own disc
+            material.clearcoat + float(has_films(material)),
             max(material.clearcoat_roughness, 0.03),
-            material.crinkle,
+            material.crinkle or -mottle_of(material),
         ]
         if material.anisotropy > 0:
             strength = material.anisotropy * (-1 if material.turned else 1)

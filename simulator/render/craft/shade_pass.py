@@ -8,6 +8,7 @@ import numpy as np
 
 from flyaround.simulator.baking.radiance_transfer import LARGEST_SLOPE
 from flyaround.simulator.render.craft.edge_pass import EDGE_SLOPES, edge_defines
+from flyaround.simulator.render.craft.finishes import crease_texture, finish_defines
 from flyaround.simulator.render.craft.gbuffer_pass import SAMPLES, TEXEL_SAMPLERS
 from flyaround.simulator.render.craft.mesh_array import normal_bits
 from flyaround.simulator.render.craft.placement import TARGET, TARGET_TILES
@@ -69,6 +70,7 @@ class ShadePass(Pass):
         self._context, self._programs = device.context, device.programs
         self._arrays: dict[Program, moderngl.VertexArray] = {}
         self._tiles = self._context.buffer(reserve=8, dynamic=True)
+        self._creases: moderngl.Texture | None = None
 
     def run(self, r: PassResources) -> None:
         """Shade the pixels of the target's tiles."""
@@ -88,7 +90,12 @@ class ShadePass(Pass):
             "t_interreflection": light.interreflection,
             **({} if shadow.lights is None else {"t_light_depth": shadow.lights}),
         }
+        if program.reads("t_creases"):
+            if self._creases is None:
+                self._creases = crease_texture(self._context)
+            textures["t_creases"] = self._creases
         program.set("u_stamp", samples.stamp)
+        program.set("u_cells", tuple(map(tuple, r[TARGET].loaded.mesh.cell_lattices.reshape(-1, 4).tolist())))
         images.mark_covered(rect)
         draw_to(images.target_framebuffer)
         # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
@@ -117,6 +124,7 @@ class ShadePass(Pass):
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
         defines = {
             **_light_defines(len(bands_of(scene.bands)), mesh, shadow.choice.window),
+            **finish_defines(mesh.materials, scene.bands, scene.quality, len(mesh.cell_lattices)),
             **pattern_defines(lattice),
             **edge_defines(exact=exact),
             "MAX_SURFACES": MAX_SURFACES_EXACT if exact else most,
@@ -126,8 +134,9 @@ class ShadePass(Pass):
         }
         texels = TEXEL_SAMPLERS if mesh.uv is not None else ()
         lit = ("t_light_depth",) if light_points else ()
+        creases = ("t_creases",) if "CRINKLE" in defines else ()
         return self._programs.get(
-            "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit)
+            "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit, *creases)
         )
 
 
@@ -135,8 +144,6 @@ def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, o
     """Defines of a mesh's light: what its materials lack is left out."""
     switches = {
         "TEXTURED": mesh.uv is not None,
-        "CRINKLE": any(m.crinkle > 0 for m in mesh.materials),
-        "CLEARCOAT": any(m.clearcoat > 0 for m in mesh.materials),
         "CLOSED": mesh.is_closed,
         "BRUSHED": any(m.anisotropy > 0 for m in mesh.materials),
     }

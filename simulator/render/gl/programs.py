@@ -154,6 +154,10 @@ class Program:
             member.value = value
         self._values[name] = value
 
+    def reads(self, sampler: str) -> bool:
+        """Return True if the program was made with a sampler of this name."""
+        return sampler in self._units
+
     def bind_textures(self, **textures: moderngl.Texture | moderngl.Texture3D) -> None:
         """Bind each named texture to the unit of its sampler.
 

@@ -109,8 +109,8 @@ class MoonTextures:
         albedo = moon_map()
         self.map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
         self.craters = []
-        for largest in (BROAD_LARGEST_PX, FINE_LARGEST_PX):
-            craters = crater_texture(largest)
+        for largest, wide_km in ((BROAD_LARGEST_PX, BROAD_KM), (FINE_LARGEST_PX, FINE_KM)):
+            craters = crater_texture(largest, wide_km / CRATERS_SIZE)
             self.craters.append(context.texture(craters.shape[1::-1], 4, craters))
         for texture in (self.map, *self.craters):
             texture.build_mipmaps()

@@ -17,6 +17,7 @@ FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.7
 # Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
 # bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
 _ALBEDO = {"panchromatic": 0.122, "red": 0.143, "green": 0.120, "blue": 0.096}
+_SURGE, _SURGE_DEG = 0.33, 2.0  # of light at zero phase, over that without the surge; e-folding phase
 
 
 def moon_albedo(bands: Bands) -> FloatArray:
@@ -25,14 +26,17 @@ def moon_albedo(bands: Bands) -> FloatArray:
 
 
 def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
-    """Light of the whole disc over that at phase angle zero, 0..1.
+    """Light of the whole disc, over that at phase angle zero without the opposition surge.
 
     References
     ----------
     Allen's Astrophysical Quantities (2000), 12.5: V(alpha) = V(0) + 0.026 alpha + 4e-9 alpha^4, alpha in degrees.
+    Buratti, Hillier & Wang (1996), The lunar opposition surge: observations by Clementine, Icarus 124, 490: the ground
+    at 0 degrees is 1.4 times as bright as at 4.
     """
     degrees = np.degrees(np.abs(np.asarray(angle_rad, float)))
-    return np.asarray(10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
+    surge = 1 + _SURGE * np.exp(-degrees / _SURGE_DEG)
+    return np.asarray(surge * 10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
 
 
 def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:

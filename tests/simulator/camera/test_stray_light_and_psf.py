@@ -9,7 +9,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.psf import applied_mtf, blur, optics_mtf, psf_kernel, psf_pyramid
 from flyaround.simulator.camera.detector.psf_pyramid import fit_pyramid
 from flyaround.simulator.camera.detector.sensor import Sensor
-from flyaround.simulator.camera.detector.shading import veiling_glare
+from flyaround.simulator.camera.detector.shading import scatter, veiling_glare
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.imaging.image_formation import expose
 
@@ -49,6 +49,22 @@ def test_the_wings_of_a_diffraction_pattern_fall_with_the_cube_of_the_radius(f_n
     assert kernel.min() >= 0
     ring = kernel[(r > 148) & (r < 152)]
     assert ring.std() < 0.1 * ring.mean()
+
+
+@pytest.mark.parametrize("at", [(400, 400), (403, 398)])
+def test_scattered_light_falls_with_a_power_of_the_distance_and_none_is_lost(at):
+    light = np.zeros((801, 801), np.float32)
+    light[at] = 1.0
+    seen = scatter(light, Optics(scatter_share=0.02)).astype(float)
+    assert seen.sum() == pytest.approx(1.0, abs=1e-4)
+    assert seen[at] == pytest.approx(0.98, abs=0.002)
+    y, x = np.mgrid[:801, :801]
+    r = np.hypot(y - at[0], x - at[1])
+    rings = [seen[np.abs(r - reach) < 0.5] for reach in (5.0, 20.0, 80.0, 160.0)]
+    falls = np.diff(np.log([ring.mean() for ring in rings])) / np.diff(np.log([5.0, 20.0, 80.0, 160.0]))
+    assert falls == pytest.approx(-2.5, abs=0.3)
+    assert max(ring.std() / ring.mean() for ring in rings) < 0.15
+    assert scatter(light, Optics()) is light
 
 
 def test_a_pyramid_keeps_the_light_and_the_place_of_a_point_wherever_it_lies():

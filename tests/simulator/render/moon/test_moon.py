@@ -11,7 +11,7 @@ from flyaround.simulator.celestial.craters import BROAD_LARGEST_PX, SIZE, SLOPE_
 from flyaround.simulator.render.moon.moon_pass import BROAD_KM
 from flyaround.simulator.scene.environments import Environment
 from flyaround.simulator.scene.illumination.bands import sun_irradiance_w_m2
-from flyaround.simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc
+from flyaround.simulator.scene.illumination.moonlight import disc_phase, lommel_seeliger_disc, surface_phase
 from flyaround.simulator.scene.illumination.refraction import shadow_profile, sunlight_past_earth
 from flyaround.simulator.world.ephemeris.body import earth_and_moon
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_matrix
@@ -156,7 +156,7 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
 ):
     """Over a pole, where the plane of the craters has the Moon's own x and y; or craters would look like hills."""
     moon_km = 1737.4
-    broad = crater_texture(BROAD_LARGEST_PX)[..., :2].astype(float) / 255 - 0.5
+    broad = crater_texture(BROAD_LARGEST_PX, BROAD_KM / SIZE)[..., :2].astype(float) / 255 - 0.5
     for azimuth in np.radians([10.0, 130.0, 250.0]):
         sun = np.array([np.cos(azimuth), np.sin(azimuth), 0.5 * pole])
         scene = _scene(
@@ -173,6 +173,17 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
         column, row = (np.floor(at / BROAD_KM * SIZE).astype(int) % SIZE).T
         rise = 2 * SLOPE_MAX * broad[row, column] @ sun[:2]  # towards the Sun
         assert np.corrcoef(image, rise)[0, 1] < -0.5
+
+
+def test_the_phase_curve_is_the_measured_one():
+    # Rougier (1933) as Allen, Astrophysical Quantities (1976), section 66, has it; over 10 degrees, clear of the surge
+    phase_deg = np.array([10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120])
+    measured = np.array([0.809, 0.625, 0.483, 0.377, 0.288, 0.225, 0.172, 0.127, 0.089, 0.061, 0.041, 0.027])
+    drawn = disc_phase(np.radians(phase_deg))
+    assert drawn / drawn[0] == pytest.approx(measured / measured[0], rel=0.1)
+    # Buratti, Hillier & Wang (1996): more than 40 % between 4 and 0 degrees
+    near = surface_phase(np.radians([0.0, 4.0]))
+    assert near[0] / near[1] == pytest.approx(1.4, rel=0.1)
 
 
 def test_phase_of_the_lommel_seeliger_disc():

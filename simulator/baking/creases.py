@@ -1,0 +1,92 @@
+"""Tiling slopes of creased foil, with their deviation within each texel of every mipmap level; mottle of matt surfaces.
+
+Crumpling leaves a network of sharp ridges around gently curved facets, of all sizes: their lengths are spread over a
+decade (Blair & Kudrolli 2005, Geometry of crumpled paper, PRL 94, 166107). Here a layer is the upper or lower envelope
+of paraboloids, whose borders are straight (a power diagram): curved facets, and a kink of the surface between them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from flyaround.simulator.runtime.cache import entry_name
+from flyaround.simulator.runtime.cached_arrays import cached_array
+
+if TYPE_CHECKING:
+    from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
+
+SIZE = 512
+SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
+"""What full scale of the slope channels (plus and minus) and of the deviation channel means."""
+_SEED = 1972
+# facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
+_LAYERS = ((40, 0.14, 1.35, 0.4), (150, -0.10, 1.5, 1.7), (700, 0.08, 1.3, 2.7), (3000, -0.05, 1.2, 1.0))
+VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
+"""Of the slopes, along both axes together."""
+_TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature
+_MARGIN = 0.35  # of the tile, from which facets are repeated around it
+_MOTTLE_POWER = -1.4
+_UNEVEN = 4.0  # of the small facets' variance, over the mottle
+
+
+def crease_levels() -> list[ByteArray]:
+    """(S, S, 4) of each level: slope along u and v, deviation of slopes within the texel, mottle."""
+    slopes = cached_array(entry_name("creases", (make_creases,)), make_creases)
+    square = (slopes[..., :2] ** 2).sum(axis=2, keepdims=True)
+    levels = []
+    while True:
+        deviation = np.sqrt(np.maximum(square[..., 0] - (slopes[..., :2] ** 2).sum(axis=2), 0))
+        along_u, along_v = (0.5 + slopes[..., k] / (2 * SLOPE_MAX) for k in (0, 1))
+        channels = np.dstack([along_u, along_v, deviation / DEVIATION_MAX, slopes[..., 2]])
+        levels.append(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
+        if len(slopes) == 1:
+            return levels
+        slopes, square = _halved(slopes), _halved(square)
+
+
+def make_creases() -> FloatArray:
+    """(SIZE, SIZE, 3) float32: slope along u and v; mottle, 0..1 about its mean of a half."""
+    rng = np.random.default_rng(_SEED)
+    place = (np.indices((SIZE, SIZE))[::-1].reshape(2, -1).T + 0.5) / SIZE
+    layers = [_facets(rng, place, *layer).reshape(SIZE, SIZE, 2) for layer in _LAYERS]
+    f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None, :])
+    f[0, 0] = np.inf
+    mottle = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((SIZE, SIZE))) * f**_MOTTLE_POWER, (SIZE, SIZE))
+    level = 0.5 + np.clip(mottle / (6 * mottle.std()), -0.5, 0.5)
+    level += 0.5 - level.mean()
+    # here the film is smooth, there it was crumpled
+    uneven = np.sqrt(np.clip(1 + _UNEVEN * (np.roll(level, SIZE // 2, axis=0) - 0.5), 0.1, 2))[..., None]
+    slopes = layers[0] + layers[1] + uneven * (layers[2] + layers[3])
+    return np.dstack([slopes, level]).astype(np.float32)
+
+
+def _facets(
+    rng: np.random.Generator, place: FloatArray, count: int, rms: float, stretch: float, turn: float
+) -> FloatArray:
+    """(P, 2) slopes of one layer at places (P, 2) of the tile.
+
+    Paraboloid i is ``|x - s_i|^2 + w_i`` after its tilt moved its middle s_i: the lowest is the nearest in three
+    dimensions, with the root of w_i as the third.
+    """
+    radius = 0.5 / np.sqrt(count)
+    middle = rng.random((count, 2))
+    moved = middle + _TILT * radius * rng.standard_normal((count, 2))
+    rise = _STEP * radius**2 * rng.random(count)
+    around = np.concatenate([moved + np.array([i, j]) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    depth = np.tile(np.sqrt(rise), 9)
+    near = (np.abs(around - 0.5) < 0.5 + _MARGIN).all(axis=1)
+    along = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    longer = along.T @ np.diag([stretch, 1 / stretch]) @ along
+    tree = cKDTree(np.column_stack([around[near] @ longer, depth[near]]))
+    _, which = tree.query(np.column_stack([place @ longer, np.zeros(len(place))]))
+    slopes = (place - around[near][which]) @ longer @ longer
+    return np.asarray(slopes * (rms / np.sqrt((slopes**2).mean())))
+
+
+def _halved(image: FloatArray) -> FloatArray:
+    """Mean of two by two texels."""
+    half = len(image) // 2
+    return np.asarray(image.reshape(half, 2, half, 2, -1).mean(axis=(1, 3)))

@@ -1,0 +1,100 @@
+"""Lattices of solar cells on a mesh: which cell a place lies in, and where in it."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from flyaround.simulator.runtime.arrays import FloatArray, IntArray
+
+MOST_LATTICES = 16
+_LEAST_CELLS = 4
+_WELD_M = 1e-5
+_SAME_M = 1e-3  # centres nearer than this along an axis are of one row
+_LARGEST_M = 0.3  # pitch of cells; windows and lenses are dark under glass too
+_EVEN = 0.02  # of the pitch, by which rows of one lattice may be off
+_PLANE = (
+    50,
+    200,
+)  # steps of a normal's components, and of a plane's distance to a metre, that tell planes apart
+
+
+def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
+    """(K, 4, 4) lattices of at most ``MOST_LATTICES``: those of most cells.
+
+    Rows 0 and 1 take a place (x, y, z, 1) in metres to its column and row, from 0 to their numbers; row 2 to its
+    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m].
+
+    Parameters
+    ----------
+    positions_m : (V, 3). triangles : (T, 3) of cells alone, each cell a piece of its own.
+    """
+    welded, vertex = np.unique(
+        np.rint(positions_m[triangles].reshape(-1, 3) / _WELD_M).astype(np.int64), axis=0, return_inverse=True
+    )
+    places, corners = welded * _WELD_M, vertex.reshape(-1, 3)
+    joined = coo_matrix(
+        (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), [len(places)] * 2
+    )
+    count, piece = connected_components(joined, directed=False)
+    if count < _LEAST_CELLS:
+        return np.zeros((0, 4, 4))
+    order = np.argsort(piece, kind="stable")
+    starts = np.searchsorted(piece[order], np.arange(count))
+    # of the boxes around them: cells with cut corners have their mean elsewhere
+    low, high = (end.reduceat(places[order], starts) for end in (np.minimum, np.maximum))
+    centre = (low + high) / 2
+    off = places - centre[piece]
+    spread = np.stack([np.bincount(piece, off[:, i] * off[:, j]) for i in range(3) for j in range(3)], axis=1)
+    normal = np.linalg.eigh(spread.reshape(-1, 3, 3))[1][:, :, 0]
+    normal *= np.sign(normal[np.arange(count), np.abs(normal).argmax(axis=1)])[:, None]
+    height = np.einsum("kc,kc->k", normal, centre)
+    keys = np.column_stack([np.rint(normal * _PLANE[0]), np.rint(height * _PLANE[1])])
+    _, plane = np.unique(keys, axis=0, return_inverse=True)
+    found: list[tuple[int, FloatArray]] = []
+    for k in range(plane.max() + 1):
+        own = np.flatnonzero(plane.ravel() == k)
+        if len(own) >= _LEAST_CELLS:
+            found += _of_plane(centre[own], normal[own[0]], places[piece == own[0]])
+    found.sort(key=lambda one: -one[0])
+    return np.array([lattice for _, lattice in found[:MOST_LATTICES]]).reshape(-1, 4, 4)
+
+
+def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[tuple[int, FloatArray]]:
+    """Lattices of one plane, with their numbers of cells; cell : corners of one of them."""
+    _, near = cKDTree(centre).query(centre[:1], k=2)
+    u = centre[near[0, 1]] - centre[near[0, 0]]
+    u -= (u @ normal) * normal
+    u /= np.linalg.norm(u)
+    axes = (u, np.cross(normal, u))
+    runs = [_runs(centre @ axis, float(np.ptp(cell @ axis))) for axis in axes]
+    out = []
+    for each in itertools.product(*runs):
+        rows, inside = np.zeros((4, 4)), np.ones(len(centre), bool)
+        for k, (axis, (first, pitch, number)) in enumerate(zip(axes, each, strict=True)):
+            rows[k] = [*(axis / pitch), 0.5 - first / pitch]
+            rows[3, [k, 2 + k]] = number, pitch
+            at = centre @ rows[k, :3] + rows[k, 3]
+            inside &= (at > 0) & (at < number)
+        rows[2] = [*normal, -float((centre @ normal).mean())]
+        if inside.sum() >= _LEAST_CELLS and rows[3, 2:].max() < _LARGEST_M:
+            out.append((int(inside.sum()), rows))
+    return out
+
+
+def _runs(at: FloatArray, wide_m: float) -> list[tuple[float, float, int]]:
+    """First place, pitch and number of the evenly spaced rows among places; of a lone one the pitch is its width."""
+    rows = np.sort(at)
+    rows = rows[np.append(True, np.diff(rows) > _SAME_M)]
+    gaps = np.diff(rows)
+    if not len(gaps):
+        return [(float(rows[0]), wide_m, 1)]
+    pitch = float(np.median(gaps))
+    ends = np.flatnonzero(np.abs(gaps - pitch) > _EVEN * pitch) + 1
+    return [(float(part[0]), pitch, len(part)) for part in np.split(rows, ends)]

@@ -1,0 +1,145 @@
+"""Finishes of a target as its shader draws them: creased foil, cells under coated cover glass, mottled sheets."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from flyaround.simulator.baking.creases import DEVIATION_MAX, SIZE, SLOPE_MAX, VARIANCE, crease_levels
+from flyaround.simulator.scene.illumination.bands import bands_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.scene.illumination.bands import Bands
+    from flyaround.simulator.scene.state import Quality
+    from flyaround.simulator.targets.model import Material
+
+FOIL_ROUGHNESS = 0.6
+"""Roughness of the film between creases, over that of the material, which stands for film and creases."""
+_FOIL = {
+    "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
+    "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
+    "FINE_SHARE": 0.55,  # slopes of the second over those of the first
+    "CREASED_ALPHA": 0.36,  # width of the lobe of creases below a millimetre
+    "SEAM_U_M": 0.53,
+    "SEAM_V_M": 0.74,
+    "TAPE_M": 0.0125,  # half the width of one-inch tape
+    "TAPE_DARKER": 0.1,
+}
+_CELL = {
+    "CELL_TILT": 0.004,  # slope by which cells lie uneven, at most: their glass mirrors different places
+    "CELL_UNLIKE": 0.18,  # relative difference of their films' reflectance, at most
+    "BUSBAR_M": 0.0007,  # half the width of a busbar; two to a cell
+    "FINGER_M": 0.00002,  # of a finger
+    "FINGER_PITCH_M": 0.0013,
+    "CONTACT": 0.6,  # reflectance of silver under glass
+}
+_SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
+_MOTTLED = {
+    "panel-back": 0.1,
+    "panel-substrate": 0.1,
+    "cell-substrate": 0.1,
+    "kapton-substrate": 0.14,
+    "carbon-fibre": 0.2,
+}
+"""Relative amplitude of mottle by material."""
+_DARK = 0.1  # reflectance below which a body under a full clear coat is a cell or a lens: those are coated
+_GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
+"""Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
+_DESIGN_NM = 600.0  # wavelength at which the films are a quarter wave thick
+_SLANT = 0.5  # cosine at which the films' reflectance is matched
+
+
+def is_foil(material: Material) -> bool:
+    """Return True for metallised film: creased, and a mirror between creases."""
+    return material.crinkle > 0 and material.metallic > 0
+
+
+def has_films(material: Material) -> bool:
+    """Return True for a cell or a lens: something dark under a whole clear coat."""
+    return material.clearcoat > 0.9 and max(material.base_color) < _DARK and material.metallic == 0
+
+
+def mottle_of(material: Material) -> float:
+    """Return the relative amplitude of the mottle of a sheet's reflectance; 0 for none."""
+    return _MOTTLED.get(material.name, 0.0)
+
+
+@lru_cache(maxsize=8)
+def film_reflectance(bands: Bands, cosine: float) -> FloatArray:
+    """(n,) Mean reflectance per band of coated cover glass and of the coated cell below it, less grazing Fresnel.
+
+    The path under the glass is bent; both films are a quarter wave thick at 600 nm.
+
+    References
+    ----------
+    Macleod (2010), Thin-film optical filters, section 2.6: one film between two media.
+    """
+    in_glass = np.sqrt(1 - (1 - cosine**2) / _GLASS**2)
+    out = []
+    for band in bands_of(bands):
+        wavelength = np.arange(band.low_nm, band.high_nm) + 0.5
+        front = _one_film(1.0, _GLASS_FILM, _GLASS, wavelength, cosine)
+        below = _one_film(_GLASS, _CELL_FILM, _WAFER, wavelength, float(in_glass))
+        out.append(float(np.mean(front + (1 - front) ** 2 * below)))
+    return np.array(out)
+
+
+def _one_film(
+    above: float, film: float, below: float, wavelength_nm: FloatArray, cosine: float
+) -> FloatArray:
+    """Reflectance of a quarter-wave film; amplitudes at normal incidence, its phase at the angle."""
+    r1, r2 = (above - film) / (above + film), (film - below) / (film + below)
+    in_film = np.sqrt(1 - (above / film) ** 2 * (1 - cosine**2))
+    both = 2 * r1 * r2 * np.cos(np.pi * _DESIGN_NM / wavelength_nm * in_film)
+    return np.asarray((r1**2 + r2**2 + both) / (1 + (r1 * r2) ** 2 + both))
+
+
+def finish_defines(
+    materials: Sequence[Material], bands: Bands, quality: Quality, lattices: int
+) -> dict[str, object]:
+    """Return the preprocessor constants of a mesh's finishes; what its materials lack is left out.
+
+    Parameters
+    ----------
+    lattices : number of lattices of cells.
+    """
+    defines: dict[str, object] = {}
+    if any(m.crinkle > 0 or mottle_of(m) for m in materials):
+        levels = {
+            "CREASE_SIZE": float(SIZE),
+            "CREASE_SLOPE": SLOPE_MAX,
+            "CREASE_DEVIATION": DEVIATION_MAX,
+            "CREASE_VARIANCE": VARIANCE,
+        }
+        scales = 1 if quality == "draft" else 2
+        defines |= {"CRINKLE": "", "CREASE_SCALES": scales, **levels, **_FOIL, **_SHEET}
+    if any(m.clearcoat > 0 for m in materials):
+        normal = film_reflectance(bands, 1.0)
+        slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
+        defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
+        if lattices and quality != "draft":
+            defines |= {"CELLS": lattices, **_CELL}
+    return defines
+
+
+def _glsl(values: FloatArray) -> str:
+    """Return a colour as a shader's constant."""
+    text = ", ".join(f"{v:.5f}" for v in values)
+    return text if len(values) == 1 else f"vec3({text})"
+
+
+def crease_texture(context: moderngl.Context) -> moderngl.Texture:
+    """Upload the creases with every mipmap level."""
+    levels = crease_levels()
+    texture = context.texture((SIZE, SIZE), 4, levels[0].tobytes())
+    texture.build_mipmaps()
+    for k, level in enumerate(levels):
+        texture.write(np.ascontiguousarray(level).tobytes(), level=k)
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    return texture
