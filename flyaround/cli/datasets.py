@@ -19,7 +19,7 @@ from flyaround.simulator.camera.lens.files import read_camera_file
 from flyaround.simulator.dataset.capture import CaptureSummary
 from flyaround.simulator.dataset.capture import capture as capture_plan
 from flyaround.simulator.dataset.check.redraw import SHARE as REDRAWN_SHARE
-from flyaround.simulator.dataset.check.verify import check_dataset
+from flyaround.simulator.dataset.check.verify import CheckReport, check_dataset
 from flyaround.simulator.dataset.clipping import ClippingSummary
 from flyaround.simulator.dataset.formats.registry import parse_formats
 from flyaround.simulator.dataset.ray_frames import RayCluster
@@ -159,41 +159,44 @@ def check(
             folder, progress, redraw=redraw, redraw_seed=redraw_seed, whole_exports=whole_exports
         )
     if as_json:
-        faults = [{"frame": f.frame, "what": f.what} for f in report.faults]
-        typer.echo(
-            json.dumps(
-                {
-                    "frames": report.n_frames,
-                    "labels": report.n_labels,
-                    "redrawn": report.n_redrawn,
-                    "redraw_seed": report.redraw_seed,
-                    "exported": report.n_exported,
-                    "not_checked": report.not_checked,
-                    "faults": faults,
-                }
-            )
-        )
+        typer.echo(json.dumps(_check_report(report)))
     else:
-        for fault in report.faults:
-            where = "set" if fault.frame is None else f"frame {fault.frame}"
-            say(Text.assemble((where, "red"), f": {fault.what}"))
-        if report.not_redrawn:
-            say(f"no image was drawn again: {report.not_redrawn}")
-        for reason in report.not_checked:
-            say(f"not checked: {reason}")
-        say(
-            f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
-            f"{len(report.faults)} faults"
-        )
-        if 0 < report.n_redrawn < report.n_frames:
-            say(
-                f"the same images are drawn again with --redraw-seed {report.redraw_seed}; in the others "
-                "manifest.sha256 alone tells of a change to a few pixels of a layer (--redraw 1 draws all)"
-            )
-        if 0 < report.n_exported < report.n_frames:
-            say(f"exports were compared in {report.n_exported} frames; --all compares all")
+        _tell_check(report)
     if report.faults:
         raise typer.Exit(1)
+
+
+def _check_report(report: CheckReport) -> dict[str, Any]:
+    return {
+        "frames": report.n_frames,
+        "labels": report.n_labels,
+        "redrawn": report.n_redrawn,
+        "redraw_seed": report.redraw_seed,
+        "exported": report.n_exported,
+        "not_checked": report.not_checked,
+        "faults": [{"frame": f.frame, "what": f.what} for f in report.faults],
+    }
+
+
+def _tell_check(report: CheckReport) -> None:
+    for fault in report.faults:
+        where = "set" if fault.frame is None else f"frame {fault.frame}"
+        say(Text.assemble((where, "red"), f": {fault.what}"))
+    if report.not_redrawn:
+        say(f"no image was drawn again: {report.not_redrawn}")
+    for reason in report.not_checked:
+        say(f"not checked: {reason}")
+    say(
+        f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
+        f"{len(report.faults)} faults"
+    )
+    if 0 < report.n_redrawn < report.n_frames:
+        say(
+            f"the same images are drawn again with --redraw-seed {report.redraw_seed}; in the others "
+            "manifest.sha256 alone tells of a change to a few pixels of a layer (--redraw 1 draws all)"
+        )
+    if 0 < report.n_exported < report.n_frames:
+        say(f"exports were compared in {report.n_exported} frames; --all compares all")
 
 
 def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | RecipePlan]:

@@ -21,7 +21,7 @@ from flyaround.simulator.scenario.poses import COLUMNS
 from flyaround.simulator.scenario.show import show_recipe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from flyaround.simulator.scene.state import SceneState
 
@@ -67,47 +67,43 @@ def recipes(
     if show is not None:
         text = show_recipe(show)
         typer.echo(json.dumps({"name": show, "toml": text}) if as_json else text, nl=as_json)
-        return
-    if samples is not None:
+    elif samples is not None:
         if name is None:
             raise UserError("recipes --samples needs to know which: give a recipe's name or file before it")
-        plan = plan_recipe(name, n, seed=seed, target=target)
-        with progress_bar("samples", quiet=as_json) as progress:
-            write_atomic(samples, _samples_csv(plan, progress).encode())
-        done = {"samples": str(samples), "n": plan.n_frames}
-        if as_json:
-            typer.echo(json.dumps(done))
-        else:
-            say(f"{plan.n_frames} samples of {plan.scenario_name} in {samples}")
-        return
-    if sheets is not None:
-        from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
-
-        chosen = [load_recipe(r) for r in ((name,) if name is not None else list_recipes())]
-        empty_folder(sheets, option="--contact-sheet")
-        with progress_bar("sheets", quiet=as_json) as progress:
-            write_recipe_sheets(chosen, sheets, axes=axes, progress=progress)
-        return
-    if name is not None:
+        _write_samples(plan_recipe(name, n, seed=seed, target=target), samples, as_json=as_json)
+    elif sheets is not None:
+        _write_sheets(list_recipes() if name is None else [name], sheets, axes=axes, quiet=as_json)
+    elif name is not None:
         raise UserError(
             f"recipes lists them all; for {name} alone: --show {name}, or --samples FILE.csv before drawing"
         )
-    rows = [load_recipe(r) for r in list_recipes()]
+    else:
+        _list_recipes(as_json=as_json)
+
+
+def _write_samples(plan: RecipePlan, path: Path, *, as_json: bool) -> None:
+    with progress_bar("samples", quiet=as_json) as progress:
+        write_atomic(path, _samples_csv(plan, progress).encode())
     if as_json:
-        typer.echo(
-            json.dumps(
-                [
-                    {
-                        "name": r.name,
-                        "title": r.title,
-                        "target": r.target,
-                        "frames": r.frames,
-                        "members": r.members,
-                    }
-                    for r in rows
-                ]
-            )
-        )
+        typer.echo(json.dumps({"samples": str(path), "n": plan.n_frames}))
+    else:
+        say(f"{plan.n_frames} samples of {plan.scenario_name} in {path}")
+
+
+def _write_sheets(names: Iterable[str], folder: Path, *, axes: bool, quiet: bool) -> None:
+    from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+
+    recipes = [load_recipe(name) for name in names]
+    empty_folder(folder, option="--contact-sheet")
+    with progress_bar("sheets", quiet=quiet) as progress:
+        write_recipe_sheets(recipes, folder, axes=axes, progress=progress)
+
+
+def _list_recipes(*, as_json: bool) -> None:
+    rows = [load_recipe(name) for name in list_recipes()]
+    if as_json:
+        fields = ("name", "title", "target", "frames", "members")
+        typer.echo(json.dumps([{field: getattr(r, field) for field in fields} for r in rows]))
         return
     table = Table("name", "title", "target", "images")
     for r in rows:

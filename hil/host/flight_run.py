@@ -7,17 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.hil.corner_code import CodePlace, CornerCode, draw_code
 from flyaround.hil.host.closed_loop_run import BoardLoop, write_steps
-from flyaround.hil.host.faults.camera_faults import with_camera_faults, with_exposure_faults
+from flyaround.hil.host.faults.camera_faults import (
+    with_camera_faults,
+    with_camera_numbers,
+    with_exposure_faults,
+)
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.picture_frames import frames_of_folder
 from flyaround.hil.host.plan_frames import frames_of_plan
 from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.run import RunConfig, run_host
-from flyaround.hil.host.time_code import with_time_code
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.scenario.faults import NO_FAULTS, Faults
+from flyaround.simulator.world.time.instant import nanoseconds_utc
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from flyaround.hil.host.frame_record import FrameRecord
@@ -25,6 +32,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.recording.recorder import Recorder
     from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
     from flyaround.hil.navigation.measurement import PoseNoise
+    from flyaround.simulator.frame import Frame
     from flyaround.simulator.scenario.plan import Plan
 
 
@@ -143,3 +151,33 @@ class FlightRun:
 def interval_s(plan: Plan) -> float | None:
     """From frame to frame, the middle of all."""
     return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
+
+
+def with_time_code(
+    frames: Iterable[Frame], place: CodePlace | None = None, faults: Faults = NO_FAULTS
+) -> Iterator[Frame]:
+    """Frames with a `flyaround.hil.corner_code` in a corner: the camera's frame number and mid-exposure.
+
+    Parameters
+    ----------
+    place : where; the upper left corner unless given. ``time_code_px`` of each frame says which pixels.
+    faults : of these, `RepeatedNumber` keeps the camera's counter at the last number.
+
+    Raises
+    ------
+    UserError
+        If the code does not fit the picture.
+    """
+    place = CodePlace() if place is None else place
+    for frame in with_camera_numbers(frames, faults):
+        height, width = frame.image.shape[:2]
+        if not place.fits(height, width):
+            left, top, right, bottom = place.box_px
+            raise UserError(
+                f"a time code takes {right - left} x {bottom - top} px and the picture has {width} x {height}: "
+                "leave --time-code out, or read more of the sensor"
+            )
+        counter = frame.number if frame.camera_frame is None else frame.camera_frame
+        code = CornerCode(counter, nanoseconds_utc(frame.scene.epoch_utc))
+        image = draw_code(frame.image, code, place, 2**frame.scene.sensor.bits - 1)
+        yield replace(frame, image=image, time_code_px=place.box_px)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import signal
+import sys
+import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import msgspec
@@ -14,7 +18,6 @@ from flyaround.hil.host.frame_record import FrameRecord
 from flyaround.hil.host.ledger.summary import LedgerSummary
 from flyaround.hil.host.link_process.host_link import HostLink, choose_pixel_format
 from flyaround.hil.host.run_config import Ended, RunConfig
-from flyaround.hil.host.signals import signals_held
 from flyaround.hil.host.truth_policy import check_access, with_truth_endpoint
 from flyaround.hil.link.packets.messages import HelloAck, Mode, TruthPolicy
 from flyaround.simulator.errors import UserError
@@ -25,6 +28,9 @@ __all__ = ["RunConfig", "run_host"]
 
 # frames handed to the link process and not yet sent: the renderer may run this far ahead
 N_SLOTS = 4
+
+# Ctrl-C and SIGTERM
+ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def run_host(
@@ -145,3 +151,25 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
             raise ValueError(f"frame {frame.number} has another camera or image format than the first")
         yield frame
         before = frame
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """Hold SIGINT and SIGTERM back until what is inside is done; it must take a short and bounded time.
+
+    Who stops a program often sends the signal twice (``timeout``, an impatient Ctrl-C): the second must not break off
+    what the first began. Where an exception is on its way already, from inside or from before, they are forgotten: it
+    ends the run as well.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread is told of signals
+        return
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+    if came and sys.exc_info()[0] is None:
+        signal.raise_signal(signal.Signals(came[0]))

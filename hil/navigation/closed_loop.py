@@ -9,10 +9,11 @@ import numpy as np
 
 from flyaround.hil.navigation.approach import Approach, ApproachRules, Decision, Phase
 from flyaround.hil.navigation.consistency import nees
-from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot, rotvec_between
+from flyaround.hil.navigation.measurement import PoseMeasurement, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter, Status
 from flyaround.hil.navigation.relative_estimate import MotionModel, RelativeEstimate, ThrustInterval
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.world.frames.rotation import rotvec_between
 from flyaround.simulator.world.relative.thrusted_step import ThrustHold, relative_step
 
 if TYPE_CHECKING:

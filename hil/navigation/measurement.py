@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_conjugate, quat_multiply
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_multiply
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -147,13 +147,3 @@ class PoseNoise:
         axes = np.eye(6)
         axes[3:, 3:] = matrix_from_quat(q_camera_from_target_wxyz).T
         return axes
-
-
-def rotvec_between(q_a_from_b_wxyz: FloatArray, q_a_from_c_wxyz: FloatArray) -> FloatArray:
-    """(3,) turn about b's axes that carries b to c [rad]; the shorter of the two ways round."""
-    d = quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz)
-    d = d if d[0] >= 0 else -d
-    sine = float(np.linalg.norm(d[1:]))
-    if sine < 1e-12:
-        return np.asarray(2.0 * d[1:])
-    return np.asarray(2.0 * np.arctan2(sine, d[0]) / sine * d[1:])

@@ -9,7 +9,7 @@ import numpy as np
 
 from flyaround.hil.navigation.consistency import fisher_quantile
 from flyaround.hil.navigation.error_scale import ErrorScale, ScaleSettings
-from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement, rotvec_between
+from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement
 from flyaround.hil.navigation.relative_estimate import (
     A,
     B,
@@ -27,6 +27,7 @@ from flyaround.simulator.world.frames.rotation import (
     quat_conjugate,
     quat_multiply,
     quat_normalize,
+    rotvec_between,
 )
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from flyaround.hil.navigation.measurement import rotvec_between
-from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply
+from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotvec_between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

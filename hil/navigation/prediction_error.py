@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.hil.navigation.measurement import rotvec_between
 from flyaround.hil.navigation.relative_estimate import A
+from flyaround.simulator.world.frames.rotation import rotvec_between
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

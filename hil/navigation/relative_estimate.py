@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.hil.navigation.error_scale import ErrorScale
-from flyaround.hil.navigation.measurement import rotvec_between
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
+    rotvec_between,
 )
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 

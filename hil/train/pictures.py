@@ -161,13 +161,6 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
     return labelled(out, small, q, t)
 
 
-def as_they_are(pictures: LabelledPictures) -> Samples:
-    """All of them, as taken."""
-    small = pictures.camera
-    out = np.stack([_turned(one, small, np.eye(3)) for one in pictures.signal])
-    return labelled(out, small, pictures.q_wxyz, pictures.t_m)
-
-
 def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
     """Pictures (B, h, w) with the labels that their poses give."""
     away = np.linalg.norm(t_m, axis=1)

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.frame import Frame
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scenario.recipe import Recipe
@@ -50,7 +49,7 @@ def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_
     Each is drawn by the scenario's own camera at a smaller size, with the time and the range written in.
     """
     plan = plan_flight(scenario, n=COLUMNS * ROWS, bands="rgb", quality="draft")
-    plan = replace(plan, camera=smaller(plan.camera, width_px))
+    plan = replace(plan, camera=plan.camera.resized(width_px))
     tiles = []
     for frame in run_frames(plan, renderer, labels=False):
         scene = frame.scene
@@ -61,20 +60,6 @@ def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_
         cv2.putText(tile, label, (9, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 200, 60), 1, cv2.LINE_AA)
         tiles.append(tile)
     return _grid(tiles)
-
-
-def smaller(camera: Camera, width_px: int) -> Camera:
-    """The same field of view on fewer pixels: ``c' = (c + 0.5) s - 0.5``."""
-    s = width_px / camera.width_px
-    return replace(
-        camera,
-        width_px=width_px,
-        height_px=round(camera.height_px * s),
-        fx_px=camera.fx_px * s,
-        fy_px=camera.fy_px * s,
-        cx_px=(camera.cx_px + 0.5) * s - 0.5,
-        cy_px=(camera.cy_px + 0.5) * s - 0.5,
-    )
 
 
 def write_recipe_sheets(
@@ -94,7 +79,7 @@ def write_recipe_sheets(
     chosen = [r for r in recipes if not r.members]
     for done, recipe in enumerate(chosen):
         plan = plan_recipe(recipe, recipe.frames)
-        plan = replace(plan, camera=smaller(plan.camera, width_px), quality="draft")
+        plan = replace(plan, camera=plan.camera.resized(width_px), quality="draft")
         write_atomic(folder / f"{recipe.name}.png", encode_png(recipe_sheet(plan, axes=axes)))
         progress(done + 1, len(chosen))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -13,9 +14,9 @@ import msgspec
 
 from flyaround.simulator.dataset.card import CARD_NAME, CardTarget, DatasetCard, describe_machine
 from flyaround.simulator.dataset.clipping import ClippingSummary, summarise_clipping
-from flyaround.simulator.dataset.drawing import SetDrawing
 from flyaround.simulator.dataset.exports import ExportSink
 from flyaround.simulator.dataset.formats.registry import check_formats
+from flyaround.simulator.dataset.ray_frames import RayCluster, RayFrames
 from flyaround.simulator.dataset.resume import WhatIsThere, card_to_resume, look_at_frames
 from flyaround.simulator.dataset.split import Ratio, lowest_terms
 from flyaround.simulator.dataset.stereo import FOLDER as SECOND_FOLDER
@@ -23,19 +24,21 @@ from flyaround.simulator.dataset.stereo import second_plan, stereo_card
 from flyaround.simulator.dataset.storage.space import frame_bytes, refuse_without_room
 from flyaround.simulator.dataset.storage.store import FolderStore, Store
 from flyaround.simulator.dataset.storage.url_store import UrlStore, is_url
-from flyaround.simulator.dataset.writer import DatasetWriter
+from flyaround.simulator.dataset.writer import CheckAndEncode, DatasetWriter
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.request import LAYERS, LabelRequest
 from flyaround.simulator.labels.truth import FlowLabel
-from flyaround.simulator.loop import run_frames
+from flyaround.simulator.loop import open_frames, run_frames
 from flyaround.simulator.runtime.files import empty_folder
 from flyaround.simulator.runtime.folder_lock import lock_name, only_writer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from contextlib import AbstractContextManager
 
-    from flyaround.simulator.dataset.ray_frames import RayCluster
-    from flyaround.simulator.scenario.plan import DocumentPlan
+    from flyaround.simulator.dataset.writer import CheckedFrame
+    from flyaround.simulator.loop import FrameProducer
+    from flyaround.simulator.scenario.plan import DocumentPlan, FramePlan
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def capture(
     for sentence in check_formats(formats, planned):
         tell(sentence)
     with _store_for(folder, resume=resume) as store:
-        drawing = SetDrawing(workers, device_index, cluster)
+        drawing = partial(_open_producer, workers=workers, device_index=device_index, cluster=cluster)
         summary = _capture(plan, store, planned, drawing, beside, progress, resume=resume)
         if other is None:
             return summary
@@ -156,7 +159,7 @@ def _capture(
     plan: DocumentPlan,
     store: Store,
     planned: DatasetCard,
-    drawing: SetDrawing,
+    drawing: Callable[[DocumentPlan, DatasetCard], AbstractContextManager[FrameProducer[CheckedFrame]]],
     beside: Mapping[str, bytes],
     progress: Callable[[int, int], None],
     *,
@@ -168,7 +171,7 @@ def _capture(
         resume and store.exists(CARD_NAME)
     ):  # what is there is counted once it is known to be the same plan
         _refuse_without_room(store, plan, labels, formats, plan.n_frames)
-    with drawing.open(plan, planned) as producer:
+    with drawing(plan, planned) as producer:
         info = producer.info
         card = msgspec.structs.replace(
             planned, machine=describe_machine(info.vendor, info.renderer, info.version)
@@ -203,6 +206,25 @@ def _capture(
         clipping,
         dict(writer.redraws),
         there.damaged,
+    )
+
+
+def _open_producer(
+    plan: FramePlan, card: DatasetCard, *, workers: int, device_index: int | None, cluster: RayCluster | None
+) -> AbstractContextManager[FrameProducer[CheckedFrame]]:
+    """Open what draws, checks and encodes a plan's frames: this process, several, or a Ray cluster."""
+    first = plan.scene(0)
+    if cluster is not None:
+        stage = CheckAndEncode(card, plan.target)
+        return RayFrames(stage, cluster, first=first, target=plan.target, n_frames=plan.n_frames)
+    return open_frames(
+        # other processes here are told the target's name alone
+        CheckAndEncode(card, plan.target if workers == 1 else None),
+        # one draws here; more have each a renderer of their own
+        processes=workers if workers > 1 else 0,
+        device_index=device_index,
+        first=first,
+        target=plan.target,
     )
 
 

@@ -60,11 +60,6 @@ class ProjectedEdge:
         """Length of the whole projected edge."""
         return float(np.hypot(*(self.ends_px[1] - self.ends_px[0])))
 
-    @property
-    def visible_px(self) -> float:
-        """Length of what is seen, on the image or not."""
-        return self.length_px * sum(b - a for a, b in self.stretches)
-
     def at(self, share: FloatArray) -> FloatArray:
         """Pixels (S, 2) at shares (S,) of the projected edge."""
         a, b = self.ends_px if self.straight_px is None else self.straight_px

@@ -71,11 +71,6 @@ class DockingFigures:
         return float(np.hypot(self.right_m_s, self.down_m_s))
 
     @property
-    def turn_deg_s(self) -> float:
-        """Size of the rate of the attitude."""
-        return float(np.linalg.norm([self.roll_deg_s, self.pitch_deg_s, self.yaw_deg_s]))
-
-    @property
     def speed_m_s(self) -> float:
         """Size of the velocity."""
         return float(np.hypot(self.closing_m_s, self.lateral_m_s))

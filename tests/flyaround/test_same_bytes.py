@@ -9,7 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 from flyaround.cli.app import app
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.scenario.load import load_scenario
 
 pytestmark = pytest.mark.gl
@@ -45,7 +44,7 @@ def flight(tmp_path_factory):
     text = text[: text.index("[sensor]")] + ROLLING + text[text.index("[output]") :]
     assert tomllib.loads(text)["attitude"]["rate_deg_s"] == [6.0, -10.0, 17.0]
     (place / "flight.toml").write_text(text)
-    camera = smaller(load_scenario("tango-flyaround").camera_model, 96)
+    camera = load_scenario("tango-flyaround").camera_model.resized(96)
     (place / "camera.json").write_bytes(msgspec.json.encode(camera))
     command = [
         "capture",

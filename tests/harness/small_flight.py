@@ -7,7 +7,6 @@ from typing import Any
 
 import msgspec
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import Plan, plan_flight
 
@@ -16,4 +15,4 @@ def small_flight(width_px: int, **how: Any) -> Plan:
     """Plan a draft of ``tango-flyaround`` for an image of a width; ``how`` goes to ``plan_flight``."""
     scenario = msgspec.structs.replace(load_scenario("tango-flyaround"), target="tango@low")
     plan = plan_flight(scenario, quality="draft", **how)
-    return replace(plan, camera=smaller(plan.camera, width_px))
+    return replace(plan, camera=plan.camera.resized(width_px))

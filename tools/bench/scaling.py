@@ -20,7 +20,6 @@ from flyaround.simulator.targets.model import MassProperties, Material, Part, Ta
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.simulator.camera.lens.camera_model import Camera
     from flyaround.simulator.scene.state import SceneState
 
 TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)
@@ -74,7 +73,7 @@ def bench_scaling(
         by_wall = not renderer.info.is_software
         plan = plan_flight(load_scenario(PIXEL_SCENE), n=1)
         for scale in scales:
-            scene = replace(plan.scene(0), camera=scaled(plan.camera, scale))
+            scene = replace(plan.scene(0), camera=plan.camera.resized(round(plan.camera.width_px * scale)))
             by_pixels.append(_cost(renderer, scene, plan.target))
             progress(len(by_pixels), total)
         plan = plan_flight(load_scenario(TRIANGLE_SCENE), n=1)
@@ -89,21 +88,6 @@ def bench_scaling(
         pixel_powers=_powers([(c.pixels, c.wall_ms if by_wall else c.cpu_ms) for c in by_pixels]),
         triangle_powers=_powers([(c.triangles, c.wall_ms if by_wall else c.cpu_ms) for c in by_triangles]),
         by_wall=by_wall,
-    )
-
-
-def scaled(camera: Camera, scale: float) -> Camera:
-    """The camera with the same field on another number of pixels."""
-    width, height = round(camera.width_px * scale), round(camera.height_px * scale)
-    s = width / camera.width_px
-    return replace(
-        camera,
-        width_px=width,
-        height_px=height,
-        fx_px=camera.fx_px * s,
-        fy_px=camera.fy_px * s,
-        cx_px=(camera.cx_px + 0.5) * s - 0.5,
-        cy_px=(camera.cy_px + 0.5) * s - 0.5,
     )
 
 

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flyaround.hil.navigation.measurement import rotvec_between
-from flyaround.simulator.world.frames.rotation import matrix_from_quat
+from flyaround.simulator.world.frames.rotation import matrix_from_quat, rotvec_between
 
 RANGES_M = ((15.0, 19.0), (10.0, 15.0), (6.0, 10.0), (4.0, 6.0), (2.0, 4.0))
 LAGS_S = (1, 2, 5, 10, 20, 30, 45, 60, 90, 120)

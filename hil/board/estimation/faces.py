@@ -92,13 +92,6 @@ class Faces:
         return np.asarray(0.5 * np.linalg.norm(np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]), axis=1))
 
     @cached_property
-    def group_normals(self) -> Array:
-        """(G, 3) mean normal of each group, by area."""
-        total = np.zeros((self.groups, 3))
-        np.add.at(total, self.group, self.normals * self.area_m2[:, None])
-        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-18))
-
-    @cached_property
     def middles(self) -> Array:
         """(T, 3) mean of each face's corners [m]."""
         return np.asarray(self.corners.mean(axis=1))

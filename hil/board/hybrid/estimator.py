@@ -24,10 +24,11 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     Evidence,
     confidence,
     decide,
+    decided,
     doubtful,
     error_scale,
+    reconsidered,
 )
-from flyaround.hil.board.hybrid.decide.decision import decided, reconsidered
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
 from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image

@@ -67,21 +67,6 @@ def point_solver(solver: str) -> Solver:
     return solve
 
 
-def solve_points(object_m: Array, rays: Array, solver: str = "sqpnp") -> Tuple[Array, Array]:
-    """Every pose an OpenCV solver finds: q (K, 4), t (K, 3); empty when it finds none.
-
-    Parameters
-    ----------
-    object_m : array (N, 3)
-        Points, target frame.
-    rays : array (N, 2)
-        Undistorted points at z = 1.
-    solver : str
-        As of ``point_solver``.
-    """
-    return from_rotvecs(*point_solver(solver)(object_m, rays))
-
-
 def from_rotvecs(turns: Sequence[Array], shifts: Sequence[Array]) -> Tuple[Array, Array]:
     """Q (K, 4), t (K, 3) of rotation vectors and shifts, those that are not finite dropped."""
     v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)

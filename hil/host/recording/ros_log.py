@@ -7,22 +7,20 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
+from flyaround.hil.host.frame_record import DURATIONS
 from flyaround.hil.host.recording.cut_mcap import end_cut_mcap
-from flyaround.hil.host.recording.ros_messages import (
-    ESTIMATE_FRAME,
-    FRAME_TIMING,
-    FRAME_TIMING_DEFINITION,
-    frame_timing,
-)
 from flyaround.simulator.dataset.formats.ros_messages import (
     DEFINITIONS,
     TARGET_FRAME,
     camera_info,
+    header,
     image,
     pose_stamped,
+    ros_definition,
     transform,
 )
 from flyaround.simulator.errors import UserError, missing_extra
@@ -33,6 +31,38 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.frame import Frame
+
+
+ESTIMATE_FRAME, FRAME_TIMING = "target_estimate", "flyaround_msgs/msg/FrameTiming"
+
+FRAME_TIMING_DEFINITION = ros_definition(
+    "std_msgs/Header header\nuint32 frame_id\nstring outcome\nstring reason\nfloat64 confidence\n"
+    + "".join(f"float64 {name}\n" for name in DURATIONS)
+    + "string[] stage_names\nfloat64[] stage_ms\nfloat64 position_error_m\nfloat64 attitude_error_deg\n"
+)
+"""Text of the message type."""
+
+
+def frame_timing(row: FrameRecord) -> dict[str, Any]:
+    """flyaround_msgs/FrameTiming of a ledger's row; what is not known is not a number."""
+    known = {name: getattr(row, name) for name in DURATIONS}
+    return {
+        "header": header(row.epoch_utc),
+        "frame_id": row.frame_id,
+        "outcome": row.outcome,
+        "reason": row.reason,
+        "confidence": _or_nan(row.confidence),
+        **{name: _or_nan(value) for name, value in known.items()},
+        "stage_names": list(row.stages_ms),
+        "stage_ms": [float(ms) for ms in row.stages_ms.values()],
+        "position_error_m": _or_nan(row.E_T_m),
+        "attitude_error_deg": _or_nan(row.E_R_deg),
+    }
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
 
 logger = logging.getLogger(__name__)
 

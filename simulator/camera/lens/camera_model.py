@@ -5,7 +5,7 @@ x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -177,6 +177,19 @@ class Camera:
                 & (p[..., 1] < self.height_px - 0.5)
             )
         return np.asarray(inside)
+
+    def resized(self, width_px: int) -> Camera:
+        """Return the camera with the same field of view on another number of pixels: ``c' = (c + 0.5) s - 0.5``."""
+        s = width_px / self.width_px
+        return replace(
+            self,
+            width_px=width_px,
+            height_px=round(self.height_px * s),
+            fx_px=self.fx_px * s,
+            fy_px=self.fy_px * s,
+            cx_px=(self.cx_px + 0.5) * s - 0.5,
+            cy_px=(self.cy_px + 0.5) * s - 0.5,
+        )
 
 
 @lru_cache(maxsize=256)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.world.time.instant import Instant
 
 _DEFAULT_LINES = 8
@@ -120,26 +119,6 @@ def _interpolation(segment: Segment) -> tuple[str, int]:
         most = 2 * _MOST_LINES - 1 if method == "HERMITE" else _MOST_LINES - 1
         raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {most}")
     return method, max(lines, 2)
-
-
-def read_oem_state(
-    text: str, where: str, epoch: Instant, centre: str = "EARTH"
-) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
-
-    Parameters
-    ----------
-    text : the file. where : its name, for messages. epoch : must lie within a segment.
-    centre : body that it must count from.
-
-    Raises
-    ------
-    UserError
-        As `read_oem`, and if the epoch falls outside every segment or into a gap.
-    """
-    ephemeris = read_oem(text, where, epoch, centre=centre)
-    ephemeris.require_span(0.0)
-    return ephemeris(0.0)[:2]
 
 
 def write_oem(

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 from flyaround.cli.app import app
 from flyaround.hil.host.audit import audit_pictures, pictures_of
+from flyaround.hil.host.flight_run import with_time_code
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.recording.ros_log import RosLog
-from flyaround.hil.host.time_code import with_time_code
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.faults import Faults, RepeatedNumber
 

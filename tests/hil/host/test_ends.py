@@ -17,8 +17,7 @@ from hil_processes import PATIENCE_S, host_process, outcomes, started, wait_unti
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.link_process.ipc import LinkConfig
-from flyaround.hil.host.run import RunConfig, run_host
-from flyaround.hil.host.signals import signals_held
+from flyaround.hil.host.run import RunConfig, run_host, signals_held
 from flyaround.simulator.errors import UserError
 
 

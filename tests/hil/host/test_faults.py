@@ -13,8 +13,8 @@ from tutorial import blocks
 from flyaround.hil.corner_code import CodePlace, read_code
 from flyaround.hil.host.faults.camera_faults import HeldExposure, with_camera_faults
 from flyaround.hil.host.faults.line_faults import FaultJournal, _Pump
+from flyaround.hil.host.flight_run import with_time_code
 from flyaround.hil.host.pose_link import PoseLink
-from flyaround.hil.host.time_code import with_time_code
 from flyaround.hil.link.packets.messages import PoseMessage
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.simulator.errors import UserError

@@ -10,7 +10,7 @@ import pytest
 
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
 from flyaround.hil.navigation.consistency import nees_band
-from flyaround.hil.navigation.measurement import PoseNoise, rotvec_between
+from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.flight import fly
@@ -18,6 +18,7 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
 from flyaround.simulator.targets.model import Target
 from flyaround.simulator.world.flight.flight import Flight
+from flyaround.simulator.world.frames.rotation import rotvec_between
 
 STEADY, TUMBLING = "tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble"
 LATENCY_S = 0.3

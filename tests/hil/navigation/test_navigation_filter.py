@@ -9,13 +9,7 @@ import pytest
 
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
 from flyaround.hil.navigation.error_scale import ScaleSettings
-from flyaround.hil.navigation.measurement import (
-    ErrorMemory,
-    PoseMeasurement,
-    PoseNoise,
-    Snapshot,
-    rotvec_between,
-)
+from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement, PoseNoise, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter
 from flyaround.hil.navigation.pose_sources import PoseErrors
 from flyaround.hil.navigation.prediction_error import forecast_errors
@@ -28,6 +22,7 @@ from flyaround.simulator.world.frames.rotation import (
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
+    rotvec_between,
 )
 from flyaround.simulator.world.relative.clohessy_wiltshire import transition_matrix
 

@@ -7,7 +7,7 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera
 from flyaround.hil.evaluate.mean_predictor import mean_predictor
-from flyaround.hil.train.pictures import FINER, LabelledPictures, as_they_are, sample
+from flyaround.hil.train.pictures import FINER, LabelledPictures, labelled, sample
 from flyaround.hil.train.residual_network import ARCHITECTURES
 
 SMALL = NetworkCamera(64, 40, 100.0)
@@ -51,10 +51,10 @@ def test_a_turned_sample_shows_its_lights_where_its_labels_put_them():
     assert turned > 15
 
 
-def test_pictures_as_they_are_keep_their_labels():
+def test_labels_carry_the_poses_of_the_pictures():
     rng = np.random.default_rng(1)
     pictures, _ = spots(5, rng)
-    same = as_they_are(pictures)
+    same = labelled(np.stack(pictures.signal), pictures.camera, pictures.q_wxyz, pictures.t_m)
     for q, seen, t in zip(pictures.q_wxyz, same.q_wxyz, pictures.t_m, strict=True):
         back = quat.multiply(quat.from_matrix(swing(t / np.linalg.norm(t))), seen)
         assert quat.angle_rad(quat.normalise(back)[None], q)[0] < 1e-6

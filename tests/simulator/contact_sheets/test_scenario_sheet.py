@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flyaround.simulator.contact_sheets.scenario_sheet import contact_sheet, smaller, write_contact_sheets
+from flyaround.simulator.contact_sheets.scenario_sheet import contact_sheet, write_contact_sheets
 from flyaround.simulator.dataset.formats.native import read_png
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
@@ -26,7 +26,7 @@ def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path) -> None:
 
 def test_smaller_camera_sees_the_same() -> None:
     camera = load_scenario("tango-space-10m").camera_model
-    small = smaller(camera, 480)
+    small = camera.resized(480)
     point = np.array([0.7, -0.4, 10.0])
     full = camera.project(point)
     assert np.allclose((small.project(point) + 0.5) * camera.width_px / 480, full + 0.5)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from small_flight import small_flight
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.card import DatasetCard
 from flyaround.simulator.dataset.check.verify import check_dataset
@@ -254,7 +253,7 @@ def test_a_frame_that_has_its_name_is_in_the_manifest_whenever_the_process_is_ki
 def test_resume_takes_more_samples_of_a_recipe_and_not_fewer(tmp_path):
     def recipe(n):
         made = plan_recipe("eval-black", n, target="tango@low", quality="draft")
-        return dataclasses.replace(made, camera=smaller(made.camera, 384))
+        return dataclasses.replace(made, camera=made.camera.resized(384))
 
     capture(recipe(1), tmp_path / "grown")
     summary = capture(recipe(2), tmp_path / "grown", resume=True)

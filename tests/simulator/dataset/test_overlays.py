@@ -8,7 +8,6 @@ import pytest
 
 import flyaround as fa
 from flyaround.__main__ import run
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.labels.overlay import AXES
@@ -21,7 +20,7 @@ pytestmark = pytest.mark.gl
 def dataset(tmp_path_factory):
     folder = tmp_path_factory.mktemp("overlays") / "set"
     plan = plan_recipe("eval-black", 3, target="tango@low", quality="draft")
-    capture(dataclasses.replace(plan, camera=smaller(plan.camera, 480)), folder)
+    capture(dataclasses.replace(plan, camera=plan.camera.resized(480)), folder)
     return folder
 
 

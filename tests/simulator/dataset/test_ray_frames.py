@@ -7,7 +7,6 @@ import socket
 import msgspec
 import pytest
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset import ray_frames
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.ray_frames import RayCluster
@@ -23,7 +22,7 @@ NODES_S = 240.0
 
 def _plan(n=N):
     made = plan_recipe("eval-black", n, target="tango@low", quality="draft")
-    return dataclasses.replace(made, camera=smaller(made.camera, 384))
+    return dataclasses.replace(made, camera=made.camera.resized(384))
 
 
 def _files(folder):
@@ -157,7 +156,7 @@ def package(tmp_path, monkeypatch):
 def test_stereo_pairs_and_sensors_of_packages_have_the_bytes_of_one_process(package, cluster, tmp_path):
     made = plan_recipe("eval-black", 4, target="tango@low", quality="draft")
     pair = msgspec.structs.replace(made.recipe, second_camera=SecondCamera(position_m=(0.4, 0.0, 0.0)))
-    plan = dataclasses.replace(made, recipe=pair, camera=smaller(made.camera, 384))
+    plan = dataclasses.replace(made, recipe=pair, camera=made.camera.resized(384))
     capture(plan, tmp_path / "alone", sensors=(package,))
     cluster.flyaround_nodes(2)
     summary = capture(plan, tmp_path / "set", sensors=(package,), cluster=RayCluster(cluster.address))

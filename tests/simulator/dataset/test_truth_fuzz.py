@@ -10,7 +10,6 @@ import pytest
 from mutations import changed_json
 from peak_memory import peak_bytes
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.labels.truth import read_truth
@@ -26,7 +25,7 @@ def draw_changed(path, drawn, seed):
     """Draw so many records of which something was changed; how many were refused on the way."""
     rng, told = np.random.default_rng(seed), []
     plan = plan_flight(load_scenario("tango-flyaround"), n=1)
-    scene = replace(plan.scene(0), camera=smaller(plan.scene(0).camera, 64))
+    scene = replace(plan.scene(0), camera=plan.scene(0).camera.resized(64))
     with Renderer() as renderer:
         record = json.loads(msgspec.json.encode(take_frame(renderer, scene, plan.target).truth))
         while drawn:

@@ -89,12 +89,11 @@ def test_limits_the_wrong_way_round_are_refused():
 def test_the_picture_has_the_level_that_was_asked_for(renderer):
     from dataclasses import replace
 
-    from flyaround.simulator.contact_sheets.scenario_sheet import smaller
     from flyaround.simulator.frame import take_frame
 
     for name in ("tango-limb", "tango-flyaround"):
         plan = plan_flight(_with_auto(load_scenario(name), share=0.9), n=3, quality="draft")
-        plan = replace(plan, camera=smaller(plan.camera, 192))
+        plan = replace(plan, camera=plan.camera.resized(192))
         for k in range(3):
             image = take_frame(renderer, plan.scene(k), plan.target, labels=False).image / 255
             lit = image[image > 0.1]

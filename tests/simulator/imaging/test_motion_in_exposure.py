@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.detector.shutter import Shutter
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.formats.native import frame_paths, read_png
@@ -173,7 +172,7 @@ def rolling_plan():
     attitude = msgspec.structs.replace(scenario.attitude, rate_deg_s=(6.0, -10.0, 17.0))
     scenario = msgspec.structs.replace(scenario, sensor=sensor, attitude=attitude, target="tango@low")
     plan = plan_flight(scenario, times=(20.0,), quality="draft")
-    camera = smaller(plan.camera, 96)
+    camera = plan.camera.resized(96)
     # below the middle, so that all of it is seen late
     return replace(plan, camera=replace(camera, cy_px=camera.cy_px + 14))
 

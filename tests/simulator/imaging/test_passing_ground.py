@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.imaging.exposure import drawings_of_ground, integrate
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.imaging.image_motion import image_motion_px
@@ -23,7 +22,7 @@ pytestmark = pytest.mark.gl
 def plan():
     plan = plan_flight(load_scenario("tango-earth-10m-1024"), times=(30.0,))
     # four times the angle per pixel
-    return replace(plan, camera=smaller(plan.camera, 256))
+    return replace(plan, camera=plan.camera.resized(256))
 
 
 def _exposed(plan, exposure_s, **changes):

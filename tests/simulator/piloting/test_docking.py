@@ -97,7 +97,7 @@ def test_figures_of_a_chaser_that_was_put_there(name: str) -> None:
     assert (f.roll_deg, f.pitch_deg, f.yaw_deg) == pytest.approx((0.0, 0.0, 2.0), abs=1e-9)
     # at rest to the target, however that turns
     assert f.speed_m_s == pytest.approx(0.0, abs=1e-9)
-    assert f.turn_deg_s == pytest.approx(0.0, abs=1e-9)
+    assert (f.roll_deg_s, f.pitch_deg_s, f.yaw_deg_s) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
     assert f.off_axis_deg == pytest.approx(np.degrees(np.arctan2(np.hypot(0.3, 0.2), 12.0)))
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
@@ -22,7 +21,7 @@ def test_a_frame_holds_nothing_of_the_frames_before_it(bands):
 
     def scene(name, aside_m=0.0):
         plan = plans[name]
-        still = replace(plan.scene(0), camera=smaller(plan.camera, 256), bands=bands)
+        still = replace(plan.scene(0), camera=plan.camera.resized(256), bands=bands)
         x, y, z = still.t_camera_from_target_m
         return replace(still, t_camera_from_target_m=(x + aside_m, y, z)), plan.target
 

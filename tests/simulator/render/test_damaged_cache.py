@@ -24,13 +24,12 @@ def watched(path):
     read.append(str(path))
     return check(path)
 cache.map_checked = arrays.map_checked = watched
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 scenario = load_scenario("tango-earth-10m-1024")
 plan = plan_flight(scenario, n=1)
-scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
+scene = replace(plan.scene(0), camera=scenario.camera_model.resized(128))
 with Renderer() as renderer:
     radiance = renderer.render(scene, plan.target).radiance
 print(json.dumps([hashlib.sha256(radiance.tobytes()).hexdigest(), read]))

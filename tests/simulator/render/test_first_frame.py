@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.bench import start
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.render.earth.map_textures import prefetch_earth_maps
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.cache import cache_folder
@@ -32,7 +31,7 @@ pytestmark = pytest.mark.gl
 def test_the_first_frame_is_the_same_as_the_next(bands, name, software, layer):
     scenario = load_scenario(name)
     plan = plan_flight(scenario, n=1, bands=bands)
-    scene = replace(plan.scene(0), camera=smaller(scenario.camera_model, 128))
+    scene = replace(plan.scene(0), camera=scenario.camera_model.resized(128))
     prefetched = prefetch_earth_maps(bands, scenario.environment.layers(), scene.epoch_utc)
     with Renderer(prefetched={bands: prefetched}, software_path=software) as renderer:
         first = renderer.render(scene, plan.target, layer=layer).radiance

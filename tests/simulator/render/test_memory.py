@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Distortion
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.frame import take_frame
 from flyaround.simulator.render.craft.resident_targets import MOST_LOADED
 from flyaround.simulator.render.gl.context import create_context
@@ -80,7 +79,7 @@ def _ahead_m(scene, distance_m):
 
 
 def test_renderers_one_after_another_take_the_memory_of_one(draw_kit):
-    camera = smaller(draw_kit.camera, 96)
+    camera = draw_kit.camera.resized(96)
     held = []
     for k in range(5):
         target = _plate(draw_kit, 100 + k)
@@ -95,7 +94,7 @@ def test_renderers_one_after_another_take_the_memory_of_one(draw_kit):
     "distortion", [Distortion(), Distortion("brown_conrady", (-0.2, 0.0, 0.0, 0.0, 0.0))]
 )
 def test_targets_that_others_follow_are_forgotten(renderer, draw_kit, distortion):
-    camera = replace(smaller(draw_kit.camera, 96), distortion=distortion)
+    camera = replace(draw_kit.camera.resized(96), distortion=distortion)
     begun, in_use = 0, []
     targets = weakref.WeakSet()
 

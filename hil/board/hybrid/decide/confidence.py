@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Optional
+from dataclasses import dataclass, replace
+from typing import Optional, Tuple
 
 import numpy as np
 
+from flyaround.hil.board.estimation.result import Alternative, PoseResult
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
+from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 
 # Confidence from which a pose is accepted.
@@ -76,8 +79,8 @@ class Evidence:
     sigma_rad, sigma_share : predicted one-sigma attitude error, and position error over range.
     edges : number of edge samples used. size_px : diameter of the craft's sphere on the picture.
     empty : whether the background is empty space.
-    score : how well the drawn craft explains the picture, see photometric.photo_score; None where
-        it was not judged so. likeness, covered : see photometric.photo_likeness.
+    score : how well the drawn craft explains the picture, see photometric.explained; None where
+        it was not judged so. likeness, covered : see photometric.likeness.
     tried : whether confidences were fitted on pictures of this craft. looked : whether it has a learned proposal.
     burnt : share of what the craft covers that is at the end of the scale.
     regime : the light of the image.
@@ -204,3 +207,33 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         little = e.score is not None and e.covered < LITTLE
         return "too little of the picture is explained" if little else "confidence too low"
     return ""
+
+
+def decided(
+    frame: Observation,
+    pose: PoseFit,
+    evidence: Evidence,
+    alternatives: Tuple[Alternative, ...],
+    accept_at: float = ACCEPT_AT,
+) -> PoseResult:
+    """Return a pose with its confidence, accepted if its evidence allows it."""
+    reason = decide(evidence, accept_at)
+    frame.mark("decision")
+    return PoseResult(
+        not reason,
+        reason,
+        pose.q,
+        pose.t,
+        confidence(evidence),
+        frame.stages_ms,
+        frame.counts,
+        evidence,
+        pose.covariance,
+        alternatives,
+    )
+
+
+def reconsidered(result: PoseResult, evidence: Evidence, accept_at: float = ACCEPT_AT) -> PoseResult:
+    """The same pose decided anew, by more evidence."""
+    reason, sure = decide(evidence, accept_at), confidence(evidence)
+    return replace(result, accepted=not reason, reason=reason, confidence=sure, evidence=evidence)

@@ -13,8 +13,6 @@ from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
-# A sample lies on the surface that carries it; only what is nearer than this can hide it [m].
-SKIN_M = 0.006
 
 
 def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:

@@ -61,37 +61,6 @@ MOST, ROOM = 63, (63 + 7) ** 2
 PACK = 1000
 
 
-def photo_align(
-    q: Array,
-    t: Array,
-    faces: Faces,
-    patch: ImagePatch,
-    camera: CameraIntrinsics,
-    radius_m: float,
-    blurs_px: Tuple[float, ...],
-    sun: Optional[ShadowMap] = None,
-    relax: float = RELAX,
-    joint: int = JOINT,
-) -> PoseFit:
-    """Gauss-Newton on the difference of the picture and the drawn craft.
-
-    Parameters
-    ----------
-    camera : a pinhole (see ``ImagePatch.rays``). blurs_px : blur of both pictures in each iteration [patch px]: wide
-        first, to reach far. sun : casts shadows; None draws none. relax : how much longer
-        steps on blurred pictures are made. joint : groups whose brightness is found together with the pose.
-    """
-    fit = PoseFit(q, t, 9.9, INFLATION * np.eye(6))
-    for blur in blurs_px:
-        shading = photo_draw(fit.q, fit.t, faces, patch, camera, sun)
-        longer = relax if blur > 0 else 1.0
-        step = photo_step(fit, shading, faces, patch, camera, radius_m, blur, longer, joint)
-        if step is None:
-            break
-        fit = step
-    return fit
-
-
 def photo_draw(
     q: Array,
     t: Array,
@@ -100,7 +69,12 @@ def photo_draw(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """The craft drawn at a pose, as bright as the picture says; parameters as in ``photo_align``."""
+    """Draw the craft at a pose, as bright as the picture says.
+
+    Parameters
+    ----------
+    camera : a pinhole (see ``ImagePatch.rays``). sun : casts shadows; None draws none.
+    """
     R = quat.matrix(q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
     return photo_shade(seen, q, t, faces, patch, camera, sun)
@@ -135,7 +109,8 @@ def photo_step(
 
     Parameters
     ----------
-    others as in ``photo_align``.
+    blur : of both pictures [patch px]; wide ones reach far. relax : how much longer the step is made.
+    joint : groups whose brightness is found together with the pose.
     """
     R, t = quat.matrix(fit.q), fit.t
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
@@ -239,27 +214,11 @@ def _loaded(A: Array, share: float, least: float) -> Array:
     return A
 
 
-def photo_score(
-    q: Array,
-    t: Array,
-    faces: Faces,
-    patch: ImagePatch,
-    camera: CameraIntrinsics,
-    sun: Optional[ShadowMap] = None,
-) -> float:
-    """How much better the drawn craft explains the picture than the background alone, 0..1.
+def explained(shading: Shading, patch: ImagePatch) -> float:
+    """Return how much better the drawn craft explains the picture than the background alone, 0..1.
 
     Residuals are bounded: a shadow that is not drawn costs its area, not its depth.
-
-    Parameters
-    ----------
-    as in ``photo_align``.
     """
-    return explained(photo_draw(q, t, faces, patch, camera, sun), patch)
-
-
-def explained(shading: Shading, patch: ImagePatch) -> float:
-    """The same of a craft that is drawn already."""
     noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
     left = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
@@ -313,18 +272,6 @@ def _unexplained(
     if left < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
     return left
-
-
-def photo_likeness(
-    q: Array,
-    t: Array,
-    faces: Faces,
-    patch: ImagePatch,
-    camera: CameraIntrinsics,
-    sun: Optional[ShadowMap] = None,
-) -> Tuple[float, float]:
-    """How the craft drawn at a pose looks like the picture; parameters as in ``photo_align``."""
-    return likeness(photo_draw(q, t, faces, patch, camera, sun), patch)
 
 
 def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:

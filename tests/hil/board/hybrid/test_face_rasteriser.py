@@ -21,6 +21,7 @@ from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.response import Response
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.noise import clipped_noise
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import shade
@@ -29,7 +30,7 @@ from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, fill_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
-from flyaround.hil.board.hybrid.refine.photometric import RELAX, photo_align, photo_likeness, photo_score
+from flyaround.hil.board.hybrid.refine.photometric import RELAX, explained, likeness, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from tests.harness.boxes import closed_box
@@ -68,6 +69,29 @@ def faces(record: dict[str, Any]) -> Faces:
 
 def canvas(gray: np.ndarray, sigma: float = 2.0) -> ImagePatch:
     return ImagePatch(gray, sigma, 0.0, 0.0, 1.0, 3)
+
+
+def aligned(
+    q: np.ndarray,
+    t: np.ndarray,
+    faces: Faces,
+    c: ImagePatch,
+    radius_m: float,
+    blurs_px: tuple[float, ...],
+    relax: float = RELAX,
+) -> PoseFit:
+    """A pose after one step for each blur, those on blurred pictures made longer."""
+    fit = PoseFit(q, t, 9.9, np.eye(6))
+    for blur in blurs_px:
+        shading = photo_draw(fit.q, fit.t, faces, c, CAMERA)
+        step = photo_step(fit, shading, faces, c, CAMERA, radius_m, blur, relax if blur > 0 else 1.0)
+        assert step is not None
+        fit = step
+    return fit
+
+
+def score(q: np.ndarray, t: np.ndarray, faces: Faces, c: ImagePatch) -> float:
+    return explained(photo_draw(q, t, faces, c, CAMERA), c)
 
 
 def nearest_face(faces: Faces, R: np.ndarray, t: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -164,11 +188,11 @@ def test_alignment_comes_back_and_the_true_pose_scores_best(
     q = quat.normalise(rng.normal(size=4))
     c = canvas(picture(faces, q, T_M, 6.0, seed), 6.0)
     start = quat.normalise(quat.multiply(quat.from_rotvec(np.radians(rng.normal(0, 1.0, 3))), q))
-    fit = photo_align(start, T_M * 1.008, faces, c, CAMERA, 0.65, (2.0, 1.2, 0.6, 0.0, 0.0, 0.0), relax=relax)
+    fit = aligned(start, T_M * 1.008, faces, c, 0.65, (2.0, 1.2, 0.6, 0.0, 0.0, 0.0), relax=relax)
     assert np.degrees(quat.angle_rad(fit.q[None], q)[0]) < turn_deg
     assert np.linalg.norm(fit.t - T_M) < share * 4.0
     twin = quat.normalise(quat.multiply(q, np.array([0.0, 1.0, 0.0, 0.0])))
-    assert photo_score(fit.q, fit.t, faces, c, CAMERA) > 0.1 + photo_score(twin, T_M, faces, c, CAMERA)
+    assert score(fit.q, fit.t, faces, c) > 0.1 + score(twin, T_M, faces, c)
 
 
 def test_shadows_fall_where_rays_to_the_sun_are_stopped(faces: Faces) -> None:
@@ -228,7 +252,7 @@ def test_its_shadows_speak_for_the_right_pose(
     craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
 
     def both(q: np.ndarray) -> tuple[float, float]:
-        return photo_score(q, T_M, faces, c, CAMERA), search_sun(craft, faces, c, q, T_M).score
+        return score(q, T_M, faces, c), search_sun(craft, faces, c, q, T_M).score
 
     plain, with_them = both(quat.from_matrix(FROM_THE_SIDE))
     assert with_them > plain + 0.3
@@ -316,7 +340,7 @@ def test_likeness_tells_the_craft_from_clutter_beside_it(faces: Faces) -> None:
     gray[:20] = 255.0
     shown = replace(canvas(gray, 1.0), plain=np.full(gray.shape, 20.0, np.float32))
     turned = quat.normalise(quat.multiply(quat.from_rotvec(np.array([0.9, 0.5, 0.0])), q))
-    right, wrong = (photo_likeness(a, T_M, faces, shown, CAMERA) for a in (q, turned))
+    right, wrong = (likeness(photo_draw(a, T_M, faces, shown, CAMERA), shown) for a in (q, turned))
     assert right[0] > 0.98
     assert right[1] > 0.6
     assert wrong[0] < right[0] - 0.05
@@ -412,5 +436,5 @@ def test_range_in_noise_cut_off_at_zero(faces: Faces, clipped: float, least: flo
     q = quat.normalise(np.array([0.7, 0.3, -0.5, 0.2]))
     mean, _ = Response(25.0, 255.0).of(picture(faces, q, T_M, 0.0))
     c = replace(canvas(mean), clipped=clipped)
-    fit = photo_align(q, T_M, faces, c, CAMERA, 0.8, (0.8, 0.4, 0.0, 0.0))
+    fit = aligned(q, T_M, faces, c, 0.8, (0.8, 0.4, 0.0, 0.0))
     assert least < fit.t[2] / T_M[2] - 1 < most

@@ -22,7 +22,7 @@ from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.variants import tilts
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
-from flyaround.hil.board.hybrid.refine.photometric import photo_score
+from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw
 from flyaround.hil.board.svd.region_of_interest import Region
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -54,7 +54,7 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
     s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
     source = Source(Region(*map(float, box), "learned"), field)
-    score = photo_score(q, t, faces, close, CAMERA)
+    score = explained(photo_draw(q, t, faces, close, CAMERA), close)
     start = Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source, score, s)
     end = replace(start, start=start)
     return Selection(end, image_evidence(craft, end, s, score), (), close, (start,), (end,))

@@ -21,7 +21,7 @@ from flyaround.hil.board.svd.ellipses import (
 from flyaround.hil.board.svd.line_streams import Streams, find_streams, harris_corners, sobel_edges
 from flyaround.hil.board.svd.perceptual_groups import image_point_groups
 from flyaround.hil.board.svd.pipeline import PublishedEstimator
-from flyaround.hil.board.svd.pose_solvers import solve_points, three_point_poses
+from flyaround.hil.board.svd.pose_solvers import from_rotvecs, point_solver, three_point_poses
 from flyaround.hil.board.svd.refinement import (
     corner_map,
     model_corners,
@@ -91,7 +91,7 @@ def test_every_solver_gives_the_pose_of_exact_points(solver: str) -> None:
     if solver in ("p3p", "ap3p"):
         points = points[: 3 if solver == "p3p" else 4]
     rays = undistorted_rays(CAMERA, CAMERA.pixels(points @ quat.matrix(Q).T + T))
-    q, t = solve_points(points, rays, solver)
+    q, t = from_rotvecs(*point_solver(solver)(points, rays))
     errors = quat.angle_rad(q, Q) + np.linalg.norm(t - T, axis=1)
     assert errors.min() < 2e-3
 
@@ -110,7 +110,7 @@ def test_three_points_of_a_batch_give_the_truth_and_what_opencv_finds() -> None:
     again = np.einsum("nij,nkj->nki", quat.matrix(turned), points[of]) + moved[:, None]
     assert np.abs(again[..., :2] / again[..., 2:] - rays[of]).max() < 1e-8
     for k in range(0, 300, 5):
-        other_q, other_t = solve_points(points[k], rays[k], "p3p")
+        other_q, other_t = from_rotvecs(*point_solver("p3p")(points[k], rays[k]))
         mine = moved[of == k]
         assert len(mine) == len(other_t)
         assert all(np.linalg.norm(mine - shift, axis=1).min() < 1e-5 for shift in other_t)

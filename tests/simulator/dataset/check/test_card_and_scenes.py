@@ -7,7 +7,6 @@ import shutil
 import msgspec
 import pytest
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.check.recomputed_scenes import check_scenes
@@ -21,7 +20,7 @@ pytestmark = pytest.mark.gl
 
 
 def small(plan):
-    return dataclasses.replace(plan, camera=smaller(plan.camera, 128))
+    return dataclasses.replace(plan, camera=plan.camera.resized(128))
 
 
 @pytest.fixture(scope="module")

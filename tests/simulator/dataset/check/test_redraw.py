@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 
 from flyaround.cli.app import app
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture
 from flyaround.simulator.dataset.check import redraw as check_picture
 from flyaround.simulator.dataset.check import verify as check_module
@@ -182,7 +181,7 @@ def test_no_share_is_refused_of_a_craft_that_reaches_to_the_lens_or_is_cut_throu
 ):
     """A close CubeSat: its antennas are a pixel wide, 7 mm before the camera, or along the rows of what counts."""
     plan = plan_recipe("swisscube", k + 1, seed=seed, camera=camera)
-    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+    plan = dataclasses.replace(plan, camera=plan.camera.resized(384))
     with Renderer() as renderer:
         scene = plan.scene(k)
         truth = take_frame(renderer, scene, scene.target.drawn(plan.target)).truth
@@ -194,7 +193,7 @@ def test_no_share_is_refused_of_a_craft_that_reaches_to_the_lens_or_is_cut_throu
 def test_no_step_share_is_refused_of_a_craft_whose_edges_end_beyond_the_lens(camera):
     """A CubeSat a decimetre before the camera: beyond its image the lens's series folds, and edges' ends lie there."""
     plan = plan_recipe("swisscube", 5, seed=91, camera=camera)
-    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+    plan = dataclasses.replace(plan, camera=plan.camera.resized(384))
     beyond = 0
     with Renderer() as renderer:
         for k in (3, 4):
@@ -251,7 +250,7 @@ def test_shares_states_and_boxes_of_a_lens_that_bends(plan):
 
 def test_a_craft_that_reaches_beyond_what_a_fish_eye_is_known_for(plan):
     """There OpenCV's series folds back, and says nothing of the labels."""
-    camera = smaller(load_camera("fisheye-140"), 200)
+    camera = load_camera("fisheye-140").resized(200)
     scene = dataclasses.replace(plan.scene(0), camera=camera, t_camera_from_target_m=(1.4, 0.6, 0.9))
     with Renderer() as renderer:
         truth = take_frame(renderer, scene, plan.target).truth

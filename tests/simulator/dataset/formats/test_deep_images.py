@@ -15,7 +15,6 @@ from PIL import Image
 
 import flyaround as fa
 from flyaround.__main__ import run
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.parquet import columns, readme
 from flyaround.simulator.dataset.formats.registry import NATIVE, writable
@@ -32,7 +31,7 @@ def deep(tmp_path_factory):
     sensor = msgspec.structs.replace(scenario.sensor, preset="imx174", bits=None, exposure_s=1.5e-4)
     scenario = msgspec.structs.replace(scenario, sensor=sensor)
     plan = fa.plan_flight(scenario, n=N, quality="draft")
-    plan = dataclasses.replace(plan, camera=smaller(plan.camera, 384))
+    plan = dataclasses.replace(plan, camera=plan.camera.resized(384))
     folder = tmp_path_factory.mktemp("deep") / "set"
     names = [name for name in writable() if name != "parquet" or find_spec("pyarrow")]
     told = []

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.imaging.image_formation import expose_scene
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
@@ -15,7 +14,7 @@ from flyaround.simulator.scenario.plan import plan_flight
 def _scene(name, width_px, **changes):
     scenario = load_scenario(name)
     plan = plan_flight(scenario, times=(scenario.duration_s / 2,))
-    return replace(plan.scene(0), camera=smaller(plan.camera, width_px), **changes), plan.target
+    return replace(plan.scene(0), camera=plan.camera.resized(width_px), **changes), plan.target
 
 
 # largest rms of the difference [digital numbers]: level of detail by tile, and clouds' edges off by parts of a pixel

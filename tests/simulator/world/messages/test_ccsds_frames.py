@@ -12,9 +12,9 @@ from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.messages.aem import read_aem_state
 from flyaround.simulator.world.messages.ccsds import read_segments, read_time
 from flyaround.simulator.world.messages.ccsds_frames import EARTH_RATE_RAD_S, R_gcrf_from, state_in_gcrf
-from flyaround.simulator.world.messages.oem import read_oem_state
 from flyaround.simulator.world.messages.tle import R_eci_from_teme
 from flyaround.simulator.world.time.instant import Instant
+from tests.harness.oem import oem_state
 
 EPOCH = Instant.from_utc("2024-05-10T06:00:00Z")
 
@@ -62,7 +62,7 @@ META_STOP
 
 @pytest.mark.parametrize("frame", ["GCRF", "EME2000", "TOD", "TEME"])
 def test_frames_of_date_turn_the_state(frame: str) -> None:
-    r, v = read_oem_state(message(frame), "x.oem", EPOCH)
+    r, v = oem_state(message(frame), "x.oem", EPOCH)
     R = R_gcrf_from(frame, EPOCH)
     assert np.allclose(R.T @ r, [7000e3, 0.0, 0.0], atol=1e-6)
     assert np.allclose(R.T @ v, [0.0, 7000.0, 700.0], atol=1e-6)
@@ -86,16 +86,13 @@ def test_a_craft_at_rest_on_the_earth_moves_with_it() -> None:
     before, after = (R_itrs_from_eci(EPOCH.plus(s)).T @ r_itrs for s in (-h, h))
     assert np.allclose(v, (after - before) / (2 * h), atol=3e-4)
     assert np.linalg.norm(v) == pytest.approx(EARTH_RATE_RAD_S * np.hypot(4.2e7, 1e6), rel=1e-5)
-    moved = (
-        read_oem_state(message("ITRF-97"), "x.oem", EPOCH)[1]
-        - read_oem_state(message("GCRF"), "x.oem", EPOCH)[1]
-    )
+    moved = oem_state(message("ITRF-97"), "x.oem", EPOCH)[1] - oem_state(message("GCRF"), "x.oem", EPOCH)[1]
     assert np.linalg.norm(moved) > 500.0
 
 
 def test_a_frozen_frame_of_date_keeps_its_epoch() -> None:
     frozen = message("TOD", more="REF_FRAME_EPOCH = 2000-01-01T12:00:00\n")
-    r, _ = read_oem_state(frozen, "x.oem", EPOCH)
+    r, _ = oem_state(frozen, "x.oem", EPOCH)
     R = R_gcrf_from("TOD", Instant.from_utc("2000-01-01T12:00:00Z"))
     assert np.allclose(R.T @ r, [7000e3, 0.0, 0.0], atol=1e-6)
 
@@ -116,7 +113,7 @@ def test_a_message_about_another_planet_is_read_and_refused_as_an_orbit() -> Non
     assert [len(s.rows) for s in segments] == [2, 12]
     assert segments[1].numbers(6).shape == (12, 6)
     with pytest.raises(UserError, match="CENTER_NAME is MARS BARYCENTER, allowed: EARTH"):
-        read_oem_state(mars, "mars.oem", EPOCH)
+        oem_state(mars, "mars.oem", EPOCH)
 
 
 AEM = """CCSDS_AEM_VERS = 1.0

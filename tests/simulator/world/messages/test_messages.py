@@ -14,9 +14,10 @@ from flyaround.simulator.world.flight.export import flight_messages
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_multiply, rotation_angle_rad
 from flyaround.simulator.world.messages.aem import read_aem_state, write_aem
 from flyaround.simulator.world.messages.ccsds import read_time
-from flyaround.simulator.world.messages.oem import read_oem_state, write_oem
+from flyaround.simulator.world.messages.oem import write_oem
 from flyaround.simulator.world.messages.tle import R_eci_from_teme, state_from_tle
 from flyaround.simulator.world.time.instant import Instant
+from tests.harness.oem import oem_state
 
 # Vanguard 1, the first verification case of Vallado et al. (2006), and its state at the epoch in TEME
 LINE1 = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753"
@@ -82,7 +83,7 @@ def test_mistakes_of_a_tle(line1: str, line2: str, utc: str, sentence: str) -> N
 
 
 def test_oem_of_the_standard_is_read() -> None:
-    r, v = read_oem_state(OEM, "x.oem", Instant.from_utc("1996-12-18T12:01:00.331Z"))
+    r, v = oem_state(OEM, "x.oem", Instant.from_utc("1996-12-18T12:01:00.331Z"))
     # the frame bias of 23 mas moves 3,400 km by 0.4 m
     assert np.allclose(r, [2783419.0, -308143.0, -1877071.0], atol=0.5)
     assert np.allclose(v, [5186.04, -2421.24, -1996.08], atol=0.01)
@@ -104,16 +105,16 @@ def test_oem_of_the_standard_is_read() -> None:
 )
 def test_mistakes_of_an_oem(old: str, new: str, sentence: str) -> None:
     with pytest.raises(UserError, match=sentence):
-        read_oem_state(OEM.replace(old, new), "x.oem", Instant.from_utc("1996-12-18T12:00:30Z"))
+        oem_state(OEM.replace(old, new), "x.oem", Instant.from_utc("1996-12-18T12:00:30Z"))
 
 
 def test_epoch_outside_and_in_a_gap() -> None:
     with pytest.raises(UserError, match="covers 1996-12-18T12:00:00"):
-        read_oem_state(OEM, "x.oem", Instant.from_utc("1996-12-19T00:00:00Z"))
+        oem_state(OEM, "x.oem", Instant.from_utc("1996-12-19T00:00:00Z"))
     row = "1996-12-18T{} 2776.033 -336.859 -2008.682 5.63678 -2.33951 -1.94687\n"
     gap = OEM.replace("COVARIANCE_START", row.format("14:00:00") + "COVARIANCE_START")
     with pytest.raises(UserError, match="are missing before it"):
-        read_oem_state(gap, "x.oem", Instant.from_utc("1996-12-18T13:00:00Z"))
+        oem_state(gap, "x.oem", Instant.from_utc("1996-12-18T13:00:00Z"))
 
 
 @pytest.mark.parametrize(("system", "ahead_s"), [("UTC", 0.0), ("TAI", 37.0), ("TT", 69.184), ("GPS", 18.0)])
@@ -130,7 +131,7 @@ def test_flight_goes_out_and_comes_back(tmp_path: Path) -> None:
     for t in (0.0, 17.3, 60.0):
         state, epoch = plan.flight.state(t), plan.flight.epoch.plus(t)
         for name in ("target", "chaser"):
-            r, v = read_oem_state(messages[f"{name}.oem"], name, epoch)
+            r, v = oem_state(messages[f"{name}.oem"], name, epoch)
             assert np.allclose(r, getattr(state, f"r_{name}_eci_m"), atol=1e-3)
             assert np.allclose(v, getattr(state, f"v_{name}_eci_m_s"), atol=1e-5)
         q, rate = read_aem_state(messages["target.aem"], "target", epoch)
@@ -172,7 +173,7 @@ def test_oem_keeps_micrometres() -> None:
     r = np.array([[7078137.123456, -1.000001, 3.25], [7000000.5, 450000.0, 1.0]])
     v = np.array([[1.123456789, 7500.0, -3.0], [-500.0, 7480.0, 2.0]])
     text = write_oem(name="A", epochs_utc=times, r_eci_m=r, v_eci_m_s=v)
-    back = read_oem_state(text, "a.oem", Instant.from_utc(times[0]))
+    back = oem_state(text, "a.oem", Instant.from_utc(times[0]))
     assert np.allclose(back[0], r[0], atol=1e-6, rtol=0)
     assert np.allclose(back[1], v[0], atol=1e-9, rtol=0)
 

@@ -18,11 +18,11 @@ from flyaround.simulator.world.ephemeris.eclipse import sun_fraction_past_bodies
 from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from flyaround.simulator.world.ephemeris.moon_orientation import R_moon_from_eci
 from flyaround.simulator.world.flight.export import flight_messages
-from flyaround.simulator.world.messages.oem import read_oem_state
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
 from flyaround.simulator.world.orbit.moon_forces import MoonForces, lunar_degree_2
 from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 from flyaround.simulator.world.time.instant import Instant
+from tests.harness.oem import oem_state
 
 EPOCH = Instant.from_utc("2024-06-06T05:00:00Z")
 HOUR = 3600.0
@@ -133,11 +133,11 @@ def test_messages_count_from_the_moon() -> None:
     text = flight_messages(flight, [0.0, 60.0, 120.0], aem=False)["target.oem"]
     assert "CENTER_NAME = MOON" in text
     epoch = flight.epoch.plus(60.0)
-    r, v = read_oem_state(text, "target.oem", epoch, "MOON")
+    r, v = oem_state(text, "target.oem", epoch, "MOON")
     assert np.allclose(r, flight.orbit(60.0)[0], atol=1e-3)
     assert np.allclose(v, flight.orbit(60.0)[1], atol=1e-6)
     with pytest.raises(UserError, match="CENTER_NAME is MOON, allowed: EARTH"):
-        read_oem_state(text, "target.oem", epoch)
+        oem_state(text, "target.oem", epoch)
 
 
 @pytest.mark.parametrize(
