@@ -7,7 +7,6 @@ from pathlib import Path
 
 import cv2
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.imaging.display import display_picture
 from flyaround.simulator.loop import run_frames
 from flyaround.simulator.render.renderer import Renderer
@@ -31,7 +30,7 @@ def main() -> None:
             plan = plan_flight(
                 scenario, times=(OTHERWISE.get(name, MIDDLE) * scenario.duration_s,), bands="rgb"
             )
-            plan = replace(plan, camera=smaller(plan.camera, 2 * WIDTH_PX))
+            plan = replace(plan, camera=plan.camera.resized(2 * WIDTH_PX))
             frame = next(iter(run_frames(plan, renderer, labels=False)))
             scene = frame.scene
             image = display_picture(frame.image, scene.sensor, scene.camera.pixel_encoding)
