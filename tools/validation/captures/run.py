@@ -11,9 +11,10 @@ import shutil
 import subprocess
 import sys
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scenario.load import list_recipes, load_recipe
@@ -77,7 +78,7 @@ def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
         return []
     camera = plan_recipe(recipe, 1).camera
     path = out / f"{recipe}.json"
-    path.write_text(json.dumps(asdict(camera.resized(min(width_px, camera.width_px)))))
+    path.write_bytes(msgspec.json.encode(camera.resized(min(width_px, camera.width_px))))
     return ["--camera", str(path)]
 
 
