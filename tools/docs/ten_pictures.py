@@ -64,7 +64,7 @@ def twilight(renderer: fa.Renderer) -> np.ndarray:
 
 def foil(renderer: fa.Renderer) -> np.ndarray:
     """Multi-layer insulation at 3 m."""
-    return craft_before(renderer, "tango-mli", (2.4, 0.5, 0.3), 3.0, azimuth_deg=100.0, off_nadir_deg=60.0)
+    return craft_before(renderer, "tango-mli", (1.5, 0.5, 0.3), 2.2, azimuth_deg=100.0, off_nadir_deg=60.0)
 
 
 def clouds(renderer: fa.Renderer) -> np.ndarray:
