@@ -113,7 +113,8 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     sensor = document.get("sensor") or {}
     if sensor.get("auto_exposure") is not None:
         level = sensor["auto_exposure"].get("level", 0.5)
-        return f"set another level than {level:g} in [sensor.auto_exposure], or its lag_s shorter"
+        way = "above" if frames[0].is_dark else "below"
+        return f"set level {way} {level:g} in [sensor.auto_exposure], or its lag_s shorter"
     fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
     best, longest = min(fitting), max(fitting)
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"

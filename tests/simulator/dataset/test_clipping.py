@@ -84,3 +84,8 @@ def test_what_is_proposed_follows_what_the_scenario_can_do():
     # a few highlights are no fault, and a frame without a target none either
     assert summarise_clipping([Clipping(1000, 40, 0.01, 0.005)], document).advice == ""
     assert summarise_clipping([Clipping(0, 0, 0.01, 0.0)], document) is None
+    # most of the frames use less than a fifth of the scale
+    dark = summarise_clipping([Clipping(1000, 0, 0.01, 0.2), Clipping(1000, 0, 0.01, 0.3)], document)
+    assert dark.dark_frames == 2
+    assert "exposure_s = 0.2 in [sensor] (here 0.01)" in dark.advice
+    assert "set level above 0.5" in summarise_clipping([Clipping(1000, 0, 0.01, 0.2)], following).advice
