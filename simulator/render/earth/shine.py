@@ -9,6 +9,8 @@ import numpy as np
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
 from flyaround.simulator.render.earth.earth_pass import season_of
 from flyaround.simulator.render.earth.screen_tiles import TileKind, ice_day
+from flyaround.simulator.render.gl.context import release
+from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.scene.illumination.irradiance import field_of_samples
 
 if TYPE_CHECKING:
@@ -42,6 +44,8 @@ class ShineSampler:
         self._in = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 16, dynamic=True)
         self._out = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 12, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
+        # nothing is drawn, but OpenGL wants a whole framebuffer for it
+        self._target = context.simple_framebuffer((1, 1))
 
     def field(
         self, scene: SceneState, view: View, globe: GlobeView, earth: Earth, also_w_m2: FloatArray
@@ -55,6 +59,7 @@ class ShineSampler:
                 program.gl, [(self._in, "4f", "in_ray")], mode=self._context.POINTS
             )
         self._in.write(rays.astype(np.float32).tobytes())
+        draw_to(self._target)
         array.transform(self._out, vertices=len(rays))
         light = np.frombuffer(self._out.read(len(rays) * earth.bands * 4), np.float32)
         # out of the stretched space, whose angles are others
@@ -96,6 +101,7 @@ class ShineSampler:
             array.release()
         self._in.release()
         self._out.release()
+        release(self._context, self._target)
 
 
 def _rays(globe: GlobeView, radius_m: float) -> tuple[FloatArray, FloatArray, float]:
