@@ -90,6 +90,7 @@ MENUS: tuple[tuple[str, Entries], ...] = (
             ("Estimator", ("panel.estimator", "estimator.*")),
             ("Hardware in the loop", ("panel.board-link", "hil.*")),
             ("Capture", ("panel.capture", "capture.*")),
+            "panel.plots",
             "panel.passes",
         ),
     ),

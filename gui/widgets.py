@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
 
 
+DRAGGED = "figure"
+"""What is carried when a row of figures is dragged."""
+
+
 class Widgets:
     """Parts over one window's Dear ImGui.
 
@@ -98,8 +102,15 @@ class Widgets:
         else:
             self.tip(command.about(*given))
 
-    def row(self, name: str, values: Sequence[float], form: str, tip: str) -> None:
-        """A line of figures; the figures go under the name where the panel is narrow."""
+    def row(
+        self, name: str, values: Sequence[float], form: str, tip: str, *, figure: int | None = None
+    ) -> None:
+        """A line of figures; the figures go under the name where the panel is narrow.
+
+        Parameters
+        ----------
+        figure : number under which it can be dragged into a plot; None where it cannot.
+        """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
         imgui.push_font(self.window.figure_font, 0.0)
@@ -109,6 +120,10 @@ class Widgets:
         if max(imgui.calc_text_size(name).x, imgui.calc_text_size("Rel. °/s").x) + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
         imgui.text_unformatted(self.elided(figures, self.width))
+        if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
+            imgui.set_drag_drop_payload_py_id(DRAGGED, figure)
+            imgui.text_unformatted(f"{name.strip()}: drop it in Plots")
+            imgui.end_drag_drop_source()
         self.tip(tip)
         imgui.pop_font()
 

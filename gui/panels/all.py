@@ -14,6 +14,7 @@ from flyaround.gui.panels.key_list import KeyList, Palette
 from flyaround.gui.panels.log import LogPanel
 from flyaround.gui.panels.passes import PassesPanel
 from flyaround.gui.panels.picture import PicturePanel, WorldPanel
+from flyaround.gui.panels.plots import PlotsPanel
 from flyaround.gui.panels.scenarios import ScenarioChooser
 from flyaround.gui.panels.sensor import SensorPanel
 from flyaround.gui.panels.steering import SteeringPanel
@@ -49,6 +50,7 @@ PANELS: tuple[type[Panel], ...] = (
     CommandLinePanel,
     TimelinePanel,
     SteeringPanel,
+    PlotsPanel,
     DockingPanel,
     LogPanel,
     KeyList,

@@ -1,0 +1,115 @@
+"""Figures of the flight over time: dragged here from the panel Chaser, or chosen."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flyaround.gui import style
+from flyaround.gui.widgets import DRAGGED, Panel
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flyaround.gui.console import Console
+    from flyaround.gui.picture.feed import Picture
+    from flyaround.gui.picture.telemetry import Telemetry
+    from flyaround.gui.surface import Surface
+
+KEPT = 6000
+"""Pictures whose figures are kept: minutes of a fast window."""
+COLOURS = (style.ACCENT, style.WARN, style.GOOD)
+FIGURES: dict[str, tuple[str, Callable[[Telemetry], tuple[float, ...]]]] = {
+    "Range": ("range [m]", lambda r: (r.range_m,)),
+    "Closing": ("closing speed [m/s]", lambda r: (r.closing_m_s,)),
+    "Across": ("speed across the line of sight [m/s]", lambda r: (r.lateral_m_s,)),
+    "LVLH m": ("radial, along, cross [m]", lambda r: r.position_lvlh_m),
+    "  mm/s": (
+        "speed radial, along, cross [mm/s]",
+        lambda r: tuple(1e3 * v for v in r.velocity_lvlh_m_s),
+    ),
+    "Rel. °/s": ("target's rate x, y, z [deg/s]", lambda r: r.relative_rate_deg_s),
+    "Cam. °/s": ("camera's rate x, y, z [deg/s]", lambda r: r.camera_rate_deg_s),
+    "Off axis": ("off the boresight [deg]", lambda r: (r.off_boresight_deg,)),
+    "Altitude": ("altitude [km]", lambda r: (r.altitude_km,)),
+    "Phase": ("phase angle [deg]", lambda r: (r.phase_deg,)),
+    "Sun": ("share of the Sun's disc [1]", lambda r: (r.sun_visible_fraction,)),
+}
+"""Title with its unit, and values, of each figure by the name that the panel Chaser gives it."""
+
+
+class PlotsPanel(Panel):
+    """A plot for each figure that is watched; the newest number stands beside its title."""
+
+    name, title, place, shown = "plots", "Plots", "left", False
+
+    def __init__(self, window: Surface) -> None:
+        super().__init__(window)
+        self._watched = ["Range", "Closing"]
+        self._kept: deque[Telemetry] = deque(maxlen=KEPT)
+        self._last: Picture | None = None
+
+    def draw(self, console: Console) -> None:
+        """Draw into the current panel."""
+        w, imgui = self._w, self._w.imgui
+        self._keep(console.feed.newest)
+        others = [name for name in FIGURES if name not in self._watched]
+        imgui.set_next_item_width(-1)
+        if imgui.begin_combo("##add", "watch another figure ..."):
+            for name in others:
+                if imgui.selectable(FIGURES[name][0], False)[0]:
+                    self._watched.append(name)
+            imgui.end_combo()
+        w.tip("or drag a row of figures here from the panel Chaser")
+        times = np.array([r.t_s for r in self._kept])
+        for name in tuple(self._watched):
+            self._plot(name, times)
+        imgui.dummy(w.vec(w.width, max(float(imgui.get_content_region_avail().y), w.line)))
+        self._take_dropped()
+
+    def _keep(self, picture: Picture | None) -> None:
+        if picture is None or picture is self._last:
+            return
+        self._last = picture
+        while self._kept and self._kept[-1].t_s >= picture.telemetry.t_s:
+            self._kept.pop()  # the flight went back
+        self._kept.append(picture.telemetry)
+
+    def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
+        w, implot, imgui = self._w, self._w.implot, self._w.imgui
+        title, values_of = FIGURES[name]
+        values = np.array([values_of(r) for r in self._kept], float).reshape(len(times), -1)
+        if imgui.small_button(f"x##{name}"):
+            self._watched.remove(name)
+        w.tip("watch it no longer")
+        imgui.same_line()
+        newest = ", ".join(f"{v:.4g}" for v in values[-1]) if len(values) else "no picture yet"
+        w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
+        w.tip(f"{title}, of the newest picture")
+        flags = implot.Flags_
+        quiet = flags.no_legend | flags.no_menus | flags.no_title
+        if implot.begin_plot(f"##{name}", w.vec(-1, 110 * w.window.scale), quiet):
+            axis = implot.AxisFlags_
+            implot.setup_axes("", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit)
+            for k, column in enumerate(values.T):
+                spec = implot.Spec()
+                spec.line_color = imgui.ImVec4(*COLOURS[k % len(COLOURS)])
+                spec.line_weight = 1.5
+                implot.plot_line(f"{name} {k}", times, np.ascontiguousarray(column), spec)
+            implot.end_plot()
+            w.tip(f"{title} over the flight [s since the start]")
+        self._take_dropped()
+
+    def _take_dropped(self) -> None:
+        """Watch the figure that was let go over the last part."""
+        imgui = self._w.imgui
+        if not imgui.begin_drag_drop_target():
+            return
+        payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
+        if payload is not None:
+            name = list(FIGURES)[payload.data_id]
+            if name not in self._watched:
+                self._watched.append(name)
+        imgui.end_drag_drop_target()
