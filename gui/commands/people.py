@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path("out") / "console"
 LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1
-TOUR_STEPS = 7
+TOUR_STEPS = 6
 
 
 def _font_scale(console: Console, scale: float) -> None:
@@ -38,7 +38,7 @@ def _tour(console: Console) -> None:
 
 
 def _tour_step(console: Console, step: int) -> None:
-    console.help.tour_step = min(max(console.help.tour_step + step, 0), TOUR_STEPS - 1)
+    console.help.tour_step = min(max(console.help.tour_step + step, 0), TOUR_STEPS)
 
 
 def _screenshot(console: Console, path: str | None = None) -> None:
@@ -128,10 +128,10 @@ COMMANDS = (
         ("slash",),
         arguments=(Argument("panel", "word", "its name; left out: under the mouse", optional=True),),
     ),
-    Command("help.tour", "Tour", "a few cards that point at what there is", _tour),
-    Command("help.tour-next", "Next card", "the tour's next card", lambda console: _tour_step(console, 1)),
+    Command("help.tour", "Tour", "six things to do, each ticked when it was done", _tour),
+    Command("help.tour-next", "Next step", "the tour's next step", lambda console: _tour_step(console, 1)),
     Command(
-        "help.tour-back", "Card before", "the tour's card before", lambda console: _tour_step(console, -1)
+        "help.tour-back", "Step before", "the tour's step before", lambda console: _tour_step(console, -1)
     ),
     Command(
         "help.tour-end",

@@ -1,7 +1,8 @@
-"""The tour: a few short cards, each beside what it speaks of. Shown at the first start, and by Help, Tour."""
+"""The tour: six things to do, each ticked when it was done. Shown at the first start, and by Help, Tour."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
@@ -10,91 +11,101 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
-CARDS = (
-    (
-        "camera",
-        "The chaser's camera",
-        "This is what the sensor sees, live. W A S D R F push, I K J L U O turn.",
-    ),
-    (
+MOST_LINES = 200
+"""Of the log, that are looked at: what was done long before is done again."""
+
+
+@dataclass(frozen=True)
+class Doing:
+    """A step of the tour.
+
+    Parameters
+    ----------
+    title, text : for people. commands : the step is done when one of these was. place : panel or bar that is framed.
+    """
+
+    title: str
+    text: str
+    commands: frozenset[str]
+    place: str
+
+
+DOINGS = (
+    Doing(
+        "Stop the clock",
+        "The view is what the sensor sees, live. Press Space, or Pause in the strip below; once more goes on.",
+        frozenset({"time.pause"}),
         "transport",
-        "Time",
-        "Space pauses, + and - change the rate. Ctrl+T opens the timeline: any place of the flight again.",
     ),
-    (
-        "chaser",
-        "Who flies",
-        "Guidance flies until the first key. G gives the chaser back to it, X brings it to rest.",
+    Doing(
+        "Fly by hand",
+        "Click HAND OFF in the strip: now keys fly. Hold W to push forward; A D R F push aside, I K J L U O turn.",
+        frozenset({"steer.forward", "steer.back", "steer.left", "steer.right", "steer.up", "steer.down"}),
+        "transport",
     ),
-    (
+    Doing(
+        "Come to rest",
+        "Without thrust the chaser drifts: the map shows where to, dashed. Press X, or Stop, to rest at the target.",
+        frozenset({"steer.stop"}),
         "lvlh-map",
-        "The map",
-        "Where the chaser was and where it drifts, in the target's frame. Wheel and drag move it.",
     ),
-    (
+    Doing(
+        "Let the autopilot dock",
+        "Press B: it flies to the docking port. View, Layout, Dock opens what to watch. Del, or ABORT twice, retreats.",
+        frozenset({"docking.approach"}),
+        "camera",
+    ),
+    Doing(
+        "Estimate the pose",
+        "Tools, Estimator, Estimate: the pose from the picture alone is drawn over the view, with its error.",
+        frozenset({"estimator.run"}),
+        "camera",
+    ),
+    Doing(
+        "Keep a picture",
+        "Press P: the picture and its truth are in out/console. Tools, Capture makes whole data sets.",
+        frozenset({"picture.save", "capture.start"}),
         "picture",
-        "Overlays",
-        "Keypoints, box, axes, wireframe, exposure. Ctrl+Z takes a change of settings back.",
-    ),
-    (
-        "status",
-        "Messages",
-        "The lamp lights for cautions; F9: they were seen. Both rates stand on the right.",
-    ),
-    (
-        "menu",
-        "All the rest",
-        "Every command is in the menus, in F1 and in Ctrl+P. ? tells about the panel under the mouse.",
     ),
 )
-"""Panel (or bar) that a card points at, its title, its text."""
 
 
 class TourPanel(Panel):
-    """A card at a time; Escape ends the tour."""
+    """A list of things to do; the next one is described, and what it is about is framed."""
 
-    name, title, place, shown = "tour", "Tour", "over", False
+    name, title, place, shown = "tour", "Tour", "left", False
 
     def draw(self, console: Console) -> None:
-        """Draw into the current window."""
+        """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
-        scale = w.window.scale
-        step = min(max(console.help.tour_step, 0), len(CARDS) - 1)
-        about, title, text = CARDS[step]
-        self._place(console, about)
-        w.one_line(f"{step + 1} of {len(CARDS)}   {title}", style.ACCENT)
-        w.text(text)
-        imgui.dummy(w.vec(0, 4 * scale))
-        if step:
+        done_by = {line.name for line in console.log.lines[-MOST_LINES:]}
+        step = console.help.tour_step
+        if step < len(DOINGS) and DOINGS[step].commands & done_by:
+            console.help.tour_step = step = step + 1
+        for k, doing in enumerate(DOINGS):
+            colour = style.GOOD if k < step else style.ACCENT if k == step else style.QUIET
+            w.text(f"{k + 1}  {doing.title}{'  done' if k < step else ''}", colour)
+            if k == step:
+                w.text(doing.text)
+                self._frame(console, doing.place)
+        imgui.dummy(w.vec(0, 4 * w.window.scale))
+        if step == len(DOINGS):
+            w.text(
+                "That is most of it. F1 lists every command and key; ? tells about the panel under the mouse."
+            )
+        elif step:
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()
-        if step + 1 < len(CARDS):
-            w.button(console, "help.tour-next", label="Next")
+        if step < len(DOINGS):
+            w.button(console, "help.tour-next", label="Skip this")
             imgui.same_line()
-        w.button(console, "help.tour-end", label="Skip" if step + 1 < len(CARDS) else "Done")
+        w.button(console, "help.tour-end", label="End" if step < len(DOINGS) else "Done")
 
-    def _place(self, console: Console, about: str) -> None:
-        """Beside what the card speaks of, inside the window; what it speaks of is framed."""
+    def _frame(self, console: Console, place: str) -> None:
+        """Draw a frame around what a step is about."""
         w, imgui = self._w, self._w.imgui
-        scale, screen = w.window.scale, imgui.get_main_viewport()
-        width, height = min(340 * scale, 0.9 * screen.size.x), 150 * scale
-        x, y, wide, tall = console.help.rects.get(about, (0.0, 0.0, screen.size.x, screen.size.y))
-        left = x - width - 12 * scale
-        if left < 0:
-            left = (
-                x + wide + 12 * scale
-                if x + wide + width + 12 * scale < screen.size.x
-                else x + (wide - width) / 2
-            )
-        top = y if about != "status" else y - height - 12 * scale
-        top += 12 * scale if about in ("camera", "menu") else 0
-        if about == "menu":
-            top = y + tall + 12 * scale
-        imgui.set_window_pos(
-            w.vec(
-                min(max(left, 8.0), screen.size.x - width - 8), min(max(top, 8.0), screen.size.y - height - 8)
-            )
-        )
-        imgui.set_window_size(w.vec(width, height))
-        draw = imgui.get_foreground_draw_list()
-        draw.add_rect(w.vec(x + 1, y + 1), w.vec(x + wide - 1, y + tall - 1), w.color(style.ACCENT), 3.0, 2.0)
+        if place in console.help.rects:
+            x, y, wide, tall = console.help.rects[place]
+            draw = imgui.get_foreground_draw_list()
+            low, high = w.vec(x + 1, y + 1), w.vec(x + wide - 1, y + tall - 1)
+            draw.add_rect(low, high, w.color(style.ACCENT), 3.0, 2.0)

@@ -1,0 +1,49 @@
+"""The tour's steps are ticked by what was done, and by nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from flyaround.gui.panels.tour import DOINGS, TourPanel
+from tests.harness.flown_console import console_flying
+from tests.harness.headless_imgui import HeadlessWindow
+
+
+@pytest.fixture
+def tour():
+    window, console = HeadlessWindow(), console_flying("tango-space-10m")
+    panel = TourPanel(window)
+
+    def turn() -> int:
+        with window.panel("tour", 420.0, 780.0):
+            panel.draw(console)
+        return console.help.tour_step
+
+    yield console, turn
+    console.close()
+    window.close()
+
+
+def test_a_step_is_done_when_its_command_was(tour):
+    console, turn = tour
+    assert turn() == 0
+    console.do("overlay.box")
+    assert turn() == 0
+    console.do("time.pause")
+    assert turn() == 1
+    console.do("steer.arm")
+    assert turn() == 1
+    console.hold(frozenset({"steer.forward"}))
+    console.hold(frozenset())
+    console.do("steer.stop")
+    assert (turn(), turn()) == (2, 3)
+    for _ in DOINGS:
+        console.do("help.tour-next")
+    assert turn() == len(DOINGS)
+
+
+def test_every_step_names_commands_that_there_are(tour):
+    console, _ = tour
+    for doing in DOINGS:
+        for name in doing.commands:
+            assert name in console.table, name
