@@ -16,6 +16,9 @@ from tools.validation.rendering import (
     air as rendering_air,
 )
 from tools.validation.rendering import (
+    colours as rendering_colours,
+)
+from tools.validation.rendering import (
     craft as rendering_craft,
 )
 from tools.validation.rendering import (
@@ -35,6 +38,7 @@ Part = tuple[str, "Callable[[Renderer], list[Row]]", str]
 PARTS: tuple[Part, ...] = (
     ("Earth, air, Moon, Sun and stars", rendering_earth.rows, rendering_earth.NOTES),
     ("Scattering in the air", rendering_air.rows, rendering_air.NOTES),
+    ("Colour of limb and ground", rendering_colours.rows, rendering_colours.NOTES),
     ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
     ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
 )
