@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-GROUND_RAYS, LIMB_RAYS = 768, 48
+GROUND_RAYS, LIMB_RAYS = 512, 48
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # along a ray through the air
 FOOTPRINT = 0.2  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
@@ -58,6 +58,7 @@ class ShineSampler:
             array = self._arrays[program.gl] = self._context.vertex_array(
                 program.gl, [(self._in, "4f", "in_ray")], mode=self._context.POINTS
             )
+        earth.air(scene.environment).frame.make_complete()
         self._in.write(rays.astype(np.float32).tobytes())
         draw_to(self._target)
         array.transform(self._out, vertices=len(rays))

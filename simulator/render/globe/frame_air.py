@@ -113,6 +113,10 @@ class FrameAir:
             self._framebuffer.viewport = (c0, first + r0, c1 - c0, r1 - r0)
             self._array.render(vertices=3)
 
+    def make_complete(self) -> None:
+        """Make a framebuffer current for vertices that draw nothing: a driver without a window may have none."""
+        draw_to(self._framebuffer)
+
     @property
     def static_tables(self) -> dict[str, moderngl.Texture]:
         """The tables that no frame changes, by their samplers."""
@@ -167,8 +171,7 @@ class FrameAir:
         lens = self._programs.lens
         if lens not in self._corners:
             self._corners[lens] = _Corners(self._context, self._programs, self._bands)
-        # nothing is drawn to it, but a driver without a window has no other that is complete
-        draw_to(self._framebuffer)
+        self.make_complete()
         self._bind(self._corners[lens].program)
         return self._corners[lens]
 

@@ -7,6 +7,7 @@ stretching its polar axis to this sphere first, so that one atmosphere fits ever
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,6 +83,7 @@ class Atmosphere:
         )
 
 
+@lru_cache(maxsize=16)
 def earth_atmosphere(
     bands: Bands, thickness_m: float = 100_000.0, aerosol_depth: float | None = None
 ) -> Atmosphere:

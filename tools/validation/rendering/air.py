@@ -96,7 +96,8 @@ def _light(
     sun = np.array([-np.sin(np.radians(sun_deg)), 0.0, np.cos(np.radians(sun_deg))])
     view, azimuth = np.meshgrid(np.radians(VIEWS_DEG), np.radians(AZIMUTHS_DEG), indexing="ij")
     up = np.stack([np.sin(view) * np.cos(azimuth), np.sin(view) * np.sin(azimuth), np.cos(view)], axis=-1)
-    falling = sum(ground_irradiance(air, sun[2:], multiple=table))[0]
+    direct, diffuse = ground_irradiance(air, sun[2:], multiple=table)
+    falling = (direct + diffuse)[0]
     foot = np.array([0.0, 0.0, air.radius_m + 1.0])
     out = []
     for way in up.reshape(-1, 3):

@@ -16,6 +16,9 @@ from tools.validation.rendering import (
     air as rendering_air,
 )
 from tools.validation.rendering import (
+    colours as rendering_colours,
+)
+from tools.validation.rendering import (
     craft as rendering_craft,
 )
 from tools.validation.rendering import (
@@ -43,6 +46,7 @@ PARTS: tuple[Part, ...] = (
         rendering_surfaces.rows,
         rendering_surfaces.NOTES,
     ),
+    ("Colour of limb and ground", rendering_colours.rows, rendering_colours.NOTES),
     ("Limb, star, penumbra, moonlight", rendering_sky.rows, rendering_sky.NOTES),
     ("The spacecraft", rendering_craft.rows, rendering_craft.NOTES),
 )
