@@ -33,11 +33,12 @@ uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 k
 #endif
 
 #if BANDS == 1
-// share of the light from the ground that clear air, with ozone and aerosol, returns to it: PythonicDISORT 1.8
-const float BACK = 0.085;
+// of the light from the ground, what clear air sends down again, and what it scatters towards the camera over what it lets
+// through: PythonicDISORT 1.8, Rayleigh, aerosol of 0.05 and ozone
+const float DOWN = 0.082, ASIDE = 0.064;
 const float SEA = 0.022;      // reflectance of the water's body: clear ocean, in band (Morel & Maritorena 2001)
 #else
-const vec3 BACK = vec3(0.055, 0.10, 0.19);
+const vec3 DOWN = vec3(0.054, 0.092, 0.175), ASIDE = vec3(0.046, 0.080, 0.193);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
@@ -248,7 +249,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if AIR
-    ground += BACK * ground * ground; // what the air sends down again
+    // the air's tables have them for the mean Earth
+    ground += (ground - EARTH_ALBEDO) * (DOWN * ground + ASIDE);
 #endif
     color radiance = ground * g.light + g.haze;
 #endif

@@ -36,6 +36,7 @@ from flyaround.simulator.render.gl.mipmaps import (
 from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, TABLE_DEFINES, Air, FrameAir
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.view import SCENE
+from flyaround.simulator.world.bodies.earth import EARTH as EARTH_BODY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -235,6 +236,7 @@ class Earth:
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
             "TERRAIN_SLOPE": TERRAIN_SLOPE_MAX,
+            "EARTH_ALBEDO": EARTH_BODY.albedo,
             "SNOW_REFLECTANCE": SNOW_REFLECTANCE,
             "CITY_MAX": CITY_MAX_W_M2_SR,
             "CITY_BRIGHTEST": CITY_BRIGHTEST,
