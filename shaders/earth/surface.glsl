@@ -151,11 +151,12 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
     // detail, whose histogram is even; where it is larger they are thicker too
     float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0), cover2 = cover * cover;
-    s.share = cover * (2.0 - cover) + 0.6 * cover2 * cover2;
+    float cover4 = cover2 * cover2;
+    s.share = cover * (1.45 - 0.45 * cover) + 0.6 * cover4;
     s.scale = 1.0 / (s.share + 0.02);
-    s.thick = (1.2 + 1.6 * cover + 2.0 * cover2 + 16.0 * cover2 * cover2 * cover2) * min(10.0 * cover, 1.0);
-    s.veil = 0.25 * cover2;
-    s.mean = cover * (0.84 + cover * (1.74 + cover2 * cover2 * (12.9 * cover2 - 0.6)));
+    s.thick = (1.05 + 20.0 * cover4 * cover4) * min(10.0 * cover, 1.0);
+    s.veil = 0.12 * cover2;
+    s.mean = cover * (0.36 + cover * (1.14 + cover2 * (12.28 * cover2 * cover2 * cover - 1.45)));
     s.lit = map.z;
     return s;
 }
