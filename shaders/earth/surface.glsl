@@ -250,10 +250,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if AIR
-    // the air's tables have them for the mean Earth
-    ground += (ground - EARTH_ALBEDO) * (DOWN * ground + ASIDE);
-#endif
+    // the air's tables have them for the mean Earth; moonlight has no haze that could be less
+    color more = (ground - EARTH_ALBEDO) * (DOWN * ground + ASIDE);
+    color radiance = max(more * g.light + g.haze, color(0.0)) + ground * g.light;
+#else
     color radiance = ground * g.light + g.haze;
+#endif
 #endif
 #if NIGHT
     // the map's cells are broken up into streets, where they are dark into villages, each of a mean of one

@@ -72,7 +72,7 @@ def test_clouds_are_as_bright_as_discrete_ordinates_have_them():
             # at 0.15 of the way from the edge to the middle the depth is the scaled one
             drawn = thin / (1 + mu) * cloud(0.15, scaled / 0.15**2, 0.0, thin)
             # thin clouds return more towards the Sun than this phase function has it, by a glory and a rainbow
-            assert drawn == pytest.approx(exact, rel=0.10, abs=0.065 if depth < 16 else 0.0)
+            assert drawn == pytest.approx(exact, rel=0.12, abs=0.065 if depth < 16 else 0.0)
 
 
 @pytest.mark.parametrize("level", [0, 2])
@@ -93,7 +93,7 @@ def test_streets_keep_the_light_of_a_cell():
         levels.append(chain.smaller[at : at + 4 * size * size].reshape(size, size, 4)[..., 1:3])
         at, size = at + 4 * size * size, size // 2
     for level in levels:
-        assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.04)
+        assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.05)
 
 
 @pytest.mark.parametrize("quality", ["default", "high"])
