@@ -119,14 +119,16 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     color gain = mix(BAND(textureLod(t_month_before, g.uv, coarse - 1.0)), BAND(textureLod(t_month_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = g.ripple = 0.0;
-    // leaves hide their shadows from who looks along the light: mean 1 over the directions
+    // leaves hide their shadows from who looks along the light
     float back = 0.5 - 0.5 * dot(ray.direction, sun);
     back *= back;
-    g.shine = 0.9 + 0.5 * back * back;
+    g.shine = 1.0 + 0.37 * back * back;
+    // clouds shine back within some 25 degrees: glory, and shadows that lie behind what throws them (Su et al. 2021)
+    float glory = clamp((back - 0.865) * 7.4, 0.0, 1.0);
     // escape functions of the light's and the view's angle (King 1987, eq. 2); endless cloud as the law of isotropic scatterers
     // has it with them, within 8 per cent of discrete ordinates; 1.3: both graze, where clouds hide each other
     g.thin = (9.0 / 49.0 * 4.0 / 3.0) * (1.0 + 2.0 * max(mu, 0.0)) * (1.0 + 2.0 * c_view);
-    g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.3);
+    g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.3) * (1.0 + 0.3 * glory * glory * glory);
 #if GLINT
     vec2 glint = sun_glint(n, -ray.direction, sun, c_view, mu);
     if (mu > 0.0) g.glint = direct * PI * glint.x / max(mu, 0.05);

@@ -1,12 +1,12 @@
 // The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
 // Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; FAR: pixels may
-// be wider than 1.6 km; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
+// be wider than 1.6 km; UNLIT: neither Sun nor Moon shine there; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
 uniform sampler2D t_map;    // square roots of land reflectance, cloud opacity and light of lamps, distance to the coast
 #if BANDS == 3
 uniform sampler2D t_colour; // square root of land reflectance per band
 #endif
-uniform sampler2D t_detail; // simulator/celestial/detail_noise.py
+uniform sampler2D t_detail; // simulator/celestial/detail_noise.py; UNLIT: as t_city
 #if HIGH
 uniform sampler2D t_terrain; // assets/earth/terrain_detail_1024.png
 #endif
@@ -33,11 +33,12 @@ uniform vec3 u_level;       // of the maps, of the detail, and of a texel of 1 k
 #endif
 
 #if BANDS == 1
-// share of the light from the ground that clear air, with ozone and aerosol, returns to it: PythonicDISORT 1.8
-const float BACK = 0.085;
+// of the light from the ground, what clear air sends down again, and what it scatters towards the camera over what it lets
+// through: PythonicDISORT 1.8, Rayleigh, aerosol of 0.05 and ozone
+const float DOWN = 0.082, ASIDE = 0.064;
 const float SEA = 0.022;      // reflectance of the water's body: clear ocean, in band (Morel & Maritorena 2001)
 #else
-const vec3 BACK = vec3(0.055, 0.10, 0.19);
+const vec3 DOWN = vec3(0.054, 0.092, 0.175), ASIDE = vec3(0.046, 0.080, 0.193);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
@@ -150,11 +151,12 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
     // detail, whose histogram is even; where it is larger they are thicker too
     float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0), cover2 = cover * cover;
-    s.share = cover * (2.0 - cover) + 0.6 * cover2 * cover2;
+    float cover4 = cover2 * cover2;
+    s.share = cover * (1.45 - 0.45 * cover) + 0.6 * cover4;
     s.scale = 1.0 / (s.share + 0.02);
-    s.thick = (1.2 + 1.6 * cover + 2.0 * cover2 + 16.0 * cover2 * cover2 * cover2) * min(10.0 * cover, 1.0);
-    s.veil = 0.25 * cover2;
-    s.mean = cover * (0.84 + cover * (1.74 + cover2 * cover2 * (12.9 * cover2 - 0.6)));
+    s.thick = (1.05 + 20.0 * cover4 * cover4) * min(10.0 * cover, 1.0);
+    s.veil = 0.12 * cover2;
+    s.mean = cover * (0.36 + cover * (1.14 + cover2 * (12.28 * cover2 * cover2 * cover - 1.45)));
     s.lit = map.z;
     return s;
 }
@@ -175,8 +177,24 @@ float sea_calm(float gusts, float streaks, float swell, float current) {
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
 color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
-    vec4 under = detail.ground;
     float puff = detail.cloud.x;
+#if CLOUDS
+#if HIGH
+    // the veil is cirrus: fibres along the wind, 9 km high
+    float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
+    s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
+#endif
+    float over = (puff - 1.0 + s.share) * s.scale; // 0 at the cloud's edge, 1 at most
+    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
+#if FAR
+    // from far away the puffs are averaged before they are cut: their mean then is that of a cover
+    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
+#endif
+#endif
+#if UNLIT
+    color radiance = g.haze;
+#else
+    vec4 under = detail.ground;
     // of the puff and of the ground towards the Sun, per km of height
     float level = 0.5 * (g.toward.x + g.toward.y);
     float rise = dot(detail.cloud.yz, g.toward) - level, hill = dot(under.yz, g.toward) - level;
@@ -215,17 +233,6 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
     color ground = mix(sea, reflectance, clamp(s.shore + s.wriggle * under.x, 0.0, 1.0));
 #if CLOUDS
-#if HIGH
-    // the veil is cirrus: fibres along the wind, 9 km high
-    float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
-    s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
-#endif
-    float over = (puff - 1.0 + s.share) * s.scale; // 0 at the cloud's edge, 1 at most
-    float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
-#if FAR
-    // from far away the puffs are averaged before they are cut: their mean then is that of a cover
-    cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
-#endif
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets
@@ -243,20 +250,32 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if AIR
-    ground += BACK * ground * ground; // what the air sends down again
-#endif
+    // the air's tables have them for the mean Earth; moonlight has no haze that could be less
+    color more = (ground - EARTH_ALBEDO) * (DOWN * ground + ASIDE);
+    color radiance = max(more * g.light + g.haze, color(0.0)) + ground * g.light;
+#else
     color radiance = ground * g.light + g.haze;
+#endif
+#endif
 #if NIGHT
     // the map's cells are broken up into streets, where they are dark into villages, each of a mean of one
-    vec4 city = textureLod(t_city, CITY_TILES * g.plane, DETAIL_LEVEL + CITY_LEVEL);
-    float streets = mix(city.y, city.x, min(3.0 * s.lit, 1.0)) * CITY_BRIGHTEST;
+#if UNLIT
+    vec4 city = detail.ground;
+#else
+    vec4 city = textureLod(t_city, g.plane, DETAIL_LEVEL);
+#endif
+    float streets = mix(city.z, city.y, min(3.0 * s.lit, 1.0)) * CITY_BRIGHTEST;
+#if HIGH
+    // smaller streets
+    streets *= textureLod(t_city, mat2(2.9, 2.4, -2.4, 2.9) * g.plane, DETAIL_LEVEL + 1.9).y * CITY_BRIGHTEST;
+#endif
     color lamps = g.lamps * (s.lit * s.lit * streets);
 #if CLOUDS
     lamps *= 1.0 - cloud;
 #endif
 #if BANDS == 3
     // districts have lamps of their own
-    lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.z);
+    lamps *= mix(vec3(1.12, 0.95, 0.6), vec3(0.88, 1.05, 1.4), city.w);
 #endif
     radiance += lamps;
 #endif

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from flyaround.simulator.celestial import city_lights
 from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN, GROUND_SAMPLES, air_tables
+from flyaround.simulator.celestial.city_lights import BRIGHTEST as CITY_BRIGHTEST
+from flyaround.simulator.celestial.city_lights import MAP_MAX_W_M2_SR as CITY_MAX_W_M2_SR
 from flyaround.simulator.celestial.detail_noise import GRAIN, PERIOD_KM, SIZE, SLOPE_PER_KM
 from flyaround.simulator.celestial.earth_maps import SNOW_REFLECTANCE, TERRAIN_SLOPE_MAX, terrain_texture
 from flyaround.simulator.celestial.earth_maps import WIDTH as MAP_WIDTH
@@ -27,7 +28,7 @@ from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
 from flyaround.simulator.render.gl.library import draw_one_point
 from flyaround.simulator.render.gl.mipmaps import (
-    level_textures,
+    TilingTexture,
     mipmap_chain,
     mipmapped_texture,
     release_mipmapped,
@@ -35,6 +36,7 @@ from flyaround.simulator.render.gl.mipmaps import (
 from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, TABLE_DEFINES, Air, FrameAir
 from flyaround.simulator.render.moon.moon_view import MOON
 from flyaround.simulator.render.view import SCENE
+from flyaround.simulator.world.bodies.earth import EARTH as EARTH_BODY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -79,7 +81,8 @@ class EarthDraw:
     Parameters
     ----------
     framebuffer, viewport : what it draws into. blended : it is added to what is there.
-    tile_px : side of its tiles. level : of `TileKind`; ``None`` where no map is read from another level than its first.
+    tile_px : side of its tiles. city : where lamps may be lit.
+    level : of `TileKind`; ``None`` where no map is read from another level than its first.
     """
 
     program: Program
@@ -88,6 +91,7 @@ class EarthDraw:
     blended: bool
     tile_px: float
     detail: moderngl.Texture
+    city: moderngl.Texture | None
     level: float | None
 
 
@@ -141,15 +145,13 @@ class Earth:
         waiting = prefetched.maps.result()
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
-        self._detail_levels = prefetched.detail.result()
-        self._detail: moderngl.Texture | None = None
-        self._single_levels: list[moderngl.Texture] = []
+        self.detail, self.night = (TilingTexture(context, f) for f in (prefetched.detail, prefetched.night))
+        prefetched.detail.result()
         self._terrain: moderngl.Texture | None = None  # of `high`
         self._ground_slopes = self._mapped(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
         self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
         self._ocean_colour: Future[MipmapChain] | moderngl.Texture = prefetched.ocean_colour
-        self._city: Future[MipmapChain] | moderngl.Texture = prefetched.city
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
@@ -162,14 +164,14 @@ class Earth:
 
     def release(self) -> None:
         """Free maps, tables and vertices; the programs are the library's."""
-        maps = [self._detail, self._terrain, self._ground_slopes, self._ocean_colour, self._city]
+        maps = [self._terrain, self._ground_slopes, self._ocean_colour]
         maps += [*self._maps, *self._months.values()]
         maps += [] if self._ice is None else [self._ice[1]]
         for texture in maps:
             if isinstance(texture, moderngl.Texture):
                 release_mipmapped(texture)
-        for texture in self._single_levels:
-            texture.release()
+        self.detail.release()
+        self.night.release()
         for air in self._airs.values():
             air.frame.release()
         for buffer, array in self._arrays.values():
@@ -184,11 +186,6 @@ class Earth:
         texture = mipmapped_texture(self._context, levels)
         texture.filter = (self._context.LINEAR_MIPMAP_LINEAR, self._context.LINEAR)
         texture.repeat_x, texture.repeat_y = True, False
-        return texture
-
-    def _tiled(self, levels: MipmapChain) -> moderngl.Texture:
-        texture = self._mapped(levels)
-        texture.repeat_y = True
         return texture
 
     def _month(self, month: int) -> moderngl.Texture:
@@ -222,7 +219,8 @@ class Earth:
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),
-            "MOONLIT": int(environment.moon and dark),
+            "UNLIT": int(kind.unlit),
+            "MOONLIT": int(environment.moon and dark and not kind.unlit),
             "ICE": int(environment.sea_ice and kind.icy and not one),
             "ICE_LEVEL": math.log2(MAP_WIDTH / ICE_WIDTH),
             "OCEAN_COLOUR": int(kind.bright_water and not one),
@@ -246,11 +244,10 @@ class Earth:
             "SLOPE_PER_KM": SLOPE_PER_KM,
             "GRAIN": GRAIN,
             "TERRAIN_SLOPE": TERRAIN_SLOPE_MAX,
+            "EARTH_ALBEDO": EARTH_BODY.albedo,
             "SNOW_REFLECTANCE": SNOW_REFLECTANCE,
-            "CITY_MAX": city_lights.MAP_MAX_W_M2_SR,
-            "CITY_BRIGHTEST": city_lights.BRIGHTEST,
-            "CITY_TILES": PERIOD_KM / city_lights.PERIOD_KM,
-            "CITY_LEVEL": math.log2(DETAIL_TEXEL_KM * city_lights.SIZE / city_lights.PERIOD_KM),
+            "CITY_MAX": CITY_MAX_W_M2_SR,
+            "CITY_BRIGHTEST": CITY_BRIGHTEST,
             "GROUND_MU_MIN": GROUND_MU_MIN,
             "GROUND_SAMPLES": GROUND_SAMPLES,
             **TABLE_DEFINES,
@@ -272,8 +269,6 @@ class Earth:
             textures["t_terrain"] = self._terrain_of_high()
         if any(kind.icy or kind.bright_water for kind in frame.tiles.centers_px):
             textures |= self._waters(ice_day(scene))
-        if environment.night_lights and any(kind.night for kind in frame.tiles.centers_px):
-            textures["t_city"] = self._city_lights()
         if (touched := frame.tiles.holding(covered=False)) is not None:
             frame.images.mark_lit(touched)
         for draw, vertices_of in draws:
@@ -289,7 +284,8 @@ class Earth:
             for texture in self._maps:
                 texture.filter = smaller, self._context.LINEAR
             program, level = draw.program, draw.level or 0.0
-            program.bind_textures(**textures, t_detail=draw.detail)
+            lamps = {} if draw.city is None else {"t_city": draw.city}
+            program.bind_textures(**textures, **lamps, t_detail=draw.detail)
             textures = {}  # they are on the same units of the other programs
             program.set("u_season", month.share)
             program.set("u_extent_px", frame.tiles.extent_px)
@@ -317,31 +313,12 @@ class Earth:
             self._arrays[program] = (buffer, array)
         return self._arrays[program]
 
-    def single_levels(self) -> list[moderngl.Texture]:
-        """Return each of the detail's levels as a texture of its own."""
-        if not self._single_levels:
-            self._single_levels = level_textures(self._context, self._detail_levels)
-        return self._single_levels
-
-    def mipmapped_detail(self, smaller: int) -> moderngl.Texture:
-        """The detail with all its levels; ``smaller`` is OpenGL's filter between them."""
-        if self._detail is None:
-            self._detail = mipmapped_texture(self._context, self._detail_levels)
-        self._detail.filter = (smaller, self._context.LINEAR)
-        return self._detail
-
     def _terrain_of_high(self) -> moderngl.Texture:
         """The land's valleys, uploaded when `high` is first asked for."""
         if self._terrain is None:
-            self._terrain = self._tiled(mipmap_chain(terrain_texture(), globe=False))
+            self._terrain = self._mapped(mipmap_chain(terrain_texture(), globe=False))
+            self._terrain.repeat_y = True
         return self._terrain
-
-    def _city_lights(self) -> moderngl.Texture:
-        """Streets and villages: uploaded when the night is first in view."""
-        if not isinstance(self._city, moderngl.Texture):
-            self._city = self._tiled(self._city.result())
-            self._city.filter = (self._context.LINEAR_MIPMAP_NEAREST, self._context.LINEAR)
-        return self._city
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
         """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
@@ -404,7 +381,8 @@ class EarthPass(Pass):
                 (0, 0, *tiles.extent_px),
                 kind.covered,
                 float(tiles.size_px),
-                earth.mipmapped_detail(self._context.LINEAR_MIPMAP_LINEAR),
+                earth.detail.mipmapped(self._context.LINEAR_MIPMAP_LINEAR),
+                earth.night.mipmapped(self._context.LINEAR_MIPMAP_LINEAR) if kind.night else None,
                 kind.level,
             )
             draws.append((draw, partial(np.asarray, centers)))

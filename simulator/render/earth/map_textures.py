@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from flyaround.simulator.celestial.air_tables import COSINES, GROUND_SAMPLES, RADII, AirTables, air_tables
-from flyaround.simulator.celestial.city_lights import city_texture
+from flyaround.simulator.celestial.city_lights import night_texture
 from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.celestial.earth_albedo import albedo_of_day
 from flyaround.simulator.celestial.earth_maps import packed_maps
@@ -39,7 +39,7 @@ class EarthMaps:
     Parameters
     ----------
     albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
-    ocean_colour, city : uploaded only when such water, or the night, is in view. air : of the scene's thickness.
+    ocean_colour, night : uploaded only when such water, or the night, is in view. air : of the scene's thickness.
     """
 
     albedo: Future[Float32Array]
@@ -48,7 +48,7 @@ class EarthMaps:
     ground_slopes: Future[MipmapChain]
     months: Future[dict[int, MipmapChain]]
     ocean_colour: Future[MipmapChain]
-    city: Future[MipmapChain]
+    night: Future[MipmapChain]
     air: Future[AirTables]
 
 
@@ -74,7 +74,7 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
         others.submit(lambda: mipmap_chain(ground_slopes(), globe=True)),
         months,
         water,
-        with_maps.submit(lambda: mipmap_chain(city_texture(), globe=False)),
+        with_maps.submit(lambda: mipmap_chain(night_texture(), globe=False)),
         others.submit(
             air_tables,
             of_bands,

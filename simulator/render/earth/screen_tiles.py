@@ -32,6 +32,7 @@ class TileKind:
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
     night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
+    unlit : neither Sun nor Moon shine there; smooth ones only.
     bright_water : some of it is near water that is shallow or turbid.
     level : log2 of a pixel's footprint [km], smooth tiles only.
     air : none of it is ground. fine : tiles half as wide as the others, nearer to the limb; smooth ones only.
@@ -42,6 +43,7 @@ class TileKind:
     smooth: bool
     covered: bool
     night: bool
+    unlit: bool
     icy: bool
     bright_water: bool
     level: float
@@ -156,6 +158,7 @@ def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
         smooth=False,
         covered=True,
         night=True,
+        unlit=False,
         icy=bool(np.sin(min(latitude, np.pi / 2)) > ICE_SINE),
         bright_water=True,
         level=0.0,

@@ -15,6 +15,8 @@ from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     import moderngl
 
     from flyaround.simulator.runtime.arrays import ByteArray
@@ -101,6 +103,40 @@ def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moder
         texture.filter = (context.LINEAR, context.LINEAR)
         textures.append(texture)
     return textures
+
+
+class TilingTexture:
+    """A texture that tiles, with all its levels or with one of them; uploaded at first use.
+
+    Parameters
+    ----------
+    levels : they are waited for then.
+    """
+
+    def __init__(self, context: moderngl.Context, levels: Future[MipmapChain]) -> None:
+        self._context, self._levels = context, levels
+        self._whole: moderngl.Texture | None = None
+        self._single: list[moderngl.Texture] = []
+
+    def mipmapped(self, smaller: int) -> moderngl.Texture:
+        """Return it with all its levels; ``smaller`` is OpenGL's filter between them."""
+        if self._whole is None:
+            self._whole = mipmapped_texture(self._context, self._levels.result())
+        self._whole.filter = (smaller, self._context.LINEAR)
+        return self._whole
+
+    def single(self, level: float) -> moderngl.Texture:
+        """Return the nearest of its levels as a texture of its own: a driver without a choice is quicker."""
+        if not self._single:
+            self._single = level_textures(self._context, self._levels.result())
+        return self._single[min(max(round(level), 0), len(self._single) - 1)]
+
+    def release(self) -> None:
+        """Free what was uploaded."""
+        if self._whole is not None:
+            release_mipmapped(self._whole)
+        for texture in self._single:
+            texture.release()
 
 
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.earth.earth_pass import Earth
     from flyaround.simulator.render.earth.screen_tiles import ScreenTiles, TileKind
     from flyaround.simulator.render.frame_graph import PassResources
+    from flyaround.simulator.render.gl.mipmaps import TilingTexture
     from flyaround.simulator.render.globe.frame_air import FrameAir
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
 
@@ -134,21 +135,20 @@ class SmoothEarthPass(EarthPass):
             (0, 0, width // 2, height // 2) if quads else (0, 0, width, height),
             kind.covered and not quads,
             frame.tiles.size_of(kind),
-            self._detail_of(earth, kind, quality),
+            self._level_of(earth.night if kind.unlit else earth.detail, kind, quality),
+            self._level_of(earth.night, kind, quality) if kind.night else None,
             None if magnified else kind.level,
         )
 
-    def _detail_of(self, earth: Earth, kind: TileKind, quality: str) -> moderngl.Texture:
-        """The detail with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
+    def _level_of(self, texture: TilingTexture, kind: TileKind, quality: str) -> moderngl.Texture:
+        """A texture with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
 
         Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
         """
-        level = kind.level - math.log2(DETAIL_TEXEL_KM)
         if kind.smooth and quality != "high":
-            levels = earth.single_levels()
-            return levels[min(max(round(level), 0), len(levels) - 1)]
+            return texture.single(kind.level - math.log2(DETAIL_TEXEL_KM))
         two = quality == "high"
-        return earth.mipmapped_detail(
+        return texture.mipmapped(
             self._context.LINEAR_MIPMAP_LINEAR if two else self._context.LINEAR_MIPMAP_NEAREST
         )
 

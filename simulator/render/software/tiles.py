@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.celestial.air_tables import GROUND_MU_MIN
 from flyaround.simulator.celestial.ocean_colour import near_bright_water
 from flyaround.simulator.celestial.sea_ice import near_ice
 from flyaround.simulator.render.craft.placement import TARGET
@@ -28,7 +29,7 @@ from flyaround.simulator.render.earth.screen_tiles import (
 )
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.projection import directions
-from flyaround.simulator.render.view import SCENE
+from flyaround.simulator.render.view import SCENE, VIEW
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ _LEVEL_STEP = 0.5  # of the levels of detail: a smooth tile has one for all its 
 # of a tile on the ground [radii]: one degree; larger ones may hold ocean_colour between their corners
 _LARGEST_OPEN = 0.017
 _MOONLIT_MU = -0.06  # of the same: there moonlight begins to count, shaders/earth/point.glsl
+_UNLIT_MU, _MOONLESS_MU = GROUND_MU_MIN - 0.005, -0.05  # of Sun and Moon: neither shines where both are lower
 _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
 
 
@@ -116,10 +118,9 @@ class _CornerRays:
         air = (self.along < 0) & (perigee > 1 + reach)
         return ~_all_corners(~touched), _all_corners(air)
 
-    def sun_sines(self) -> FloatArray:
-        """(N, M) of the Sun's elevation on the ground."""
-        earth = self.earth
-        return np.asarray(earth.camera @ earth.sun + self.distance * (self.directions @ earth.sun))
+    def sines(self, body: FloatArray) -> FloatArray:
+        """(N, M) of the elevation on the ground of a body in the direction of a unit vector."""
+        return np.asarray(self.earth.camera @ body + self.distance * (self.directions @ body))
 
     def waters(self, day: str) -> tuple[BoolArray, BoolArray]:
         """Tiles that may be near sea ice, and near water that is shallow or turbid."""
@@ -140,6 +141,7 @@ class _CornerRays:
 class SortedTilesPass(EarthTilesPass):
     """Cuts what the Earth touches into tiles by what their pixels see."""
 
+    reads = (*EarthTilesPass.reads, VIEW)
     optional = (TARGET,)
 
     def run(self, r: PassResources) -> None:
@@ -147,31 +149,37 @@ class SortedTilesPass(EarthTilesPass):
         scene, earth, target = r[SCENE], r[GLOBE], r.find(TARGET)
         if earth.rect is not None:
             target_px = None if target is None else target.tiles_px
-            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene))
+            moon = r[VIEW].moon_globe if r[VIEW].moon_share > 0 else None
+            r[EARTH_TILES] = earth_tiles(earth, scene.camera, target_px, ice_day(scene), moon)
 
 
-def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str) -> ScreenTiles:
+def earth_tiles(
+    earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str, moon: FloatArray | None
+) -> ScreenTiles:
     """Cut the image into tiles and sort them.
 
     Parameters
     ----------
     target_px : (K, 2) centres of the tiles that the target may touch, ``None`` without target.
-    day : ISO 8601, whose sea ice is drawn.
+    day : ISO 8601, whose sea ice is drawn. moon : unit vector to it, ``None`` where it gives no light.
     """
     rays = _CornerRays(earth, camera)
     size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1
     smooth, fine = rays.smooth(camera)
     touched, air = rays.touched()
     covered = _covered((rows, columns), size, target_px)
-    sun = rays.sun_sines()
+    sun = rays.sines(earth.sun)
     night = ~(_all_corners(sun > _NIGHT_MU) & (smooth | fine))
+    moonless = True if moon is None else rays.sines(moon) < _MOONLESS_MU
+    unlit = _all_corners((sun < _UNLIT_MU) & moonless) & (smooth | fine)
     icy, bright_water = rays.waters(day)
     # one number per kind of tile
-    kind = covered * 2 + air * 32 + ~air * (bright_water * 16 + icy * 8 + night) + (smooth | fine) * 4
+    ground = unlit * 128 + ~unlit * (bright_water * 16 + icy * 8)
+    kind = covered * 2 + air * 32 + ~air * (ground + night) + (smooth | fine) * 4
     height = np.log2(np.fmax(rays.footprint_km, 1e-6)) / _LEVEL_STEP
     level = np.where(smooth, np.round(height[:-1, :-1]), 0).astype(int)
     drawn = touched & ~fine
-    codes, centers = (kind + level * 128)[drawn], rays.middles_px(*drawn.nonzero())
+    codes, centers = (kind + level * 256)[drawn], rays.middles_px(*drawn.nonzero())
     halved_row, halved_column = fine.nonzero()
     halved = halved_row.astype(np.int64), halved_column.astype(np.int64)
     if len(halved[0]):
@@ -181,7 +189,7 @@ def earth_tiles(earth: GlobeView, camera: Camera, target_px: FloatArray | None, 
         for down, right in itertools.product((0.25, 0.75), repeat=2):
             level = levels + down * step[0] + right * step[1]
             level = np.where(level > FAR_LEVEL / _LEVEL_STEP, np.round(level), np.floor(level)).astype(int)
-            codes = np.append(codes, kind[halved] + 64 + level * 128)
+            codes = np.append(codes, kind[halved] + 64 + level * 256)
             offset = np.array([right - 0.5, down - 0.5], np.float32) * np.float32(size)
             centers = np.concatenate([centers, whole + offset])
     return ScreenTiles(
@@ -213,9 +221,10 @@ def _kind(code: int) -> TileKind:
         smooth=bool(code & 4),
         covered=bool(code & 2),
         night=bool(code & 1),
+        unlit=bool(code & 128),
         icy=bool(code & 8),
         bright_water=bool(code & 16),
-        level=(code >> 7) * _LEVEL_STEP,
+        level=(code >> 8) * _LEVEL_STEP,
         air=bool(code & 32),
         fine=bool(code & 64),
     )

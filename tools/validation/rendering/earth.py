@@ -43,10 +43,11 @@ SIZE, FIELD_RAD = 128, 0.046
 WIDE = 300e3  # height from which the whole Earth is seen [km]
 PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 NOTES = """
-Full Earth: Mallama, Krobusek & Pavlov (2017, Icarus 282) give a geometric albedo of 0.434 with a phase curve whose
-integral, a Bond albedo of 0.55, contradicts the measured 0.29; Allen's 0.367 is the figure that both goals can be held
-against, and our ground and clouds shine back towards the Sun as far as energy allows. The Moon's rows are means of
-the waxing and the waning Moon. "Twin": the same physics in double precision on the CPU.
+Full Earth: two thirds of the spherical albedo of 0.295 (Penttila et al. 2022, Frontiers in Remote Sensing 3), a Lambert
+sphere's, times the anisotropy of what DSCOVR sees from near the Sun, some 1.27 (Su et al. 2018, J. Geophys. Res. 123,
+11479). Older figures from photometry of the dark Moon (Allen 2000: 0.367; Mallama, Krobusek & Pavlov 2017: 0.434, with a
+phase curve that integrates to a Bond albedo of 0.55) contradict both it and the reflectances of the next table. The
+Moon's rows are means of the waxing and the waning Moon. "Twin": the same physics in double precision on the CPU.
 """
 
 
@@ -99,10 +100,10 @@ def _earth(renderer: Renderer) -> list[Row]:
     return [
         Row(
             what="full Earth's irradiance at 5 deg phase, relative",
-            against="Allen (2000): geometric albedo 0.367",
+            against="DSCOVR: 0.25 (notes)",
             unit="1",
             goal=0.15,
-            measured=_error(light[0], 0.363),
+            measured=_error(light[0], 0.25),
         ),
         Row(
             what="Earth's disc-integrated albedo, distance from 0.30",

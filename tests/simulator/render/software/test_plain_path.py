@@ -50,7 +50,7 @@ def test_a_picture_hardly_depends_on_what_is_left_out(renderers, name, bands):
     assert off.max() < 0.02 * of_craft.max()
     assert off.mean() < 1e-3 * of_craft.mean()
     # ground of one level of detail a tile, which may be half a level sharper: the same brightness, other cloud edges
-    assert plain.radiance.mean() == pytest.approx(spared.radiance.mean(), rel=0.01)
+    assert plain.radiance.mean() == pytest.approx(spared.radiance.mean(), rel=0.015)
     blocks = _blocks(spared.radiance)
     assert np.abs(blocks - _blocks(plain.radiance)).max() < 0.06 * blocks.max()
 
