@@ -28,7 +28,7 @@ color ground_radiance(MoonPoint g) {
     vec4 fine = textureLod(t_fine, mat2(0.8, 0.6, -0.6, 0.8) * g.place.zw / FINE_KM, level - log2(FINE_KM / 1024.0));
     // the maria are younger: fewer and smaller craters
     float age = clamp(albedo * 1.6 - 0.7, 0.15, 1.0);
-    vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX);
+    vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
     albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);
     float facet = inversesqrt(1.0 + dot(slope, slope));
     // facets that face the Sun below the horizon lie in the shadow of others

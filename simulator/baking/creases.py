@@ -23,7 +23,7 @@ SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """What full scale of the slope channels (plus and minus) and of the deviation channel means."""
 _SEED = 1972
 # facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
-_LAYERS = ((40, 0.14, 1.35, 0.4), (150, -0.10, 1.5, 1.7), (700, 0.08, 1.3, 2.7), (3000, -0.05, 1.2, 1.0))
+_LAYERS = ((40, 0.18, 1.35, 0.4), (150, -0.13, 1.5, 1.7), (700, 0.11, 1.3, 2.7), (3000, -0.065, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Of the slopes, along both axes together."""
 _TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature

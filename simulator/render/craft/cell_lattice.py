@@ -29,7 +29,8 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
     """(K, 4, 4) lattices of at most ``MOST_LATTICES``: those of most cells.
 
     Rows 0 and 1 take a place (x, y, z, 1) in metres to its column and row, from 0 to their numbers; row 2 to its
-    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m].
+    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m]. Columns
+    are those whose pitch is larger.
 
     Parameters
     ----------
@@ -83,6 +84,8 @@ def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[
             at = centre @ rows[k, :3] + rows[k, 3]
             inside &= (at > 0) & (at < number)
         rows[2] = [*normal, -float((centre @ normal).mean())]
+        if rows[3, 2] < rows[3, 3]:
+            rows[:2], rows[3] = rows[1::-1].copy(), rows[3, [1, 0, 3, 2]]
         if inside.sum() >= _LEAST_CELLS and rows[3, 2:].max() < _LARGEST_M:
             out.append((int(inside.sum()), rows))
     return out

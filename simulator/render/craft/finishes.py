@@ -24,30 +24,34 @@ FOIL_ROUGHNESS = 0.6
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
     "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
-    "FINE_SHARE": 0.55,  # slopes of the second over those of the first
-    "CREASED_ALPHA": 0.36,  # width of the lobe of creases below a millimetre
+    "FINE_SHARE": 0.35,  # slopes of the second over those of the first
+    "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
+    "CREASED_BLUR": 0.06,  # cosine of the Earth's rim over which it fades in a facet
     "SEAM_U_M": 0.53,
     "SEAM_V_M": 0.74,
     "TAPE_M": 0.0125,  # half the width of one-inch tape
     "TAPE_DARKER": 0.1,
+    "CLOUDS_TILES": 0.9,  # of the mottle, in a hemisphere's radius of mirrored Earth
+    "CLOUDS_CONTRAST": 3.0,
 }
 _CELL = {
     "CELL_TILT": 0.004,  # slope by which cells lie uneven, at most: their glass mirrors different places
     "CELL_UNLIKE": 0.18,  # relative difference of their films' reflectance, at most
-    "BUSBAR_M": 0.0007,  # half the width of a busbar; two to a cell
-    "FINGER_M": 0.00002,  # of a finger
+    "BUSBAR_M": 0.0005,  # half the width of a busbar; two to a cell
+    "FINGER_M": 0.00002,  # of a finger; drawn one by one in `high`
     "FINGER_PITCH_M": 0.0013,
-    "CONTACT": 0.6,  # reflectance of silver under glass
+    "CELL_RISE_M": 0.004,  # of a cell's glass and its rim over the mean plane, at most
+    "CONTACT": 0.35,  # reflectance of silver under glass
 }
 _SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
 _MOTTLED = {
-    "panel-back": 0.1,
-    "panel-substrate": 0.1,
-    "cell-substrate": 0.1,
+    "panel-back": 0.16,
+    "cell-substrate": 0.14,
     "kapton-substrate": 0.14,
     "carbon-fibre": 0.2,
 }
 """Relative amplitude of mottle by material."""
+_POLISHED = 0.2  # roughness of a clear coat below which it is glass
 _DARK = 0.1  # reflectance below which a body under a full clear coat is a cell or a lens: those are coated
 _GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
 """Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
@@ -61,8 +65,9 @@ def is_foil(material: Material) -> bool:
 
 
 def has_films(material: Material) -> bool:
-    """Return True for a cell or a lens: something dark under a whole clear coat."""
-    return material.clearcoat > 0.9 and max(material.base_color) < _DARK and material.metallic == 0
+    """Return True for a cell or a lens: something dark under polished glass."""
+    polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _POLISHED
+    return polished and max(material.base_color) < _DARK and material.metallic == 0
 
 
 def mottle_of(material: Material) -> float:
@@ -124,7 +129,7 @@ def finish_defines(
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
         if lattices and quality != "draft":
-            defines |= {"CELLS": lattices, **_CELL}
+            defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL}
     return defines
 
 

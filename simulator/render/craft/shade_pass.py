@@ -95,7 +95,7 @@ class ShadePass(Pass):
                 self._creases = crease_texture(self._context)
             textures["t_creases"] = self._creases
         program.set("u_stamp", samples.stamp)
-        program.set("u_cells", tuple(map(tuple, r[TARGET].loaded.mesh.cell_lattices.reshape(-1, 4).tolist())))
+        program.set("u_cells", _cells_in_camera(r[TARGET]))
         images.mark_covered(rect)
         draw_to(images.target_framebuffer)
         # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
@@ -138,6 +138,13 @@ class ShadePass(Pass):
         return self._programs.get(
             "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit, *creases)
         )
+
+
+def _cells_in_camera(placed: PlacedTarget) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of the lattices of cells, of places in the camera frame."""
+    rows = placed.loaded.mesh.cell_lattices.copy()
+    rows[:, :3] = rows[:, :3] @ np.linalg.inv(placed.place.camera_from_target)
+    return tuple(map(tuple, rows.reshape(-1, 4).tolist()))
 
 
 def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:

@@ -172,7 +172,7 @@ def test_ground_that_rises_to_the_sun_is_dark_and_ground_that_falls_to_it_bright
         at = ground_km + moon_km * np.array([0.12, -0.08]) * pole  # the tile's place at the pole
         column, row = (np.floor(at / BROAD_KM * SIZE).astype(int) % SIZE).T
         rise = 2 * SLOPE_MAX * broad[row, column] @ sun[:2]  # towards the Sun
-        assert np.corrcoef(image, rise)[0, 1] < -0.5
+        assert np.corrcoef(image, rise)[0, 1] < -0.45
 
 
 def test_the_phase_curve_is_the_measured_one():
