@@ -6,7 +6,7 @@
 #include "globe/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
-uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/celestial/craters.py
+uniform sampler2D t_broad;   // slopes along u and v, brightness of craters, deviation of slopes; simulator/celestial/craters.py
 uniform sampler2D t_fine;    // the same of smaller ones
 #if SMOOTH
 in vec4 v_place, v_tilt, v_light, v_incident;
@@ -18,7 +18,7 @@ layout(location = 0) out vec4 out_radiance;
 
 // Radiance of the ground [W m-2 sr-1].
 color ground_radiance(MoonPoint g) {
-    float level = g.light.w;
+    float level = g.light.w - 0.25 * log2(max(g.light.y, 0.02)); // longer than wide, where it is seen aslant
 #if MAP_AT_CORNERS
     float albedo = v_albedo;
 #else
@@ -34,7 +34,10 @@ color ground_radiance(MoonPoint g) {
     // facets that face the Sun below the horizon lie in the shadow of others
     float dawn = smoothstep(-0.03, 0.05, g.light.x);
     vec2 cosines = (g.light.xy - vec2(dot(slope, g.tilt.xy), dot(slope, g.tilt.zw))) * facet;
-    float from_sun = reflected(cosines.x * dawn, cosines.y, g.light.z);
+    // what a texel hides of the slopes: some of it still sees a Sun that their mean does not
+    vec2 hidden = vec2(broad.w * age, fine.w * (0.5 + 0.5 * age)) * DEVIATION_MAX;
+    float lit = 0.5 * (cosines.x + sqrt(cosines.x * cosines.x + 0.32 * dot(hidden, hidden) * dot(g.tilt.xy, g.tilt.xy)));
+    float from_sun = reflected(lit * dawn, cosines.y, g.light.z);
     return (BAND(g.incident) * from_sun + g.incident.w) * albedo * BAND(u_moon_albedo) * BAND(u_moon_irradiance) * (1.0 / PI);
 }
 

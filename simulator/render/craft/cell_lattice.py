@@ -29,8 +29,8 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
     """(K, 4, 4) lattices of at most ``MOST_LATTICES``: those of most cells.
 
     Rows 0 and 1 take a place (x, y, z, 1) in metres to its column and row, from 0 to their numbers; row 2 to its
-    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m]. Columns
-    are those whose pitch is larger.
+    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m].
+    Columns are those whose pitch is larger.
 
     Parameters
     ----------

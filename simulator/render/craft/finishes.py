@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
-from flyaround.simulator.baking.creases import DEVIATION_MAX, SIZE, SLOPE_MAX, VARIANCE, crease_levels
+from flyaround.simulator.baking.creases import DEVIATION_MAX, SIZE, SLOPE_MAX, VARIANCE
 from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ FOIL_ROUGHNESS = 0.6
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
     "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
-    "FINE_SHARE": 0.35,  # slopes of the second over those of the first
+    "FINE_SHARE": 0.42,  # slopes of the second over those of the first
     "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
     "CREASED_BLUR": 0.06,  # cosine of the Earth's rim over which it fades in a facet
     "SEAM_U_M": 0.53,
@@ -37,11 +36,11 @@ _FOIL = {
 _CELL = {
     "CELL_TILT": 0.004,  # slope by which cells lie uneven, at most: their glass mirrors different places
     "CELL_UNLIKE": 0.18,  # relative difference of their films' reflectance, at most
-    "BUSBAR_M": 0.0005,  # half the width of a busbar; two to a cell
+    "BUSBAR_M": 0.0004,  # half the width of a busbar; two to a cell
     "FINGER_M": 0.00002,  # of a finger; drawn one by one in `high`
     "FINGER_PITCH_M": 0.0013,
     "CELL_RISE_M": 0.004,  # of a cell's glass and its rim over the mean plane, at most
-    "CONTACT": 0.35,  # reflectance of silver under glass
+    "CONTACT": 0.22,  # reflectance of silver under glass
 }
 _SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
 _MOTTLED = {
@@ -129,7 +128,8 @@ def finish_defines(
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
         if lattices and quality != "draft":
-            defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL}
+            own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
+            defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL, **own}
     return defines
 
 
@@ -137,14 +137,3 @@ def _glsl(values: FloatArray) -> str:
     """Return a colour as a shader's constant."""
     text = ", ".join(f"{v:.5f}" for v in values)
     return text if len(values) == 1 else f"vec3({text})"
-
-
-def crease_texture(context: moderngl.Context) -> moderngl.Texture:
-    """Upload the creases with every mipmap level."""
-    levels = crease_levels()
-    texture = context.texture((SIZE, SIZE), 4, levels[0].tobytes())
-    texture.build_mipmaps()
-    for k, level in enumerate(levels):
-        texture.write(np.ascontiguousarray(level).tobytes(), level=k)
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    return texture

@@ -55,7 +55,7 @@ def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:
 
 
 def surface_phase(angle_rad: FloatArray) -> FloatArray:
-    """Phase function of the ground with which the Lommel-Seeliger disc follows ``disc_phase``, and its opposition surge.
+    """Phase function with which the Lommel-Seeliger disc follows ``disc_phase``, times the ground's opposition surge.
 
     The surge belongs to the phases that are not seen from the Earth but in eclipse.
 
