@@ -18,7 +18,10 @@ layout(location = 0) out vec4 out_radiance;
 
 // Radiance of the ground [W m-2 sr-1].
 color ground_radiance(MoonPoint g) {
-    float level = g.light.w - 0.25 * log2(max(g.light.y, 0.02)); // longer than wide, where it is seen aslant
+    float level = g.light.w;
+#if SAMPLES == 1
+    level -= 0.25 * log2(max(g.light.y, 0.02)); // longer than wide, where it is seen aslant
+#endif
 #if MAP_AT_CORNERS
     float albedo = v_albedo;
 #else

@@ -102,4 +102,4 @@ def test_creased_foil_in_a_white_furnace_keeps_the_light(renderer, draw_kit):
     inside = seen.radiance[seen.coverage > 0.999]
     assert inside.mean() == pytest.approx(3.0, rel=0.02)
     # fields of cloud are mirrored, and over all facets add nothing
-    assert inside.std() < 0.35 * inside.mean()
+    assert inside.std() < 0.4 * inside.mean()
