@@ -2,10 +2,11 @@
 // u_cells: four rows a lattice, as in simulator/render/craft/cell_lattice.py, but of places in the camera frame.
 uniform vec4 u_cells[4 * CELLS];
 
-// Share of a stretch about a place, `off` from the nearest line, that lies on lines `pitch` apart; one over its width [m-1].
-float line_share(float off, float pitch, float half_wide, float per_m) {
-    float line = clamp((half_wide - off) * per_m + 0.5, 0.0, min(1.0, 2.0 * half_wide * per_m));
-    return mix(2.0 * half_wide / pitch, line, clamp(1.5 - 2.0 / (pitch * per_m), 0.0, 1.0)); // or it beats with pixels
+// Share of a stretch about a place, `off` from the nearest line, that lies on lines one pitch apart. In pitches; `wide` is
+// a line's, `stretch` the stretch's width, `per` one over it.
+float line_share(float off, float wide, float stretch, float per) {
+    float line = clamp((0.5 * wide - off) * per + 0.5, 0.0, min(1.0, wide * per));
+    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // or it beats with pixels
 }
 
 // Reflectance of the films at the point p_m (camera frame) over their mean. Tilts the normal, adds contacts to the base.
@@ -25,11 +26,12 @@ float cell_at(vec3 p_m, vec3 v, inout vec3 n, inout vec4 base) {
         lattice = found ? float(k) : lattice;
     }
     if (at.x < 0.0) return 1.0;
-    float per_m = max(u_intrinsics.x, u_intrinsics.y) / p_m.z * sqrt(max(dot(n, v), 0.05));
-    float across_m = 0.5 * pitch.y; // between busbars, which lie along the longer side
-    float metal = line_share(abs(fract(2.0 * at.y) - 0.5) * across_m, across_m, BUSBAR_M, per_m);
+    float width_m = p_m.z / max(u_intrinsics.x, u_intrinsics.y) * inversesqrt(max(dot(n, v), 0.05));
+    float per_m = 1.0 / width_m, per_pitch = 2.0 / pitch.y; // of busbars, which lie along the longer side
+    float metal = line_share(abs(fract(2.0 * at.y) - 0.5), 2.0 * BUSBAR_M * per_pitch, width_m * per_pitch, per_m / per_pitch);
 #if FINGERS
-    metal += line_share((0.5 - abs(fract(at.x * pitch.x / FINGER_PITCH_M) - 0.5)) * FINGER_PITCH_M, FINGER_PITCH_M, FINGER_M, per_m);
+    metal += line_share(0.5 - abs(fract(at.x * pitch.x / FINGER_PITCH_M) - 0.5), 2.0 * FINGER_M / FINGER_PITCH_M,
+        width_m / FINGER_PITCH_M, per_m * FINGER_PITCH_M);
 #else
     metal += 2.0 * FINGER_M / FINGER_PITCH_M;
 #endif

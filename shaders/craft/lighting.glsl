@@ -59,8 +59,10 @@ struct Surface {
     color again;    // over the first bounce between microfacets
     float coat;     // share that is clear coated
 #ifdef CLEARCOAT
-    color film;     // reflectance of the coat at normal incidence, and by how much a slant view adds to it
-    color slant;
+    color film;     // reflectance of the coat at normal incidence
+#if BANDS > 1
+    color slant;    // what a slant view adds to it: its colour
+#endif
 #endif
 #ifdef CRINKLE
     float creased;  // share of the gloss that is scattered by creases too fine for any picture; -1: no blanket
@@ -74,7 +76,10 @@ struct Surface {
 #ifdef CLEARCOAT
 // Fresnel reflectance of the clear coat at an angle of this cosine.
 color coat_fresnel(Surface s, float cosine) {
-    color f = s.film + s.slant * (1.0 - cosine);
+    color f = s.film;
+#if BANDS > 1
+    f += s.slant * (1.0 - cosine);
+#endif
     return (f + (color(1.0) - f) * pow5(1.0 - cosine)) * s.coat;
 }
 #endif
@@ -170,8 +175,14 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     s.again = again;
     s.coat = surface.y;
 #ifdef CLEARCOAT
+#ifdef ONLY_FILMS
+    s.film = color(FILM);
+#else
     s.film = films ? FILM : color(0.04);
+#endif
+#if BANDS > 1
     s.slant = films ? FILM_SLANT : color(0.0);
+#endif
 #ifdef CELLS
     if (films) s.film *= cell_film;
 #endif

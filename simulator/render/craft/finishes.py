@@ -127,6 +127,8 @@ def finish_defines(
         normal = film_reflectance(bands, 1.0)
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
+        if all(has_films(m) for m in materials if m.clearcoat > 0):
+            defines["ONLY_FILMS"] = ""
         if lattices and quality != "draft":
             own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
             defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL, **own}
