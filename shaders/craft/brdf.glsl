@@ -9,6 +9,14 @@ float distribution_ggx(float n_h, float alpha) {
     return a2 / (PI * d * d);
 }
 
+#ifdef CRINKLE
+// Beckmann's distribution of normals [sr-1]: Gaussian slopes. Walter et al. (2007), eq. 25.
+float distribution_beckmann(float n_h, float alpha) {
+    float c2 = max(n_h * n_h, 1e-4), a2 = alpha * alpha;
+    return exp((c2 - 1.0) / (c2 * a2)) / (PI * a2 * c2 * c2);
+}
+#endif
+
 // Height-correlated Smith visibility, G / (4 n_l n_v) [1]. Heitz (2014), Understanding the masking-shadowing
 // function, eq. 99.
 float visibility_smith(float n_l, float n_v, float alpha) {

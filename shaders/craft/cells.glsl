@@ -1,36 +1,43 @@
-// Solar cells: no two are alike, and contacts of silver lie on them. u_cells: simulator/render/craft/cell_lattice.py.
+// Solar cells: no two are alike, and contacts of silver lie on them.
+// u_cells: four rows a lattice, as in simulator/render/craft/cell_lattice.py, but of places in the camera frame.
 uniform vec4 u_cells[4 * CELLS];
 
-// Share of a stretch `width` about x that lies within `half_wide` of whole multiples of `pitch` [m].
-float line_share(float x, float pitch, float half_wide, float width) {
-    float off = (0.5 - abs(fract(x / pitch) - 0.5)) * pitch;
-    return width < pitch ? clamp((half_wide - off) / width + 0.5, 0.0, min(1.0, 2.0 * half_wide / width))
-                         : 2.0 * half_wide / pitch;
+// Share of a stretch about a place, `off` from the nearest line, that lies on lines one pitch apart. In pitches; `wide` is
+// a line's, `stretch` the stretch's width, `per` one over it.
+float line_share(float off, float wide, float stretch, float per) {
+    float line = clamp((0.5 * wide - off) * per + 0.5, 0.0, min(1.0, wide * per));
+    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // or it beats with pixels
 }
 
 // Reflectance of the films at the point p_m (camera frame) over their mean. Tilts the normal, adds contacts to the base.
-float cell_at(vec3 p_m, inout vec3 n, inout vec4 base) {
-    mat3 R = mat3(u_camera_from_target);
-    vec4 x = vec4((p_m - u_camera_from_target[3].xyz) * R, 1.0);
+// v: unit vector to the camera.
+float cell_at(vec3 p_m, vec3 v, inout vec3 n, inout vec4 base) {
+    vec4 p = vec4(p_m, 1.0);
+    vec2 at = vec2(-1.0), pitch = vec2(1.0);
+    float lattice = 0.0;
+    // choices instead of branches: a software driver unrolls them
     for (int k = 0; k < CELLS; ++k) {
-        vec2 at = vec2(dot(u_cells[4 * k], x), dot(u_cells[4 * k + 1], x));
         vec4 size = u_cells[4 * k + 3];
-        if (abs(dot(u_cells[4 * k + 2], x)) > 0.004 || any(lessThan(at, vec2(0.0))) || any(greaterThan(at, size.xy))) continue;
-        float width_m = p_m.z / (max(u_intrinsics.x, u_intrinsics.y) * sqrt(max(-dot(n, normalize(p_m)), 0.05)));
-        vec2 in_m = (fract(at) - 0.5) * size.zw; // from the cell's middle
-        bool longer = size.z > size.w;           // busbars lie along the longer side
-        vec2 along = longer ? in_m : in_m.yx;
-        float across_m = longer ? size.w : size.z;
-        float metal = line_share(along.y + 0.25 * across_m, 0.5 * across_m, BUSBAR_M, width_m)
-            + line_share(along.x, FINGER_PITCH_M, FINGER_M, width_m);
-        base.xyz = mix(base.xyz, vec3(CONTACT), min(metal, 1.0));
-        // Dave Hoskins (2014), Hash without sine
-        vec3 h = fract(vec3(floor(at), float(k)) * vec3(0.1031, 0.1030, 0.0973) + 0.37);
-        h += dot(h, h.yzx + 33.33);
-        h = fract((h.xxy + h.yzz) * h.zyx) * 2.0 - 1.0;
-        vec3 tilt = u_cells[4 * k].xyz * (size.z * h.x) + u_cells[4 * k + 1].xyz * (size.w * h.y);
-        n = unit_or(n + CELL_TILT * (R * tilt), n);
-        return 1.0 + CELL_UNLIKE * h.z;
+        vec2 here = vec2(dot(u_cells[4 * k], p), dot(u_cells[4 * k + 1], p));
+        vec2 outside = max(-here, here - size.xy);
+        bool found = max(max(outside.x, outside.y), abs(dot(u_cells[4 * k + 2], p)) - CELL_RISE_M) < 0.0;
+        at = found ? here : at;
+        pitch = found ? size.zw : pitch;
+        lattice = found ? float(k) : lattice;
     }
-    return 1.0;
+    if (at.x < 0.0) return 1.0;
+    float width_m = p_m.z / max(u_intrinsics.x, u_intrinsics.y) * inversesqrt(max(dot(n, v), 0.05));
+    float per_m = 1.0 / width_m, per_pitch = 2.0 / pitch.y; // of busbars, which lie along the longer side
+    float metal = line_share(abs(fract(2.0 * at.y) - 0.5), 2.0 * BUSBAR_M * per_pitch, width_m * per_pitch, per_m / per_pitch);
+#if FINGERS
+    metal += line_share(0.5 - abs(fract(at.x * pitch.x / FINGER_PITCH_M) - 0.5), 2.0 * FINGER_M / FINGER_PITCH_M,
+        width_m / FINGER_PITCH_M, per_m * FINGER_PITCH_M);
+#else
+    metal += 2.0 * FINGER_M / FINGER_PITCH_M;
+#endif
+    base.xyz += (CONTACT - base.xyz) * min(metal, 1.0);
+    float q = fract(dot(floor(at), vec2(0.7549, 0.5698)) + 0.3819 * lattice);
+    vec3 h = fract(q * (1.0 + q) * vec3(43.7, 91.3, 57.9)) - 0.5;
+    n += mat3(u_camera_from_target) * (h * (2.0 * CELL_TILT)); // longer by less than a rounding of the code
+    return 1.0 + (2.0 * CELL_UNLIKE) * h.z;
 }

@@ -35,6 +35,14 @@ float strips(Laid laid, vec2 pitch, float wide) {
     return max(share.x, share.y);
 }
 
+// Radiance of the Earth in direction d over its mean there: fields of cloud, as a smooth mirror shows them. blur: of it.
+float earth_mottle(vec3 d, float blur) {
+    vec3 down = u_nadir_direction.xyz, across = unit_or(cross(down, u_sun_direction.xyz), any_across(down));
+    vec2 at = vec2(dot(d, across), dot(d, cross(down, across))) * CLOUDS_TILES;
+    float level = textureLod(t_creases, at, log2(blur * (CREASE_SIZE * CLOUDS_TILES))).w;
+    return max(1.0 + CLOUDS_CONTRAST * (level - 0.5), 0.2);
+}
+
 // Normal of a blanket at the point p_m (both camera frame). Facets that a pixel holds many of make it rougher instead:
 // their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
 // tape: share of the pixel that is tape, which lies flatter.

@@ -59,11 +59,13 @@ struct Surface {
     color again;    // over the first bounce between microfacets
     float coat;     // share that is clear coated
 #ifdef CLEARCOAT
-    color film;     // reflectance of the coat at normal incidence, and by how much a slant view adds to it
-    color slant;
+    color film;     // reflectance of the coat at normal incidence
+#if BANDS > 1
+    color slant;    // what a slant view adds to it: its colour
+#endif
 #endif
 #ifdef CRINKLE
-    float creased;  // share of the gloss that is scattered by creases too fine for any picture
+    float creased;  // share of the gloss that is scattered by creases too fine for any picture; -1: no blanket
 #endif
 #ifdef BRUSHED
     vec3 across;    // unit vector along the surface, across the grain
@@ -74,7 +76,10 @@ struct Surface {
 #ifdef CLEARCOAT
 // Fresnel reflectance of the clear coat at an angle of this cosine.
 color coat_fresnel(Surface s, float cosine) {
-    color f = s.film + s.slant * (1.0 - cosine);
+    color f = s.film;
+#if BANDS > 1
+    f += s.slant * (1.0 - cosine);
+#endif
     return (f + (color(1.0) - f) * pow5(1.0 - cosine)) * s.coat;
 }
 #endif
@@ -91,6 +96,8 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
     float lobe = distribution_ggx(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
 #endif
 #ifdef CRINKLE
+    // slopes of facets are spread as a Gaussian, without the tails of a rough metal
+    if (s.creased >= 0.0) lobe = distribution_beckmann(n_h, alpha) * visibility_smith(n_l, s.n_v, alpha);
     if (s.creased > 0.0)
         lobe = mix(lobe, distribution_ggx(n_h, CREASED_ALPHA) * visibility_smith(n_l, s.n_v, CREASED_ALPHA), s.creased);
 #endif
@@ -114,9 +121,10 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_m, vec2 chart, float lit) {
     vec3 v = -normalize(p_m);
 #ifdef CRINKLE
-    float creased = 0.0;
+    float creased = -1.0;
     if (surface.w > 0.0) {
         float tape;
+        creased = 0.0;
         n = crinkled(n, p_m, surface.w, surface.x, tape);
         if (base.w > 0.0) { // foil: what is no mirror is a wider one
             creased = 1.0 - base.w;
@@ -127,17 +135,17 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #endif
 #ifdef CELLS
     float cell_film = 1.0;
-    if (surface.y > 1.0) cell_film = cell_at(p_m, n, base);
+    if (surface.y > 1.0) cell_film = cell_at(p_m, v, n, base);
 #endif
     float n_v = max(dot(n, v), 1e-3); // 1e-3: a normal averaged at the silhouette may look away
     vec3 l = u_sun_direction.xyz;
     float n_l = max(dot(n, l), 0.0) * step(0.0, dot(geometric, l));
     color albedo = BAND(base);
     color f0 = mix(color(0.04), albedo, base.w);
-#ifdef CLEARCOAT
     // beyond one: a cover glass with films on it and on the cell below
     bool films = surface.y > 1.0;
     surface.y -= float(films);
+#ifdef CLEARCOAT
     f0 = mix(f0, under_coat(f0), surface.y);
 #endif
     color diffuse = albedo * ((1.0 - base.w) / PI);
@@ -167,8 +175,14 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     s.again = again;
     s.coat = surface.y;
 #ifdef CLEARCOAT
+#ifdef ONLY_FILMS
+    s.film = color(FILM);
+#else
     s.film = films ? FILM : color(0.04);
+#endif
+#if BANDS > 1
     s.slant = films ? FILM_SLANT : color(0.0);
+#endif
 #ifdef CELLS
     if (films) s.film *= cell_film;
 #endif
@@ -213,9 +227,14 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float mirrored = sky_visibility_towards(visibility, n_target, r * R);
     color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;
     float rim = dot(r, u_globe_rim.xyz) - u_globe_rim.w;
-    float blur = surface.x * surface.x + 0.02, seen = smoothstep(-blur, blur, rim);
+    float blur = surface.x * surface.x + 0.02;
 #ifdef CRINKLE
+    if (surface.w > 0.0) earth *= earth_mottle(r, blur);
+    blur += CREASED_BLUR * step(1e-3, creased); // the limb is veiled, and facets are no plane mirrors
+    float seen = smoothstep(-blur, blur, rim);
     if (creased > 0.0) seen = mix(seen, smoothstep(-CREASED_ALPHA, CREASED_ALPHA, rim), creased);
+#else
+    float seen = smoothstep(-blur, blur, rim);
 #endif
     color gloss = (f0 * e.x + e.y) * again;
 #ifdef LIGHT_POINTS

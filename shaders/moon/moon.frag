@@ -6,7 +6,7 @@
 #include "globe/aerial.glsl"
 #include "moon/point.glsl"
 uniform sampler2D t_coverage;
-uniform sampler2D t_broad;   // slopes along u and v, brightness of craters; simulator/celestial/craters.py
+uniform sampler2D t_broad;   // slopes along u and v, brightness of craters, deviation of slopes; simulator/celestial/craters.py
 uniform sampler2D t_fine;    // the same of smaller ones
 #if SMOOTH
 in vec4 v_place, v_tilt, v_light, v_incident;
@@ -19,6 +19,9 @@ layout(location = 0) out vec4 out_radiance;
 // Radiance of the ground [W m-2 sr-1].
 color ground_radiance(MoonPoint g) {
     float level = g.light.w;
+#if SAMPLES == 1
+    level -= 0.25 * log2(max(g.light.y, 0.02)); // longer than wide, where it is seen aslant
+#endif
 #if MAP_AT_CORNERS
     float albedo = v_albedo;
 #else
@@ -28,13 +31,16 @@ color ground_radiance(MoonPoint g) {
     vec4 fine = textureLod(t_fine, mat2(0.8, 0.6, -0.6, 0.8) * g.place.zw / FINE_KM, level - log2(FINE_KM / 1024.0));
     // the maria are younger: fewer and smaller craters
     float age = clamp(albedo * 1.6 - 0.7, 0.15, 1.0);
-    vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX);
+    vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
     albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);
     float facet = inversesqrt(1.0 + dot(slope, slope));
     // facets that face the Sun below the horizon lie in the shadow of others
     float dawn = smoothstep(-0.03, 0.05, g.light.x);
     vec2 cosines = (g.light.xy - vec2(dot(slope, g.tilt.xy), dot(slope, g.tilt.zw))) * facet;
-    float from_sun = reflected(cosines.x * dawn, cosines.y, g.light.z);
+    // what a texel hides of the slopes: some of it still sees a Sun that their mean does not
+    vec2 hidden = vec2(broad.w * age, fine.w * (0.5 + 0.5 * age)) * DEVIATION_MAX;
+    float lit = 0.5 * (cosines.x + sqrt(cosines.x * cosines.x + 0.32 * dot(hidden, hidden) * dot(g.tilt.xy, g.tilt.xy)));
+    float from_sun = reflected(lit * dawn, cosines.y, g.light.z);
     return (BAND(g.incident) * from_sun + g.incident.w) * albedo * BAND(u_moon_albedo) * BAND(u_moon_irradiance) * (1.0 / PI);
 }
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flyaround.simulator.baking.slope_levels import slope_levels
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 
@@ -23,7 +24,7 @@ SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """What full scale of the slope channels (plus and minus) and of the deviation channel means."""
 _SEED = 1972
 # facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
-_LAYERS = ((40, 0.14, 1.35, 0.4), (150, -0.10, 1.5, 1.7), (700, 0.08, 1.3, 2.7), (3000, -0.05, 1.2, 1.0))
+_LAYERS = ((40, 0.18, 1.35, 0.4), (150, -0.13, 1.5, 1.7), (700, 0.11, 1.3, 2.7), (3000, -0.065, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Of the slopes, along both axes together."""
 _TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature
@@ -35,16 +36,12 @@ _UNEVEN = 4.0  # of the small facets' variance, over the mottle
 def crease_levels() -> list[ByteArray]:
     """(S, S, 4) of each level: slope along u and v, deviation of slopes within the texel, mottle."""
     slopes = cached_array(entry_name("creases", (make_creases,)), make_creases)
-    square = (slopes[..., :2] ** 2).sum(axis=2, keepdims=True)
     levels = []
-    while True:
-        deviation = np.sqrt(np.maximum(square[..., 0] - (slopes[..., :2] ** 2).sum(axis=2), 0))
-        along_u, along_v = (0.5 + slopes[..., k] / (2 * SLOPE_MAX) for k in (0, 1))
-        channels = np.dstack([along_u, along_v, deviation / DEVIATION_MAX, slopes[..., 2]])
+    for level, deviation in slope_levels(slopes):
+        along_u, along_v = (0.5 + level[..., k] / (2 * SLOPE_MAX) for k in (0, 1))
+        channels = np.dstack([along_u, along_v, deviation / DEVIATION_MAX, level[..., 2]])
         levels.append(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
-        if len(slopes) == 1:
-            return levels
-        slopes, square = _halved(slopes), _halved(square)
+    return levels
 
 
 def make_creases() -> FloatArray:
@@ -84,9 +81,3 @@ def _facets(
     _, which = tree.query(np.column_stack([place @ longer, np.zeros(len(place))]))
     slopes = (place - around[near][which]) @ longer @ longer
     return np.asarray(slopes * (rms / np.sqrt((slopes**2).mean())))
-
-
-def _halved(image: FloatArray) -> FloatArray:
-    """Mean of two by two texels."""
-    half = len(image) // 2
-    return np.asarray(image.reshape(half, 2, half, 2, -1).mean(axis=(1, 3)))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.baking.slope_levels import slope_levels
 from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SIZE = 1024
-SLOPE_MAX = 0.9  # the slope channels hold plus and minus this
+SLOPE_MAX, DEVIATION_MAX = 0.9, 0.5  # the slope channels hold plus and minus this; the deviation's full scale
 _SEED = 1969
 _SMALLEST_PX = 4.0  # diameter
 BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0  # a tile often seen must have nothing that is known again
@@ -30,6 +31,7 @@ _REACH, _FADED, _STEP = 4.0, 2.8, 0.04  # of profiles: as they wear, as they are
 _WORN = 0.7  # diffusivity times time over the radius squared after which 0.07 of the depth is left
 _WORN_COMPLEX = 0.1  # the same of large craters, which smaller ones wear more than diffusion does
 _STATES = 24
+_LASTING_KM = 8.0  # diameter of craters that outlast the ground's age
 _SHARP_PX = 0.6  # standard deviation of the smoothing that a texel needs
 _BRIGHT = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
 _RAYED, _RAYS_PX, _RAYS_REACH = 0.03, 5.0, 7.0  # the same of rays; least radius; length [radii]
@@ -41,6 +43,18 @@ def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
         entry_name("craters", (make_craters,), float(largest_px), float(texel_km)),
         lambda: make_craters(largest_px, texel_km),
     )
+
+
+def crater_levels(largest_px: float, texel_km: float) -> list[ByteArray]:
+    """Return all mipmap levels of the tile, in the last channel the deviation of slopes within a texel."""
+    tile = crater_texture(largest_px, texel_km) / np.float32(255)
+    tile[..., :2] = (tile[..., :2] - 0.5) * (2 * SLOPE_MAX)
+    levels = []
+    for level, deviation in slope_levels(tile):
+        slopes = level[..., :2] / (2 * SLOPE_MAX) + 0.5
+        channels = np.dstack([slopes, level[..., 2], deviation / DEVIATION_MAX])
+        levels.append(np.clip(channels * 255 + 0.5, 0, 255).astype(np.uint8))
+    return levels
 
 
 def make_craters(largest_px: float, texel_km: float) -> ByteArray:
@@ -55,6 +69,10 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
     share = (np.arange(count) + rng.random(count)) / count
     diameters = np.minimum(_SMALLEST_PX / np.sqrt(1 - share), largest_px)
     age = rng.random(count)  # of its lifetime, which grows with the diameter
+    age *= np.where(
+        diameters * texel_km < _LASTING_KM, 1.0, 0.6
+    )  # larger ones have not filled the ground yet
+    age **= 1.25
     rough = _rough(rng)
     height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))
     for k in np.argsort(-age * diameters):

@@ -55,16 +55,19 @@ little light from the other side. Right: what can be seen of its wireframe (blue
 that the craft hides as rings).
 `flyaround targets --contact-sheet DIR` makes a larger page with all six sides, your own targets among them.
 
-Surfaces of their own kind, beside the metal, paint and glass of glTF (`draft` has one scale of creases, no tape and no
-contacts):
+Surfaces of their own kind, beside the metal, paint and glass of glTF. `draft` has one scale of creases, no tape and no
+contacts on cells.
 
-| what | how | source |
-|---|---|---|
-| foil (a material with `crinkle` and metalness) | facets of 2 mm to 13 cm, curved, with sharp creases between them; film that mirrors Sun and Earth, three tenths of its light in a wide lobe of creases below a millimetre, none lost; tape along seams. Facets below a pixel widen the lobe by the variance of their slopes | Blair & Kudrolli (2005), Olano & Baker (2010) |
-| its colour | reflectance of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton, film outside: 0.35 to 0.45), silver 0.26 (aluminised FEP 0.16, and age) | Gilmore (2002), Fortescue et al. (2011), table 11.3 |
-| cells, lenses (dark under a whole clear coat) | Fresnel reflection of cover glass with a quarter wave of magnesium fluoride, and of the cell with one of titanium oxide: blue, violet at a slant, white at grazing | Macleod (2010) |
-| cells that lie in a lattice | no two alike in tilt (0.2 deg) and film; two busbars and fingers of silver, to their share of a pixel | |
-| sheets at the back of panels | reflectance that differs by a tenth over decimetres, joints every 0.4 m | |
+- Foil (a material with `crinkle` and metalness): curved facets of 2 mm to 13 cm, sharp creases between them (Blair &
+  Kudrolli 2005). The film mirrors Sun and Earth; three tenths of its light go into the wide lobe of creases below a
+  millimetre, none is lost. Tape lies along seams. Facets below a pixel widen the lobe by the variance of their slopes
+  (Olano & Baker 2010).
+- Its colour is that of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton, film
+  outside: 0.35 to 0.45, Gilmore 2002), silver 0.26 (aluminised FEP 0.16 when new, Fortescue et al. 2011, table 11.3).
+- Cells and lenses (dark under polished glass): Fresnel reflection of cover glass with a quarter wave of magnesium
+  fluoride, and of the cell with one of titanium oxide (Macleod 2010): blue, violet at a slant, white at grazing.
+- Cells in a lattice: no two alike in tilt (0.2 deg) and film; two busbars, and fingers, to their share of a pixel.
+- Sheets at the back of panels: reflectance that differs by some hundredths over decimetres, joints every 0.4 m.
 
 The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh.
 

@@ -6,9 +6,9 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+
+from flyaround.simulator.geometry.topology import components
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
@@ -30,6 +30,7 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
 
     Rows 0 and 1 take a place (x, y, z, 1) in metres to its column and row, from 0 to their numbers; row 2 to its
     distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m].
+    Columns are those whose pitch is larger.
 
     Parameters
     ----------
@@ -39,10 +40,8 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
         np.rint(positions_m[triangles].reshape(-1, 3) / _WELD_M).astype(np.int64), axis=0, return_inverse=True
     )
     places, corners = welded * _WELD_M, vertex.reshape(-1, 3)
-    joined = coo_matrix(
-        (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), [len(places)] * 2
-    )
-    count, piece = connected_components(joined, directed=False)
+    links = np.concatenate([corners[:, :2], corners[:, 1:]])
+    count, piece = components(links, len(places))
     if count < _LEAST_CELLS:
         return np.zeros((0, 4, 4))
     order = np.argsort(piece, kind="stable")
@@ -68,8 +67,9 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
 
 def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[tuple[int, FloatArray]]:
     """Lattices of one plane, with their numbers of cells; cell : corners of one of them."""
-    _, near = cKDTree(centre).query(centre[:1], k=2)
-    u = centre[near[0, 1]] - centre[near[0, 0]]
+    _, near = cKDTree(centre).query(centre[0], k=2)
+    first, second = np.asarray(near, int)
+    u = centre[second] - centre[first]
     u -= (u @ normal) * normal
     u /= np.linalg.norm(u)
     axes = (u, np.cross(normal, u))
@@ -83,6 +83,8 @@ def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[
             at = centre @ rows[k, :3] + rows[k, 3]
             inside &= (at > 0) & (at < number)
         rows[2] = [*normal, -float((centre @ normal).mean())]
+        if rows[3, 2] < rows[3, 3]:
+            rows[:2], rows[3] = rows[1::-1].copy(), rows[3, [1, 0, 3, 2]]
         if inside.sum() >= _LEAST_CELLS and rows[3, 2:].max() < _LARGEST_M:
             out.append((int(inside.sum()), rows))
     return out

@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
-from flyaround.simulator.baking.creases import DEVIATION_MAX, SIZE, SLOPE_MAX, VARIANCE, crease_levels
+from flyaround.simulator.baking.creases import DEVIATION_MAX, SIZE, SLOPE_MAX, VARIANCE
 from flyaround.simulator.scene.illumination.bands import bands_of
 
 if TYPE_CHECKING:
@@ -24,30 +23,34 @@ FOIL_ROUGHNESS = 0.6
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
     "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
-    "FINE_SHARE": 0.55,  # slopes of the second over those of the first
-    "CREASED_ALPHA": 0.36,  # width of the lobe of creases below a millimetre
+    "FINE_SHARE": 0.42,  # slopes of the second over those of the first
+    "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
+    "CREASED_BLUR": 0.06,  # cosine of the Earth's rim over which it fades in a facet
     "SEAM_U_M": 0.53,
     "SEAM_V_M": 0.74,
     "TAPE_M": 0.0125,  # half the width of one-inch tape
     "TAPE_DARKER": 0.1,
+    "CLOUDS_TILES": 0.9,  # of the mottle, in a hemisphere's radius of mirrored Earth
+    "CLOUDS_CONTRAST": 3.0,
 }
 _CELL = {
     "CELL_TILT": 0.004,  # slope by which cells lie uneven, at most: their glass mirrors different places
     "CELL_UNLIKE": 0.18,  # relative difference of their films' reflectance, at most
-    "BUSBAR_M": 0.0007,  # half the width of a busbar; two to a cell
-    "FINGER_M": 0.00002,  # of a finger
+    "BUSBAR_M": 0.0004,  # half the width of a busbar; two to a cell
+    "FINGER_M": 0.00002,  # of a finger; drawn one by one in `high`
     "FINGER_PITCH_M": 0.0013,
-    "CONTACT": 0.6,  # reflectance of silver under glass
+    "CELL_RISE_M": 0.004,  # of a cell's glass and its rim over the mean plane, at most
+    "CONTACT": 0.22,  # reflectance of silver under glass
 }
 _SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
 _MOTTLED = {
-    "panel-back": 0.1,
-    "panel-substrate": 0.1,
-    "cell-substrate": 0.1,
+    "panel-back": 0.16,
+    "cell-substrate": 0.14,
     "kapton-substrate": 0.14,
     "carbon-fibre": 0.2,
 }
 """Relative amplitude of mottle by material."""
+_POLISHED = 0.2  # roughness of a clear coat below which it is glass
 _DARK = 0.1  # reflectance below which a body under a full clear coat is a cell or a lens: those are coated
 _GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
 """Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
@@ -61,8 +64,9 @@ def is_foil(material: Material) -> bool:
 
 
 def has_films(material: Material) -> bool:
-    """Return True for a cell or a lens: something dark under a whole clear coat."""
-    return material.clearcoat > 0.9 and max(material.base_color) < _DARK and material.metallic == 0
+    """Return True for a cell or a lens: something dark under polished glass."""
+    polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _POLISHED
+    return polished and max(material.base_color) < _DARK and material.metallic == 0
 
 
 def mottle_of(material: Material) -> float:
@@ -123,8 +127,11 @@ def finish_defines(
         normal = film_reflectance(bands, 1.0)
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
+        if all(has_films(m) for m in materials if m.clearcoat > 0):
+            defines["ONLY_FILMS"] = ""
         if lattices and quality != "draft":
-            defines |= {"CELLS": lattices, **_CELL}
+            own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
+            defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL, **own}
     return defines
 
 
@@ -132,14 +139,3 @@ def _glsl(values: FloatArray) -> str:
     """Return a colour as a shader's constant."""
     text = ", ".join(f"{v:.5f}" for v in values)
     return text if len(values) == 1 else f"vec3({text})"
-
-
-def crease_texture(context: moderngl.Context) -> moderngl.Texture:
-    """Upload the creases with every mipmap level."""
-    levels = crease_levels()
-    texture = context.texture((SIZE, SIZE), 4, levels[0].tobytes())
-    texture.build_mipmaps()
-    for k, level in enumerate(levels):
-        texture.write(np.ascontiguousarray(level).tobytes(), level=k)
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    return texture

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
+from flyaround.simulator.baking.creases import crease_levels
 from flyaround.simulator.baking.radiance_transfer import LARGEST_SLOPE
 from flyaround.simulator.render.craft.edge_pass import EDGE_SLOPES, edge_defines
-from flyaround.simulator.render.craft.finishes import crease_texture, finish_defines
+from flyaround.simulator.render.craft.finishes import finish_defines
 from flyaround.simulator.render.craft.gbuffer_pass import SAMPLES, TEXEL_SAMPLERS
 from flyaround.simulator.render.craft.mesh_array import normal_bits
 from flyaround.simulator.render.craft.placement import TARGET, TARGET_TILES
@@ -18,6 +19,7 @@ from flyaround.simulator.render.craft.viewport_fit import TILE_PX
 from flyaround.simulator.render.frame_graph import Pass, Resource
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to
+from flyaround.simulator.render.gl.mipmaps import texture_of_levels
 from flyaround.simulator.render.view import SCENE, VIEW
 from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.scene.illumination.lamp import Profile
@@ -92,10 +94,10 @@ class ShadePass(Pass):
         }
         if program.reads("t_creases"):
             if self._creases is None:
-                self._creases = crease_texture(self._context)
+                self._creases = texture_of_levels(self._context, crease_levels())
             textures["t_creases"] = self._creases
         program.set("u_stamp", samples.stamp)
-        program.set("u_cells", tuple(map(tuple, r[TARGET].loaded.mesh.cell_lattices.reshape(-1, 4).tolist())))
+        program.set("u_cells", _cells_in_camera(r[TARGET]))
         images.mark_covered(rect)
         draw_to(images.target_framebuffer)
         # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
@@ -138,6 +140,13 @@ class ShadePass(Pass):
         return self._programs.get(
             "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit, *creases)
         )
+
+
+def _cells_in_camera(placed: PlacedTarget) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of the lattices of cells, of places in the camera frame."""
+    rows = placed.loaded.mesh.cell_lattices.copy()
+    rows[:, :3] = rows[:, :3] @ np.linalg.inv(placed.place.camera_from_target)
+    return tuple(map(tuple, rows.reshape(-1, 4).tolist()))
 
 
 def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:

@@ -15,6 +15,7 @@ from flyaround.simulator.runtime.cache import entry_name
 from flyaround.simulator.runtime.cached_arrays import cached_array, entry_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from concurrent.futures import Future
 
     import moderngl
@@ -48,6 +49,16 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
         return MipmapChain(image, _smaller(image, globe=globe))
     key = entry_name(f"{name}-levels", (_smaller,), globe)
     return MipmapChain(image, cached_array(key, lambda: _smaller(image, globe=globe)))
+
+
+def texture_of_levels(context: moderngl.Context, levels: Sequence[ByteArray]) -> moderngl.Texture:
+    """Return a texture of four channels whose levels are those given, all of them."""
+    texture = context.texture(levels[0].shape[1::-1], 4, levels[0].tobytes())
+    texture.build_mipmaps()
+    for k, level in enumerate(levels):
+        texture.write(np.ascontiguousarray(level).tobytes(), level=k)
+    texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
+    return texture
 
 
 def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderngl.Texture:

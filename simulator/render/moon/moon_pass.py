@@ -11,9 +11,10 @@ import numpy as np
 
 from flyaround.simulator.celestial.craters import (
     BROAD_LARGEST_PX,
+    DEVIATION_MAX,
     FINE_LARGEST_PX,
     SLOPE_MAX,
-    crater_texture,
+    crater_levels,
 )
 from flyaround.simulator.celestial.craters import SIZE as CRATERS_SIZE
 from flyaround.simulator.errors import UserError
@@ -21,6 +22,7 @@ from flyaround.simulator.render.craft.placement import TARGET
 from flyaround.simulator.render.frame_graph import Pass
 from flyaround.simulator.render.frame_images import IMAGES, RADIANCE
 from flyaround.simulator.render.gl.fences import draw_to, flush
+from flyaround.simulator.render.gl.mipmaps import texture_of_levels
 from flyaround.simulator.render.globe.frame_air import AIR_SAMPLERS, AIR_TABLES, TABLE_DEFINES
 from flyaround.simulator.render.globe.globe_view import GLOBE
 from flyaround.simulator.render.moon.moon_view import MOON
@@ -110,10 +112,9 @@ class MoonTextures:
         self.map = context.texture(albedo.shape[::-1], 1, albedo, alignment=1)
         self.craters = []
         for largest, wide_km in ((BROAD_LARGEST_PX, BROAD_KM), (FINE_LARGEST_PX, FINE_KM)):
-            craters = crater_texture(largest, wide_km / CRATERS_SIZE)
-            self.craters.append(context.texture(craters.shape[1::-1], 4, craters))
+            self.craters.append(texture_of_levels(context, crater_levels(largest, wide_km / CRATERS_SIZE)))
+        self.map.build_mipmaps()
         for texture in (self.map, *self.craters):
-            texture.build_mipmaps()
             texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
         self.map.repeat_y = False
         phase = surface_phase((np.arange(_PHASES) + 0.5) / _PHASES * np.pi).astype(np.float32)
@@ -195,6 +196,7 @@ class MoonPass(Pass):
                 "GLOBE": int(behind),
                 "AIR": int(air is not None),
                 "SLOPE_MAX": SLOPE_MAX,
+                "DEVIATION_MAX": DEVIATION_MAX,
                 "SAMPLES": SAMPLES if fine else 1,
                 "STRIDE": STRIDE,
                 "SMOOTH": int(kind.smooth),

@@ -26,17 +26,14 @@ def moon_albedo(bands: Bands) -> FloatArray:
 
 
 def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
-    """Light of the whole disc, over that at phase angle zero without the opposition surge.
+    """Light of the whole disc over that at phase angle zero, 0..1.
 
     References
     ----------
     Allen's Astrophysical Quantities (2000), 12.5: V(alpha) = V(0) + 0.026 alpha + 4e-9 alpha^4, alpha in degrees.
-    Buratti, Hillier & Wang (1996), The lunar opposition surge: observations by Clementine, Icarus 124, 490: the ground
-    at 0 degrees is 1.4 times as bright as at 4.
     """
     degrees = np.degrees(np.abs(np.asarray(angle_rad, float)))
-    surge = 1 + _SURGE * np.exp(-degrees / _SURGE_DEG)
-    return np.asarray(surge * 10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
+    return np.asarray(10 ** (-0.4 * (0.026 * degrees + 4.0e-9 * degrees**4)))
 
 
 def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
@@ -58,7 +55,16 @@ def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:
 
 
 def surface_phase(angle_rad: FloatArray) -> FloatArray:
-    """Phase function of the ground with which the Lommel-Seeliger disc follows ``disc_phase``."""
+    """Phase function with which the Lommel-Seeliger disc follows ``disc_phase``, times the ground's opposition surge.
+
+    The surge belongs to the phases that are not seen from the Earth but in eclipse.
+
+    References
+    ----------
+    Buratti, Hillier & Wang (1996), The lunar opposition surge: observations by Clementine, Icarus 124, 490: the ground
+    at 0 degrees is 1.4 times as bright as at 4.
+    """
     # beyond 165 degrees the crescent's light is that of relief, which neither formula knows
     angle = np.clip(np.abs(np.asarray(angle_rad, float)), 0, np.radians(165))
-    return disc_phase(angle) / lommel_seeliger_disc(angle)
+    surge = 1 + _SURGE * np.exp(-np.degrees(angle) / _SURGE_DEG)
+    return surge * disc_phase(angle) / lommel_seeliger_disc(angle)

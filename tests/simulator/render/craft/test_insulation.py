@@ -28,11 +28,11 @@ def blanket(renderer, draw_kit, focal_px, shift_m=0.0):
 
 
 def test_a_far_blanket_is_the_mean_of_its_facets(renderer, draw_kit):
-    # 50 mm a pixel, 25 to 90 mm a facet; and each pixel's mean of 12 times 12 finer ones
+    # 50 mm a pixel, 2 to 130 mm a facet; and each pixel's mean of 12 times 12 finer ones, few of which glint
     far, fine = blanket(renderer, draw_kit, 600.0), blanket(renderer, draw_kit, 7200.0)
     means = fine.reshape(32, 12, 32, 12).mean(axis=(1, 3))
     assert far.mean() == pytest.approx(means.mean(), rel=0.1)
-    assert np.abs(far - means).mean() < 0.35 * means.mean()
+    assert np.abs(far - means).mean() < 0.65 * means.mean()
 
 
 def test_facets_below_a_pixel_do_not_flicker(renderer, draw_kit):

@@ -1,0 +1,38 @@
+"""Mipmap levels of slopes that also hold what a texel hides of them: the deviation from its mean."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from flyaround.simulator.runtime.arrays import FloatArray
+
+
+def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield each level of a square image down to one texel, with (S, S) root mean squares of its slopes' deviations.
+
+    Parameters
+    ----------
+    image : (S, S, n), S a power of two; slopes along u and v, and other channels.
+
+    References
+    ----------
+    Olano & Baker (2010), LEAN mapping, I3D.
+    """
+    square = (image[..., :2] ** 2).sum(axis=2, keepdims=True)
+    while True:
+        hidden = square[..., 0] - (image[..., :2] ** 2).sum(axis=2)
+        yield image, np.sqrt(np.maximum(hidden, 0))
+        if len(image) == 1:
+            return
+        image, square = _halved(image), _halved(square)
+
+
+def _halved(image: FloatArray) -> FloatArray:
+    """Mean of two by two texels."""
+    half = len(image) // 2
+    return np.asarray(image.reshape(half, 2, half, 2, -1).mean(axis=(1, 3)))
