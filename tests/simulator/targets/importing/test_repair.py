@@ -91,6 +91,26 @@ def test_a_cavity_and_a_body_apart_are_each_turned(tmp_path):
     assert any("turned 12 faces" in line for line in lines)
 
 
+def test_an_almost_closed_ball_that_is_inside_out_is_turned(tmp_path):
+    ball = trimesh.creation.icosphere(3, 1.0)
+    target, lines = import_mesh(
+        save(tmp_path / "a.stl", raw_mesh(ball.vertices, ball.faces[1:, ::-1])), "a", SHEETS
+    )
+    assert volume(target) > 4
+    assert any(line.startswith("turned 1,279 faces to look outwards") for line in lines)
+
+
+def test_an_open_sheet_looks_where_the_normals_of_the_file_do(tmp_path):
+    corners = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n"
+    for z in (1, -1):
+        path = tmp_path / f"sheet{z}.obj"
+        path.write_text(f"{corners}vn 0 0 {z}\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
+        part = import_mesh(path, "a", ImportOptions(keep_holes=True, up="z", units="m"))[0].parts[0]
+        a, b, c = np.moveaxis(part.positions_m.astype(float)[part.triangles], 1, 0)
+        assert (np.cross(b - a, c - a) @ (0, 0, z) > 0).all()
+        assert (part.normals @ (0, 0, z) > 0.99).all()
+
+
 def test_inverted_normals_of_a_file_are_replaced(tmp_path):
     mesh = BOX.copy()
     glb = trimesh.Trimesh(
