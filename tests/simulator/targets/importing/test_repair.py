@@ -7,6 +7,8 @@ import pytest
 import trimesh
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.decimation import decimate
+from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.geometry.triangles import distance_to_triangles
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
@@ -328,6 +330,20 @@ def test_decimation_measures_what_it_did(tmp_path):
     radius = np.linalg.norm(target.parts[0].positions_m, axis=1)
     assert np.abs(radius - 1).max() < 0.04
     assert volume(target) == pytest.approx(4 / 3 * np.pi, rel=0.01)
+
+
+def test_thin_plates_are_reduced_to_the_number_that_is_asked_for():
+    fine = trimesh.creation.box((1.0, 0.004, 1.0)).subdivide().subdivide().subdivide()
+    stack = trimesh.util.concatenate([fine.copy().apply_translation((0, 0.05 * k, 0)) for k in range(4)])
+    body = MeshBody(
+        name="stack",
+        positions_m=np.asarray(stack.vertices),
+        triangles=np.asarray(stack.faces),
+        face_material=np.zeros(len(stack.faces), int),
+    )
+    for most in (768, 160):
+        reduced = decimate([body], most)
+        assert 0.5 * most < sum(len(b.triangles) for b in reduced) <= most
 
 
 @pytest.mark.slow
