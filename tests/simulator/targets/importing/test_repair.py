@@ -145,6 +145,15 @@ def test_faces_without_area_and_copies_are_dropped(tmp_path):
     assert sum(len(p.triangles) for p in target.parts) == 12
 
 
+def test_a_sheet_keeps_its_back_and_a_face_that_float32_cannot_turn_goes(tmp_path):
+    corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [5, 3e-7, 0]]
+    faces = [[0, 1, 2], [0, 2, 1], [1, 2, 0], [0, 1, 3]]
+    target, lines = import_mesh(save(tmp_path / "a.stl", raw_mesh(corners, faces)), "a", SHEETS)
+    assert "dropped 1 faces that were there twice" in lines
+    assert "dropped 1 faces without area" in lines
+    assert sorted(n[2] for p in target.parts for n in p.normals[p.triangles[:, 0]]) == [-1, 1]
+
+
 def test_creases_stay_sharp_and_round_shapes_smooth(tmp_path):
     cylinder = trimesh.creation.cylinder(1.0, 2.0, sections=48)
     target, _ = import_mesh(save(tmp_path / "a.stl", cylinder), "a")
