@@ -6,6 +6,7 @@ import numpy as np
 
 from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.hybrid.decide.confidence import Evidence
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.many_groups import blurred
@@ -13,6 +14,25 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 
 FINE, SIGMA = 3, 3.0
+
+# What is seen of a mock-up at the right pose.
+MOCK_UP = Evidence(
+    drawn=0.5,
+    explained=0.65,
+    outside=0.0,
+    margin=0.1,
+    found=0.5,
+    tight=0.5,
+    rms_px=0.0,
+    sigma_rad=0.004,
+    sigma_share=0.002,
+    edges=300,
+    size_px=500.0,
+    empty=True,
+    score=0.23,
+    likeness=0.97,
+    covered=0.2,
+)
 
 
 def lamp_lit(

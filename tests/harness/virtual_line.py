@@ -54,10 +54,6 @@ class VirtualTransport(StreamTransport):
     def _read(self, timeout_s: float) -> bytes:
         return self._into.get(timeout_s)
 
-    def inject(self, data: bytes) -> None:
-        """Put raw bytes on the line, for tests of damage."""
-        self._out.put(data)
-
     def fileno(self) -> int:
         """There is none."""
         raise LinkError("a virtual line has no file descriptor: use recv_packet with a timeout")

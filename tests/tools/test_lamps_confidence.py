@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lamp_lit import MOCK_UP
 
 from flyaround.hil.board.hybrid.decide.confidence import (
     Evidence,
@@ -15,24 +16,7 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.regime import Regime
 from tools.studies.lamps_confidence import Judged, JudgedFrame, chosen_shift, counts
 
-SEEN = Evidence(
-    drawn=0.5,
-    explained=0.65,
-    outside=0.0,
-    margin=0.1,
-    found=0.5,
-    tight=0.5,
-    rms_px=0.0,
-    sigma_rad=0.004,
-    sigma_share=0.002,
-    edges=300,
-    size_px=500.0,
-    empty=True,
-    score=0.23,
-    likeness=0.99,
-    covered=0.4,
-    regime=Regime.LAMPS,
-)
+SEEN = replace(MOCK_UP, likeness=0.99, covered=0.4, regime=Regime.LAMPS)
 FAINT = replace(SEEN, drawn=0.1, likeness=0.8)
 
 

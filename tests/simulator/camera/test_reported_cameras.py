@@ -13,6 +13,8 @@ from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS, cam
 from flyaround.simulator.errors import UserError
 
 REPORTS = Path(__file__).parents[2] / "data" / "reports"
+SAMPLES = Path(__file__).parents[2] / "data" / "cameras"
+"""A file of each kind as its program writes it."""
 EUROC = (752, 480, 458.654, 457.296, 367.215, 248.375)
 RADTAN = (-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05)
 ECHO = (1920, 1200, 1133.1, 1128.0, 960.7, 600.8)
@@ -85,214 +87,15 @@ K = "[600, 0, 320, 0, 601, 240, 0, 0, 1]"
 D = "[-0.3, 0.1, 0.001, 0.0005, 0.02]"
 ROS = f"image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix: {{rows: 3, cols: 3, data: {K}}}\n"
 MESSAGE = f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: {D}\nk: {K}\n"
-OPENCV_YAML = """%YAML:1.0
----
-calibration_time: "Wed 11 Mar 2026 10:20:30"
-nframes: 25
-image_width: 640
-image_height: 480
-board_width: 9
-board_height: 6
-square_size: 2.5000000000000000e+01
-aspectRatio: 1.
-# flags: +fix_aspectRatio
-flags: 2
-fisheye_model: 0
-camera_matrix: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 600., 0., 320., 0., 601., 240., 0., 0., 1. ]
-distortion_coefficients: !!opencv-matrix
-   rows: 5
-   cols: 1
-   dt: d
-   data: [ -.3, 1.0e-01, 1.0e-03, 5e-04, 2.e-02 ]
-avg_reprojection_error: 2.5e-01
-per_view_reprojection_errors: !!opencv-matrix
-   rows: 2
-   cols: 1
-   dt: f
-   data: [ 2.5e-01, 2.5e-01 ]
-extrinsic_parameters: !!opencv-matrix
-   rows: 1
-   cols: 6
-   dt: d
-   data: [ 0., 0., 0., 1., 2., 3. ]
-image_points: !!opencv-matrix
-   rows: 2
-   cols: 1
-   dt: "2f"
-   data: [ 1., 2., 3., 4. ]
-"""
-OPENCV_2_XML = """<?xml version="1.0"?>
-<opencv_storage>
-<calibration_Time>"Wed 11 Mar 2026"</calibration_Time>
-<nrOfFrames>25</nrOfFrames>
-<image_Width>640</image_Width>
-<image_Height>480</image_Height>
-<board_Width>9</board_Width>
-<square_Size>50.</square_Size>
-<flagValue>14</flagValue>
-<Camera_Matrix type_id="opencv-matrix">
-  <rows>3</rows>
-  <cols>3</cols>
-  <dt>d</dt>
-  <data>
-    600. 0. 320. 0. 601. 240. 0. 0. 1.</data></Camera_Matrix>
-<Distortion_Coefficients type_id="opencv-matrix">
-  <rows>5</rows>
-  <cols>1</cols>
-  <dt>d</dt>
-  <data>
-    -0.3 0.1 1e-3 5e-4
-    2.e-002</data></Distortion_Coefficients>
-<Avg_Reprojection_Error>4.5e-01</Avg_Reprojection_Error>
-</opencv_storage>
-"""
-ROS_INI = """# Camera intrinsics
-
-[image]
-
-width
-640
-
-height
-480
-
-[narrow_stereo/left]
-
-camera matrix
-600.00000 0.00000 320.00000
-0.00000 601.00000 240.00000
-0.00000 0.00000 1.00000
-
-distortion
--0.30000 0.10000 0.00100 0.00050 0.02000
-
-rectification
-1.00000 0.00000 0.00000
-0.00000 1.00000 0.00000
-0.00000 0.00000 1.00000
-
-projection
-600.00000 0.00000 320.00000 0.00000
-0.00000 601.00000 240.00000 0.00000
-0.00000 0.00000 1.00000 0.00000
-"""
-KALIBR = """cam0:
-  cam_overlaps: [1]
-  camera_model: pinhole
-  distortion_coeffs: [0.05, -0.02, 0.004, -0.001]
-  distortion_model: equidistant
-  intrinsics: [600, 601, 320, 240]
-  resolution: [640, 480]
-  rostopic: /cam0/image_raw
-"""
-VINS = """%YAML:1.0
----
-model_type: PINHOLE
-camera_name: camera
-image_width: 640
-image_height: 480
-distortion_parameters:
-   k1: -0.3
-   k2: 0.1
-   p1: 0.001
-   p2: 0.0005
-projection_parameters:
-   fx: 600.0
-   fy: 601.0
-   cx: 320.0
-   cy: 240.0
-"""
-VINS_FISHEYE = """%YAML:1.0
----
-model_type: KANNALA_BRANDT
-camera_name: camera
-image_width: 640
-image_height: 480
-projection_parameters:
-   k2: 0.05
-   k3: -0.02
-   k4: 0.004
-   k5: -0.001
-   mu: 600.0
-   mv: 601.0
-   u0: 320.0
-   v0: 240.0
-"""
-ORB_SLAM_2 = """%YAML:1.0
-Camera.fx: 600.0
-Camera.fy: 601.0
-Camera.cx: 320.0
-Camera.cy: 240.0
-Camera.k1: -0.3
-Camera.k2: 0.1
-Camera.p1: 0.001
-Camera.p2: 0.0005
-Camera.k3: 0.02
-Camera.width: 640
-Camera.height: 480
-Camera.fps: 20.0
-Camera.RGB: 1
-Camera.bf: 40.0
-ThDepth: 35
-ORBextractor.nFeatures: 1000
-ORBextractor.scaleFactor: 1.2
-Viewer.KeyFrameSize: 0.05
-LEFT.D: !!opencv-matrix
-   rows: 1
-   cols: 5
-   dt: d
-   data: [0., 0., 0., 0., 0.]
-"""
-ORB_SLAM_3 = """%YAML:1.0
-File.version: "1.0"
-Camera.type: "KannalaBrandt8"
-Camera1.fx: 600.0
-Camera1.fy: 601.0
-Camera1.cx: 320.0
-Camera1.cy: 240.0
-Camera1.k1: 0.05
-Camera1.k2: -0.02
-Camera1.k3: 0.004
-Camera1.k4: -0.001
-Camera2.fx: 700.0
-Camera1.overlappingBegin: 0
-Camera1.overlappingEnd: 639
-Camera.width: 640
-Camera.height: 480
-Camera.fps: 20
-IMU.NoiseGyro: 0.00016
-Stereo.ThDepth: 40.0
-System.thFarPoints: 20.0
-loopClosing: 0
-"""
-STELLA = """Camera:
-  name: "mine"
-  setup: "monocular"
-  model: "perspective"
-  fx: 600.0
-  fy: 601.0
-  cx: 320.0
-  cy: 240.0
-  k1: -0.3
-  k2: 0.1
-  p1: 0.001
-  p2: 0.0005
-  k3: 0.02
-  fps: 30.0
-  cols: 640
-  rows: 480
-  color_order: "RGB"
-Preprocessing:
-  min_size: 800
-Feature:
-  name: "default"
-Mapping:
-  backend: "g2o"
-"""
+OPENCV_YAML = (SAMPLES / "opencv.yaml").read_text()
+OPENCV_2_XML = (SAMPLES / "opencv2.xml").read_text()
+ROS_INI = (SAMPLES / "ros.ini").read_text()
+KALIBR = (SAMPLES / "kalibr.yaml").read_text()
+VINS = (SAMPLES / "vins.yaml").read_text()
+VINS_FISHEYE = (SAMPLES / "vins_fisheye.yaml").read_text()
+ORB_SLAM_2 = (SAMPLES / "orb_slam2.yaml").read_text()
+ORB_SLAM_3 = (SAMPLES / "orb_slam3.yaml").read_text()
+STELLA = (SAMPLES / "stella.yaml").read_text()
 NERF = {
     "camera_angle_x": 2 * np.arctan(320 / 600),
     "fl_x": 600.0,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from lamp_lit import MOCK_UP
 
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
@@ -87,26 +88,7 @@ def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator:
 
 def evidence(**changes: float | Regime | None) -> Evidence:
     """What was seen of a mock-up at the right pose."""
-    return replace(
-        Evidence(
-            drawn=0.5,
-            explained=0.65,
-            outside=0.0,
-            margin=0.1,
-            found=0.5,
-            tight=0.5,
-            rms_px=0.0,
-            sigma_rad=0.004,
-            sigma_share=0.002,
-            edges=300,
-            size_px=500.0,
-            empty=True,
-            score=0.23,
-            likeness=0.97,
-            covered=0.2,
-        ),
-        **changes,
-    )
+    return replace(MOCK_UP, **changes)
 
 
 def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_count_against_it() -> None:

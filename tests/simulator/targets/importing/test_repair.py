@@ -7,6 +7,8 @@ import pytest
 import trimesh
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.geometry.decimation import decimate
+from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.geometry.triangles import distance_to_triangles
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
@@ -91,6 +93,26 @@ def test_a_cavity_and_a_body_apart_are_each_turned(tmp_path):
     assert any("turned 12 faces" in line for line in lines)
 
 
+def test_an_almost_closed_ball_that_is_inside_out_is_turned(tmp_path):
+    ball = trimesh.creation.icosphere(3, 1.0)
+    target, lines = import_mesh(
+        save(tmp_path / "a.stl", raw_mesh(ball.vertices, ball.faces[1:, ::-1])), "a", SHEETS
+    )
+    assert volume(target) > 4
+    assert any(line.startswith("turned 1,279 faces to look outwards") for line in lines)
+
+
+def test_an_open_sheet_looks_where_the_normals_of_the_file_do(tmp_path):
+    corners = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n"
+    for z in (1, -1):
+        path = tmp_path / f"sheet{z}.obj"
+        path.write_text(f"{corners}vn 0 0 {z}\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
+        part = import_mesh(path, "a", ImportOptions(keep_holes=True, up="z", units="m"))[0].parts[0]
+        a, b, c = np.moveaxis(part.positions_m.astype(float)[part.triangles], 1, 0)
+        assert (np.cross(b - a, c - a) @ (0, 0, z) > 0).all()
+        assert (part.normals @ (0, 0, z) > 0.99).all()
+
+
 def test_inverted_normals_of_a_file_are_replaced(tmp_path):
     mesh = BOX.copy()
     glb = trimesh.Trimesh(
@@ -121,6 +143,15 @@ def test_faces_without_area_and_copies_are_dropped(tmp_path):
     assert "dropped 2 faces without area" in lines
     assert "dropped 4 faces that were there twice" in lines
     assert sum(len(p.triangles) for p in target.parts) == 12
+
+
+def test_a_sheet_keeps_its_back_and_a_face_that_float32_cannot_turn_goes(tmp_path):
+    corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [5, 3e-7, 0]]
+    faces = [[0, 1, 2], [0, 2, 1], [1, 2, 0], [0, 1, 3]]
+    target, lines = import_mesh(save(tmp_path / "a.stl", raw_mesh(corners, faces)), "a", SHEETS)
+    assert "dropped 1 faces that were there twice" in lines
+    assert "dropped 1 faces without area" in lines
+    assert sorted(n[2] for p in target.parts for n in p.normals[p.triangles[:, 0]]) == [-1, 1]
 
 
 def test_creases_stay_sharp_and_round_shapes_smooth(tmp_path):
@@ -308,6 +339,20 @@ def test_decimation_measures_what_it_did(tmp_path):
     radius = np.linalg.norm(target.parts[0].positions_m, axis=1)
     assert np.abs(radius - 1).max() < 0.04
     assert volume(target) == pytest.approx(4 / 3 * np.pi, rel=0.01)
+
+
+def test_thin_plates_are_reduced_to_the_number_that_is_asked_for():
+    fine = trimesh.creation.box((1.0, 0.004, 1.0)).subdivide().subdivide().subdivide()
+    stack = trimesh.util.concatenate([fine.copy().apply_translation((0, 0.05 * k, 0)) for k in range(4)])
+    body = MeshBody(
+        name="stack",
+        positions_m=np.asarray(stack.vertices),
+        triangles=np.asarray(stack.faces),
+        face_material=np.zeros(len(stack.faces), int),
+    )
+    for most in (768, 160):
+        reduced = decimate([body], most)
+        assert 0.5 * most < sum(len(b.triangles) for b in reduced) <= most
 
 
 @pytest.mark.slow
