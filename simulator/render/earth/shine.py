@@ -30,7 +30,15 @@ LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # along a ray through the air
 FOOTPRINT = 0.2  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
 _KIND = TileKind(
-    air=False, fine=False, smooth=False, covered=False, night=True, icy=True, bright_water=False, level=0.0
+    air=False,
+    fine=False,
+    smooth=False,
+    covered=False,
+    night=True,
+    unlit=False,
+    icy=True,
+    bright_water=False,
+    level=0.0,
 )
 """Whatever ground there may be; shallow and turbid water is too little to light a craft."""
 
@@ -84,7 +92,8 @@ class ShineSampler:
         context, month = self._context, season_of(scene)
         textures = earth.ground_textures(month) | earth.air(scene.environment).frame.static_tables
         textures["t_ice"] = earth.ice_texture(ice_day(scene))
-        textures["t_detail"] = earth.mipmapped_detail(context.LINEAR_MIPMAP_NEAREST)
+        for name, tiling in (("t_detail", earth.detail), ("t_city", earth.night)):
+            textures[name] = tiling.mipmapped(context.LINEAR_MIPMAP_NEAREST)
         for name in ("t_map", "t_colour"):
             if name in textures:
                 textures[name].filter = context.LINEAR_MIPMAP_LINEAR, context.LINEAR
