@@ -28,7 +28,7 @@ class ScenarioChooser(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._wanted = ""
+        self._wanted, self._as_list = "", False
         self._cards: list[tuple[str, str, ByteArray]] = []
 
     def draw(self, console: Console) -> None:
@@ -65,10 +65,23 @@ class ScenarioChooser(Panel):
         found = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in wanted.lower().split())]
         if wanted.endswith(".toml"):
             found = self._cards
+        _, self._as_list = imgui.checkbox("names and titles alone", self._as_list)
+        w.tip("a line for each scenario instead of its picture")
+        if not found:
+            w.text(f"no scenario has {wanted!r} in its name or title", style.QUIET)
+        # what was written above stays in sight while the list scrolls
+        imgui.begin_child("found")
         for k, (name, title, picture) in enumerate(found):
+            if self._as_list:
+                here = name == console.session.plan.scenario.name
+                if imgui.selectable(f"{name}: {title}", here)[0]:
+                    console.do("scenario.open", name)
+                w.tip(f"{title}\nflyaround sim {name}")
+                continue
             if k % columns:
                 imgui.same_line()
             self._draw_card(console, name, title, picture, width)
+        imgui.end_child()
 
     def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
         w, imgui = self._w, self._w.imgui
@@ -81,7 +94,7 @@ class ScenarioChooser(Panel):
             console.do("scenario.open", name)
         w.tip(f"{title}\nflyaround sim {name}")
         here = name == console.session.plan.scenario.name
-        w.one_line(w.elided(name.removeprefix("tango-"), width), style.ACCENT if here else style.INK)
+        w.one_line(w.elided(name, width), style.ACCENT if here else style.INK)
         imgui.end_group()
 
 
