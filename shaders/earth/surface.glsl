@@ -150,10 +150,10 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
     // detail, whose histogram is even; where it is larger they are thicker too
     float cover = clamp(map.y * 1.06 - 0.04, 0.0, 1.0), cover2 = cover * cover, cover4 = cover2 * cover2;
-    s.share = 0.02 + cover * (1.55 - 0.55 * cover) + 0.6 * cover4;
+    s.share = 0.08 + cover * (1.42 - 0.5 * cover) + 0.6 * cover4;
     s.thick = (1.15 + 18.0 * cover4 * cover2) * min(10.0 * cover, 1.0);
     s.veil = 0.12 * cover2;
-    s.mean = cover * (0.66 + cover * (1.0 + cover2 * (12.96 * cover2 * cover - 2.73)));
+    s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
     return s;
 }
