@@ -17,6 +17,7 @@ from tools.validation.rendering.surfaces import (
     CITIES,
     KINDS,
     SUN_DEG,
+    camera,
     city_radiance,
     reflectance,
     scene_under,
@@ -94,6 +95,17 @@ def test_streets_keep_the_light_of_a_cell():
         at, size = at + 4 * size * size, size // 2
     for level in levels:
         assert level.mean(axis=(0, 1)) * (BRIGHTEST / 255) == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+@pytest.mark.parametrize("city", CITIES)
+def test_cities_send_as_much_light_whatever_a_pixel_is_wide(renderer, city):
+    scene = scene_under(CITIES[city], "2026-08-15T00:00:00Z", 150.0, CLEAR, width_km=400.0)
+    # pixels of 6 and of 25 km
+    near, far = (
+        renderer.render(replace(scene, camera=camera(400.0, size)), load_target("tango")).radiance.mean()
+        for size in (64, 16)
+    )
+    assert far == pytest.approx(near, rel=0.2)
 
 
 @pytest.mark.parametrize("quality", ["default", "high"])
