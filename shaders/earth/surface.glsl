@@ -240,13 +240,13 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     vec2 sunward = g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM));
     float shading = (textureLod(t_detail, sunward, DETAIL_LEVEL).x - puff) * scale;
 #else
-    float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.5);
+    float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.35);
 #endif
 #if ONE_OPTICS
     ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
     float before = clamp(over + shading, 0.0, 1.0);
-    ground -= ground * (0.8 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+    ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
     float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
     ground = mix(ground, color(g.white * relief), cloud);
 #endif
