@@ -78,7 +78,7 @@ void main() {
         // where a texel begins, its neighbour's slope may lead below darkness
         s.land = max(ALONG(surface.land, land), 0.0);
         s.shore = ALONG(surface.shore, shore);
-        s.share = max(ALONG(surface.share, share), 0.0);
+        s.share = max(ALONG(surface.share, share), 0.08);
         s.lit = max(ALONG(surface.lit, lit), 0.0);
         quad[k] = surface_radiance(g, s, waters, detail_at(g, ALONG(place, place)));
 #elif HIGH && OCEAN_COLOUR

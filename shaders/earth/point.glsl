@@ -128,7 +128,7 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     // escape functions of the light's and the view's angle (King 1987, eq. 2); endless cloud as the law of isotropic scatterers
     // has it with them, within 8 per cent of discrete ordinates; 1.3: both graze, where clouds hide each other
     g.thin = (9.0 / 49.0 * 4.0 / 3.0) * (1.0 + 2.0 * max(mu, 0.0)) * (1.0 + 2.0 * c_view);
-    g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.3) * (1.0 + 0.3 * glory * glory * glory);
+    g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.1) * (1.0 + 0.3 * glory * glory * glory);
 #if GLINT
     vec2 glint = sun_glint(n, -ray.direction, sun, c_view, mu);
     if (mu > 0.0) g.glint = direct * PI * glint.x / max(mu, 0.05);

@@ -97,7 +97,6 @@ struct Surface {
     color sea;     // reflectance of the open sea
     color waves;   // its change with the detail's first channel
     float share;   // of the ground under cloud; over one where it has no gaps
-    float scale;   // one over that
     float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
@@ -150,14 +149,17 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
 #endif
     // the map's cover is a share of the ground, over which the optical depth rises from the clouds' edges with the
     // detail, whose histogram is even; where it is larger they are thicker too
-    float cover = clamp(map.y * 1.15 - 0.05, 0.0, 1.0), cover2 = cover * cover;
-    float cover4 = cover2 * cover2;
-    s.share = cover * (1.45 - 0.45 * cover) + 0.6 * cover4;
-    s.scale = 1.0 / (s.share + 0.02);
-    s.thick = (1.05 + 20.0 * cover4 * cover4) * min(10.0 * cover, 1.0);
+    float cover = clamp(map.y * 1.06 - 0.04, 0.0, 1.0), cover2 = cover * cover, cover4 = cover2 * cover2;
+    s.share = 0.08 + cover * (1.42 - 0.5 * cover) + 0.6 * cover4;
+    s.thick = (1.15 + 18.0 * cover4 * cover2) * min(10.0 * cover, 1.0);
     s.veil = 0.12 * cover2;
-    s.mean = cover * (0.36 + cover * (1.14 + cover2 * (12.28 * cover2 * cover2 * cover - 1.45)));
+    s.mean = cover * (0.95 + cover * (0.14 + cover2 * (11.7 * cover2 * cover - 1.44)));
     s.lit = map.z;
+#if NIGHT
+    // its root's mean over wider texels is less than the root of the mean: by so much around the Earth's cities
+    float wide = max(MAP_LEVEL, 0.0);
+    s.lit *= exp2(wide * (0.06 + 0.025 * wide));
+#endif
     return s;
 }
 
@@ -168,11 +170,10 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
     return depth / (depth + thin * (1.15 - over));
 }
 
-// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, swell, slicks along the lines of
-// currents. The mean of the variance is kept. All from 0 to 1, of even histograms.
-float sea_calm(float gusts, float streaks, float swell, float current) {
-    float slick = 1.0 - min(14.0 * abs(current - 0.5), 1.0);
-    return 0.7 * gusts + 0.35 * streaks + 0.25 * swell + 0.5 * slick - 0.653;
+// Logarithm of how much less the slopes of the sea vary: wind in gusts and streaks, slicks, swell. The mean of the variance
+// is kept. All from 0 to 1, of even histograms.
+float sea_calm(float gusts, float streaks, float swell) {
+    return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
 }
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
@@ -184,7 +185,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float fibre = textureLod(t_detail, mat2(0.30, 0.16, -0.75, 1.40) * (g.plane + (9.0 / CLOUD_KM) * g.lift), DETAIL_LEVEL).x;
     s.veil *= 3.0 * fibre * fibre; // a mean of one for an even histogram
 #endif
-    float over = (puff - 1.0 + s.share) * s.scale; // 0 at the cloud's edge, 1 at most
+    float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
     // from far away the puffs are averaged before they are cut: their mean then is that of a cover
@@ -208,17 +209,17 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float bare = clamp(2.2 * g.rough - 0.22, 0.12, 1.0); // plains are under sand and soil
     reflectance *= 1.0 + bare * (mix(ROCK * (rock.z - 0.5), GRAVEL, rock.w) - 0.25 * GRAVEL) - clamp(1.6 * bare * bank, -0.6, 0.6);
 #endif
-    reflectance = min(reflectance, color(SNOW_REFLECTANCE));
+    reflectance = clamp(reflectance, 0.2 * s.land, color(SNOW_REFLECTANCE)); // slopes in shade have the sky's light
 #if BANDS == 3
     // snow is white whatever grows under it
     reflectance = mix(reflectance, vec3(dot(reflectance, vec3(1.0 / 3.0))), clamp(0.5 * g.tone.y - 1.0, 0.0, 1.0));
 #endif
     color sea = s.sea + s.waves * under.x;
 #if GLINT && HIGH
-    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 0.6).x;
-    float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 1.0).x;
+    float streaks = textureLod(t_detail, mat2(2.2, 1.6, -0.30, 0.41) * g.plane, DETAIL_LEVEL + 1.0).x;
+    float gusts = textureLod(t_detail, mat2(0.62, 0.35, -0.22, 0.39) * g.plane, DETAIL_LEVEL - 0.5).x;
     float swell = textureLod(t_detail, mat2(5.1, -3.3, 16.5, 25.5) * g.plane, DETAIL_LEVEL + 4.0).x;
-    float calm = sea_calm(gusts, streaks, swell, under.x);
+    float calm = sea_calm(gusts, streaks, swell);
     sea += color(g.glint * exp(calm + (g.ripple + 1.0) * (1.0 - exp(calm))));
 #endif
 #if ICE
@@ -236,16 +237,17 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     // shadow beside the cloud: the cover a cloud's height further towards the Sun, to first order
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets
-    float shading = textureLod(t_detail, g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM)), DETAIL_LEVEL).x - puff;
+    vec2 sunward = g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM));
+    float shading = (textureLod(t_detail, sunward, DETAIL_LEVEL).x - puff) * scale;
 #else
-    float shading = clamp(rise * CLOUD_KM, -0.25, 0.25);
+    float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.35);
 #endif
 #if ONE_OPTICS
     ground = mix(ground, color(1.0), min(s.share, 1.0));
 #else
-    float before = clamp(over + shading * s.scale, 0.0, 1.0);
-    ground -= ground * (0.8 * cloud_reflectance(before, s.thick, s.veil, g.thin));
-    float relief = clamp(1.0 - RELIEF_KM * min(s.scale, 4.0) * rise, 0.5, 1.35);
+    float before = clamp(over + shading, 0.0, 1.0);
+    ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+    float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
     ground = mix(ground, color(g.white * relief), cloud);
 #endif
 #endif

@@ -115,9 +115,9 @@ def _stirred(
     flow = np.roll(stream, -1, 0) - np.roll(stream, 1, 0), np.roll(stream, 1, 1) - np.roll(stream, -1, 1)
     step = np.float32(texels / np.hypot(*flow).std())
     y, x = np.indices((size, size), np.float32)
-    places = ((k + step * along) % size + pad for k, along in zip((x, y), flow, strict=True))
+    to_x, to_y = ((k + step * along) % size + pad for k, along in zip((x, y), flow, strict=True))
     wrapped = np.pad(image.astype(np.float32), pad, mode="wrap")
-    return np.asarray(cv2.remap(wrapped, *places, interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(cv2.remap(wrapped, to_x, to_y, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _upsample(image: Float32Array) -> Float32Array:

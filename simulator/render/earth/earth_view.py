@@ -152,7 +152,7 @@ class EarthTilesPass(Pass):
     """Cuts what the Earth may touch into tiles, all alike."""
 
     name = "earth.tiles"
-    reads = (SCENE, EARTH, GLOBE)
+    reads: tuple[Resource[object], ...] = (SCENE, EARTH, GLOBE)
     writes = (EARTH_TILES,)
 
     def run(self, r: PassResources) -> None:

@@ -45,8 +45,8 @@ PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 NOTES = """
 Full Earth: two thirds of the spherical albedo of 0.295 (Penttila et al. 2022, Frontiers in Remote Sensing 3), a Lambert
 sphere's, times the anisotropy of what DSCOVR sees from near the Sun, some 1.27 (Su et al. 2018, J. Geophys. Res. 123,
-11479). Older figures from photometry of the dark Moon (Allen 2000: 0.367; Mallama, Krobusek & Pavlov 2017: 0.434, with a
-phase curve that integrates to a Bond albedo of 0.55) contradict both it and the reflectances of the next table. The
+11479). Older figures from photometry of the dark Moon (Allen 2000: 0.367; Mallama, Krobusek & Pavlov 2017: 0.434, with
+a phase curve that integrates to a Bond albedo of 0.55) contradict both it and the reflectances of the next table. The
 Moon's rows are means of the waxing and the waning Moon. "Twin": the same physics in double precision on the CPU.
 """
 

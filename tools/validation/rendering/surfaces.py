@@ -126,22 +126,24 @@ def city_radiance(
 
 def rows(renderer: Renderer) -> list[Row]:
     """Every comparison, measured now."""
-    out = [
-        Row(
-            what=f"reflectance above the air, {kind.name}, Sun {sun_deg:g} deg from the zenith, relative",
-            against=f"{published:g}",
-            unit="1",
-            goal=0.10,
-            measured=abs(reflectance(renderer, kind, sun_deg)[0] / published - 1),
-        )
-        for kind in KINDS
-        for sun_deg, published in zip(SUN_DEG, kind.published, strict=True)
-    ]
+    out = []
+    for kind in KINDS:
+        for sun_deg, published in zip(SUN_DEG, kind.published, strict=True):
+            drawn = reflectance(renderer, kind, sun_deg)[0]
+            out.append(
+                Row(
+                    what=f"{kind.name}, Sun {sun_deg:g} deg from the zenith: reflectance {drawn:.3f}, relative",
+                    against=f"{published:g}",
+                    unit="1",
+                    goal=0.10,
+                    measured=abs(drawn / published - 1),
+                )
+            )
     for name, place in CITIES.items():
         mean = city_radiance(renderer, place)
         out.append(
             Row(
-                what=f"city lights over 50 km, {name}, distance from 25 to 60",
+                what=f"lights of {name} over 50 km: {mean:.0f} nW cm-2 sr-1, distance from 25 to 60",
                 against="VIIRS",
                 unit="nW cm-2 sr-1",
                 goal=5.0,
