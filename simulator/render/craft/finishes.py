@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
     from flyaround.simulator.targets.model import Material
 
-FOIL_ROUGHNESS = 0.6
+FOIL_ROUGHNESS = 0.8
 """Roughness of the film between creases, over that of the material, which stands for film and creases."""
 _FOIL = {
     "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
     "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
-    "FINE_SHARE": 0.42,  # slopes of the second over those of the first
+    "FINE_SHARE": 0.25,  # slopes of the second over those of the first
     "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
-    "CREASED_BLUR": 0.06,  # cosine of the Earth's rim over which it fades in a facet
+    "CREASED_BLUR": 0.12,  # cosine of the Earth's rim over which it fades in a facet
     "SEAM_U_M": 0.53,
     "SEAM_V_M": 0.74,
     "TAPE_M": 0.0125,  # half the width of one-inch tape
