@@ -214,7 +214,8 @@ def test_a_truth_record_draws_the_same_picture(type_in, tmp_path):
         # the noise is the same; another driver rounds the light elsewhere
         off = np.abs(images[0].astype(float) - images[1])
         assert np.mean(off) < 0.5
-        assert np.mean(off > 4) < 0.01
+        # cells have a sheen and busbars since
+        assert np.mean(off > 4) < 0.02
 
 
 def test_an_old_board_serves_a_new_host(type_in, v01):
