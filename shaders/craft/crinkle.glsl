@@ -5,11 +5,12 @@ uniform sampler2D t_creases; // slopes along u and v, their deviation within a t
 struct Laid {
     vec2 uv;
     float width_m;   // of a pixel on the surface
+    float level;     // its logarithm
     int across;      // the axis left out
 };
 
-// n: the face's normal, camera frame.
-Laid laid_flat(vec3 n, vec3 p_m) {
+// n: the face's normal; v: unit vector to the camera; camera frame.
+Laid laid_flat(vec3 n, vec3 v, vec3 p_m) {
     mat3 R = mat3(u_camera_from_target);
     vec3 x = (p_m - u_camera_from_target[3].xyz) * R, a = n * R; // R transposed times: into the target frame
     vec3 size = abs(a) * vec3(1.0, 1.04, 0.96); // faces at 45 degrees to two axes: one of them, and no flicker
@@ -17,14 +18,14 @@ Laid laid_flat(vec3 n, vec3 p_m) {
     vec2 uv = across == 0 ? x.yz : across == 1 ? x.zx : x.xy;
     // opposite faces differ
     uv += 0.31 * sign(across == 0 ? a.x : across == 1 ? a.y : a.z) + float(across) * vec2(0.17, 0.41);
-    float width_m = p_m.z / (max(u_intrinsics.x, u_intrinsics.y) * sqrt(max(-dot(n, normalize(p_m)), 0.05)));
-    return Laid(uv, width_m, across);
+    float width_m = p_m.z / max(u_intrinsics.x, u_intrinsics.y) * inversesqrt(max(dot(n, v), 0.05));
+    return Laid(uv, width_m, log2(width_m), across);
 }
 
 // A tile of the texture that is so many metres wide, turned by an angle of this cosine and sine: slopes, deviation, mottle.
 vec4 crease_tile(Laid laid, float tile_m, vec2 turn) {
     mat2 T = mat2(turn.x, turn.y, -turn.y, turn.x);
-    vec4 s = textureLod(t_creases, T * laid.uv / tile_m, log2(laid.width_m * (CREASE_SIZE / tile_m)));
+    vec4 s = textureLod(t_creases, T * laid.uv / tile_m, laid.level + log2(CREASE_SIZE / tile_m));
     return vec4((s.xy * 2.0 - 1.0) * CREASE_SLOPE * T, s.z * CREASE_DEVIATION, s.w); // T transposed times
 }
 
@@ -46,8 +47,8 @@ float earth_mottle(vec3 d, float blur) {
 // Normal of a blanket at the point p_m (both camera frame). Facets that a pixel holds many of make it rougher instead:
 // their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
 // tape: share of the pixel that is tape, which lies flatter.
-vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness, out float tape) {
-    Laid laid = laid_flat(n, p_m);
+vec3 crinkled(vec3 n, vec3 v, vec3 p_m, float amplitude, inout float roughness, out float tape) {
+    Laid laid = laid_flat(n, v, p_m);
     vec4 coarse = crease_tile(laid, COARSE_M, vec2(0.8253, 0.5646));
     float lost = coarse.z * coarse.z;
     vec2 slope = coarse.xy;
@@ -72,8 +73,8 @@ vec3 crinkled(vec3 n, vec3 p_m, float amplitude, inout float roughness, out floa
 }
 
 // Reflectance over its mean of a matt surface: what light, handling and the sheet below leave on it, and its joints.
-float mottle(vec3 n, vec3 p_m, float amplitude) {
-    Laid laid = laid_flat(n, p_m);
+float mottle(vec3 n, vec3 v, vec3 p_m, float amplitude) {
+    Laid laid = laid_flat(n, v, p_m);
     float level = crease_tile(laid, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;
     return 1.0 + amplitude * (2.0 * level - JOINT_DARKER * strips(laid, vec2(JOINT_M), JOINT_WIDE_M));
 }

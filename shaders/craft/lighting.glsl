@@ -114,7 +114,8 @@ color reflected(Surface s, vec3 l, float n_l, float alpha, float coat_alpha) {
 #endif
 
 // Radiance that leaves one surface towards the camera [W m-2 sr-1].
-// base: reflectance per band, metallic; surface: roughness, clear coat, its roughness, crinkle; p_m: camera frame [m].
+// base: reflectance per band, metallic; surface: roughness, clear coat (one more: with films), its roughness, crinkle
+// (negative: mottle); p_m: camera frame [m].
 // geometric: the face's normal, which shadows are cut at; n: the one that light falls on.
 // chart: place in the atlas of charts; lit: share of the Sun's disc that it sees.
 // grain: direction of the brushing, target frame; w: how much it stretches the lobe, 0..1, negative around the axis.
@@ -125,13 +126,13 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     if (surface.w > 0.0) {
         float tape;
         creased = 0.0;
-        n = crinkled(n, p_m, surface.w, surface.x, tape);
+        n = crinkled(n, v, p_m, surface.w, surface.x, tape);
         if (base.w > 0.0) { // foil: what is no mirror is a wider one
             creased = 1.0 - base.w;
             base *= vec4(vec3(1.0 - TAPE_DARKER * tape), 0.0);
             base.w = 1.0;
         }
-    } else if (surface.w < 0.0) base.xyz *= mottle(n, p_m, -surface.w);
+    } else if (surface.w < 0.0) base.xyz *= mottle(n, v, p_m, -surface.w);
 #endif
 #ifdef CELLS
     float cell_film = 1.0;
@@ -175,11 +176,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     s.again = again;
     s.coat = surface.y;
 #ifdef CLEARCOAT
-#ifdef ONLY_FILMS
-    s.film = color(FILM);
-#else
     s.film = films ? FILM : color(0.04);
-#endif
 #if BANDS > 1
     s.slant = films ? FILM_SLANT : color(0.0);
 #endif
@@ -229,10 +226,12 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     float rim = dot(r, u_globe_rim.xyz) - u_globe_rim.w;
     float blur = surface.x * surface.x + 0.02;
 #ifdef CRINKLE
-    if (surface.w > 0.0) earth *= earth_mottle(r, blur);
-    blur += CREASED_BLUR * step(1e-3, creased); // the limb is veiled, and facets are no plane mirrors
-    float seen = smoothstep(-blur, blur, rim);
-    if (creased > 0.0) seen = mix(seen, smoothstep(-CREASED_ALPHA, CREASED_ALPHA, rim), creased);
+    float wide = blur + CREASED_BLUR * step(1e-3, creased); // the limb is veiled, and facets are no plane mirrors
+    float seen = smoothstep(-wide, wide, rim);
+    if (creased > 0.0) {
+        earth *= earth_mottle(r, blur);
+        seen = mix(seen, smoothstep(-CREASED_ALPHA, CREASED_ALPHA, rim), creased);
+    }
 #else
     float seen = smoothstep(-blur, blur, rim);
 #endif

@@ -24,12 +24,13 @@ SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """What full scale of the slope channels (plus and minus) and of the deviation channel means."""
 _SEED = 1972
 # facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
-_LAYERS = ((40, 0.18, 1.35, 0.4), (150, -0.13, 1.5, 1.7), (700, 0.11, 1.3, 2.7), (3000, -0.065, 1.2, 1.0))
+_LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Of the slopes, along both axes together."""
 _TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature
 _MARGIN = 0.35  # of the tile, from which facets are repeated around it
 _MOTTLE_POWER = -1.4
+_BEND = 0.9  # standard deviation of the smoothing of creases [texels]
 _UNEVEN = 4.0  # of the small facets' variance, over the mottle
 
 
@@ -57,6 +58,10 @@ def make_creases() -> FloatArray:
     # here the film is smooth, there it was crumpled
     uneven = np.sqrt(np.clip(1 + _UNEVEN * (np.roll(level, SIZE // 2, axis=0) - 0.5), 0.1, 2))[..., None]
     slopes = layers[0] + layers[1] + uneven * (layers[2] + layers[3])
+    # creases are round, and their lines have no steps
+    soft = np.exp(-2 * (np.pi * _BEND * f) ** 2)
+    soft[0, 0] = 1
+    slopes = np.fft.irfft2(np.fft.rfft2(slopes, axes=(0, 1)) * soft[..., None], (SIZE, SIZE), axes=(0, 1))
     return np.dstack([slopes, level]).astype(np.float32)
 
 

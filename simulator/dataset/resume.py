@@ -60,6 +60,13 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
         raise UserError(
             f"{store.title}: cannot read {CARD_NAME} ({error.strerror or error}); name a new folder with -o"
         ) from error
+    # first: another version's scenarios may have other keys
+    for field in ("gl_renderer", "gl_version", "flyaround"):
+        if getattr(old.machine, field) != getattr(card.machine, field):
+            raise UserError(
+                f"{store.title} was captured with {field} {getattr(old.machine, field)}, here it is "
+                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
+            )
     for field in ("scenario", "seed", "every_s", "camera", "target", "labels", "sensors"):
         if getattr(old, field) != getattr(card, field):
             which = "another " + field
@@ -75,12 +82,6 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
             f"{store.title} is a data set of {old.n_frames} frames, and {card.n_frames} are asked for; resume with "
             f"-n {old.n_frames} or more, or name a new folder"
         )
-    for field in ("gl_renderer", "gl_version", "flyaround"):
-        if getattr(old.machine, field) != getattr(card.machine, field):
-            raise UserError(
-                f"{store.title} was captured with {field} {getattr(old.machine, field)}, here it is "
-                f"{getattr(card.machine, field)}; go on where it began, or name a new folder"
-            )
     if card.split and old.split and card.split != old.split:
         was, now = (":".join(map(str, ratio)) for ratio in (old.split, card.split))
         raise UserError(

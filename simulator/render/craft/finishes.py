@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality
     from flyaround.simulator.targets.model import Material
 
-FOIL_ROUGHNESS = 0.6
+FOIL_ROUGHNESS = 0.8
 """Roughness of the film between creases, over that of the material, which stands for film and creases."""
 _FOIL = {
-    "COARSE_M": 0.83,  # width of the tile whose facets are 2 to 11 cm wide
-    "FINE_M": 0.137,  # of the one whose facets are 3 to 18 mm wide
-    "FINE_SHARE": 0.42,  # slopes of the second over those of the first
+    "COARSE_M": 0.83,  # width of the tile whose facets are 1.5 to 13 cm wide
+    "FINE_M": 0.137,  # of the one whose facets are 2.5 to 22 mm wide
+    "FINE_SHARE": 0.25,  # slopes of the second over those of the first
     "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
-    "CREASED_BLUR": 0.06,  # cosine of the Earth's rim over which it fades in a facet
+    "CREASED_BLUR": 0.12,  # cosine of the Earth's rim over which it fades in a facet
     "SEAM_U_M": 0.53,
     "SEAM_V_M": 0.74,
     "TAPE_M": 0.0125,  # half the width of one-inch tape
@@ -127,8 +127,6 @@ def finish_defines(
         normal = film_reflectance(bands, 1.0)
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
-        if all(has_films(m) for m in materials if m.clearcoat > 0):
-            defines["ONLY_FILMS"] = ""
         if lattices and quality != "draft":
             own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
             defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL, **own}

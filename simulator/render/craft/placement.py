@@ -138,11 +138,9 @@ def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[st
         albedo = reflectance(bands, np.asarray(material.base_color))
         color[k, : len(albedo)] = albedo
         color[k, 3] = material.metallic
-        gloss = FOIL_ROUGHNESS if is_foil(material) else 1.0
+        rough = material.roughness * (FOIL_ROUGHNESS if is_foil(material) else 1.0)
         surface[k] = [
-            max(
-                material.roughness * gloss, 0.03
-            ),  # below this a highlight is narrower than the Sun's own disc
+            max(rough, 0.03),  # below this a highlight is narrower than the Sun's own disc
             material.clearcoat + float(has_films(material)),
             max(material.clearcoat_roughness, 0.03),
             material.crinkle or -mottle_of(material),

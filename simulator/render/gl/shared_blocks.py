@@ -95,7 +95,8 @@ MOON = (
 
 MATERIALS = (
     Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
-    Field("vec4", "u_material_surface", MAX_MATERIALS + 1),  # roughness, clear coat, its roughness, crinkle
+    # roughness, clear coat (one more: with films), its roughness, crinkle (negative: mottle)
+    Field("vec4", "u_material_surface", MAX_MATERIALS + 1),
     Field(
         "vec4", "u_material_grain", MAX_MATERIALS + 1
     ),  # xyz: of brushing, target frame; w: strength, negative: around it
