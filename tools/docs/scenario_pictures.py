@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.loop import run_frames
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
@@ -31,7 +30,7 @@ def main() -> None:
             plan = plan_flight(
                 scenario, times=(OTHERWISE.get(name, MIDDLE) * scenario.duration_s,), bands="rgb"
             )
-            plan = replace(plan, camera=smaller(plan.camera, 2 * WIDTH_PX))
+            plan = replace(plan, camera=plan.camera.resized(2 * WIDTH_PX))
             frame = next(iter(run_frames(plan, renderer, labels=False)))
             image = np.ascontiguousarray(frame.image >> (frame.scene.sensor.bits - 8), dtype=np.uint8)
             height = round(image.shape[0] * WIDTH_PX / image.shape[1])

@@ -15,7 +15,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.scenario.load import list_recipes, load_recipe
 from tools.validation.captures.read_back import FORMATS, read_back
@@ -78,7 +77,7 @@ def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
         return []
     camera = plan_recipe(recipe, 1).camera
     path = out / f"{recipe}.json"
-    path.write_text(json.dumps(asdict(smaller(camera, min(width_px, camera.width_px)))))
+    path.write_text(json.dumps(asdict(camera.resized(min(width_px, camera.width_px)))))
     return ["--camera", str(path)]
 
 

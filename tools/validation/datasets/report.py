@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flyaround.simulator.contact_sheets.scenario_sheet import smaller
 from flyaround.simulator.dataset.capture import capture_card
 from flyaround.simulator.dataset.check.verify import check_frame
 from flyaround.simulator.labels.request import LabelRequest
@@ -40,7 +39,7 @@ def recipes() -> list[str]:
 def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None = None) -> RecipePlan:
     """The recipe's plan, or by another camera, with its field of view on fewer pixels."""
     plan = plan_recipe(name, n, seed=seed, camera=camera)
-    return replace(plan, camera=smaller(plan.camera, min(width_px, plan.camera.width_px)))
+    return replace(plan, camera=plan.camera.resized(min(width_px, plan.camera.width_px)))
 
 
 def prove(
