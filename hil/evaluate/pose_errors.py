@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.world.frames.rotation import quat_conjugate, quat_normalize, rotvec_between
+from flyaround.simulator.world.frames.rotation import rotvec_from_quat
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -115,9 +115,8 @@ def frame_record(
         E_T = e_t = E_R = None
     else:
         E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
-        q_true, q_est = quat_normalize(q_true_wxyz), quat_normalize(q_est_wxyz)
         shift = vec3(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
-        turn = vec3(np.degrees(rotvec_between(quat_conjugate(q_est), quat_conjugate(q_true))))
+        turn = vec3(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
         nees = _nees(np.concatenate([np.radians(turn), shift]), covariance)
     return FrameScore(
         range_m=range_m,
@@ -145,6 +144,15 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
     if variances[0] <= np.finfo(float).eps * variances[-1]:
         return None
     return float(np.sum((axes.T @ error) ** 2 / variances))
+
+
+def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
+    """(3,) rotation vector [rad] of ``R_est R_true'``, camera axes."""
+    w, x, y, z = np.asarray(q_true_wxyz, float) / np.linalg.norm(np.asarray(q_true_wxyz, float))
+    p = np.asarray(q_est_wxyz, float) / np.linalg.norm(np.asarray(q_est_wxyz, float))
+    # p times the conjugate of q
+    v = p[0] * np.array([-x, -y, -z]) + w * p[1:] + np.cross(p[1:], [-x, -y, -z])
+    return rotvec_from_quat([p[0] * w + p[1:] @ np.array([x, y, z]), *v])
 
 
 def _within(r: FrameScore, deg: float, share: float) -> bool:

@@ -46,7 +46,7 @@ def label_keypoints(
     for keypoint, pixel, geometric in zip(
         target.keypoints, pixels, geometric_states(scene, target, mesh, scenes), strict=True
     ):
-        state = geometric or _radiometric_state(scene, pixel, signal)
+        state = geometric or radiometric_state(scene, pixel, signal)
         labels.append(
             KeypointLabel(
                 name=keypoint.name,
@@ -125,7 +125,13 @@ def geometric_states(
     return tuple(states)
 
 
-def _radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array) -> KeypointState:
+def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array) -> KeypointState:
+    """Return what the noise-free image lets see of a keypoint that nothing hides: saturated, below_noise or visible.
+
+    Parameters
+    ----------
+    pixel : (2,) its projection. signal : (H, W) noise-free image, 1 at full scale.
+    """
     u, v = (int(x) for x in np.rint(pixel))
     r = CONTRAST_RADIUS_PX
     patch = signal[max(v - r, 0) : v + r + 1, max(u - r, 0) : u + r + 1]

@@ -195,15 +195,15 @@ class CameraEndpoint:
                 datagram, peer = sock.recvfrom(gvcp.MOST_BYTES + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return
-            answer = self._answer(datagram, peer)
+            answer = self.answer(datagram, peer)
             if answer is not None:
                 try:
                     self._control.sendto(answer, peer)
                 except OSError:
                     return  # nobody there any more
 
-    def _answer(self, datagram: bytes, peer: Peer) -> bytes | None:
-        """The acknowledgement of a datagram; None where it is not to be answered."""
+    def answer(self, datagram: bytes, peer: Peer) -> bytes | None:
+        """Return the acknowledgement of a datagram, or None if it must not be answered."""
         if peer[0] not in self._config.allowed:
             self._note_stranger(peer[0])
             return None

@@ -129,11 +129,16 @@ def rotation_angle_rad(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> float:
     return float(2 * np.arctan2(np.linalg.norm(d[1:]), abs(d[0])))
 
 
-def rotvec_between(q_a_from_b_wxyz: ArrayLike, q_a_from_c_wxyz: ArrayLike) -> FloatArray:
-    """(3,) turn about b's axes that carries b to c [rad]; the shorter of the two ways round."""
-    d = quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz)
+def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
+    """Rotation vector (3,) of a unit quaternion [rad]; the shorter of the two ways round."""
+    d = np.asarray(q_wxyz, float)
     d = d if d[0] >= 0 else -d
     sine = float(np.linalg.norm(d[1:]))
     if sine < 1e-12:
         return np.asarray(2.0 * d[1:])
     return np.asarray(2.0 * np.arctan2(sine, d[0]) / sine * d[1:])
+
+
+def rotvec_between(q_a_from_b_wxyz: ArrayLike, q_a_from_c_wxyz: ArrayLike) -> FloatArray:
+    """(3,) turn about b's axes that carries b to c [rad]; the shorter of the two ways round."""
+    return rotvec_from_quat(quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz))

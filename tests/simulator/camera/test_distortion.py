@@ -106,6 +106,15 @@ def test_good_lenses_are_accepted(lens):
     assert camera_problem(camera_with(lens)) is None
 
 
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_resized_camera_sees_the_same_on_other_pixels(lens):
+    camera = camera_with(lens)
+    resized = camera.resized(480)
+    assert (resized.width_px, resized.height_px) == (480, 360)
+    points = camera.rays(np.random.default_rng(0).uniform([0, 0], [319, 239], (50, 2)))
+    np.testing.assert_allclose(resized.project(points) + 0.5, 1.5 * (camera.project(points) + 0.5))
+
+
 def test_a_lens_that_folds_between_centre_and_border_is_refused():
     """Its border is one to one; inside the image OpenCV's own map turns its orientation."""
     lens = Distortion("brown_conrady", (-0.06, 0.127, -0.055, 0.004, -0.069))

@@ -24,14 +24,6 @@ def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path) -> None:
             assert tile[50:100, 95:145].mean() > 2 * tile[125:, :50].mean()
 
 
-def test_smaller_camera_sees_the_same() -> None:
-    camera = load_scenario("tango-space-10m").camera_model
-    small = camera.resized(480)
-    point = np.array([0.7, -0.4, 10.0])
-    full = camera.project(point)
-    assert np.allclose((small.project(point) + 0.5) * camera.width_px / 480, full + 0.5)
-
-
 def test_sheets_are_the_same_bytes_again() -> None:
     scenario = load_scenario("tango-space-10m")
     with Renderer() as renderer:

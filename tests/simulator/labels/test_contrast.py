@@ -12,7 +12,7 @@ from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.lens.camera_model import Camera, Distortion
 from flyaround.simulator.imaging.image_formation import noise_sigma
 from flyaround.simulator.labels.feasible import wireframe_step_share
-from flyaround.simulator.labels.keypoints import _radiometric_state
+from flyaround.simulator.labels.keypoints import radiometric_state
 from flyaround.simulator.labels.wireframe import ProjectedEdge
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.targets.model import Edge
@@ -48,7 +48,7 @@ def test_contrast_about_a_keypoint_is_looked_for_in_five_by_five_pixels(scene, s
         signal[y, x] += 3 * sigma
         near = max(abs(dx), abs(dy)) <= 2
         for pixel in ((at[0] + 0.4, at[1] - 0.4), (at[0] - 0.4, at[1] + 0.4)):
-            state = _radiometric_state(scene, np.array(pixel), signal)
+            state = radiometric_state(scene, np.array(pixel), signal)
             assert state == ("visible" if near else "below_noise"), (dx, dy)
 
 
@@ -57,19 +57,19 @@ def test_patches_are_cut_by_the_picture_s_border_and_not_taken_from_the_other_si
         signal = flat()
         inward = (x + (2 if x == 0 else -2), y + (2 if y == 0 else -2))
         signal[inward[1], inward[0]] += 3 * sigma
-        assert _radiometric_state(scene, np.array([x, y], float), signal) == "visible"
+        assert radiometric_state(scene, np.array([x, y], float), signal) == "visible"
         other = flat()
         other[HEIGHT - 1 - y, WIDTH - 1 - x] += 3 * sigma
-        assert _radiometric_state(scene, np.array([x, y], float), other) == "below_noise"
+        assert radiometric_state(scene, np.array([x, y], float), other) == "below_noise"
 
 
 def test_a_keypoint_is_saturated_when_all_of_its_patch_is(scene):
     full = flat(1.2)
-    assert _radiometric_state(scene, np.array([20.0, 15.0]), full) == "saturated"
+    assert radiometric_state(scene, np.array([20.0, 15.0]), full) == "saturated"
     for dx, dy in ((-2, -2), (2, 2), (2, -2), (-2, 2), (0, 0)):
         one = full.copy()
         one[15 + dy, 20 + dx] = 0.2
-        assert _radiometric_state(scene, np.array([20.0, 15.0]), one) == "visible"
+        assert radiometric_state(scene, np.array([20.0, 15.0]), one) == "visible"
 
 
 @pytest.mark.parametrize(("preset", "level"), [("speed", 0.3), ("thesis", 0.8), ("imx174", 0.8)])
@@ -79,7 +79,7 @@ def test_contrast_counts_from_one_sigma_of_the_noise_on(scene, preset, level):
     for steps, state in ((0.8, "below_noise"), (1.2, "visible")):
         signal = flat(level)
         signal[:, :20] += steps * noise_sigma(scene.sensor, level, scene.exposure_s)
-        assert _radiometric_state(scene, np.array([20.0, 15.0]), signal) == state
+        assert radiometric_state(scene, np.array([20.0, 15.0]), signal) == state
 
 
 def seen(a, b):

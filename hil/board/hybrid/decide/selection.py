@@ -201,7 +201,7 @@ def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: Li
 
 
 def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin: float) -> Evidence:
-    """What the decision on a hypothesis is made from that was judged by the whole image; ``s`` its support by edges."""
+    """Return the evidence of a hypothesis that was judged by the whole image; ``s`` is its support by edges."""
     turn, shift = _sigmas(best.pose)
     return Evidence(
         drawn=s.drawn,
@@ -221,23 +221,16 @@ def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin:
 
 
 def edge_evidence(target: PreparedTarget, best: Hypothesis, margin: float) -> Evidence:
-    """What the decision on a hypothesis is made from that was refined on sub-pixel edges."""
-    turn, shift = _sigmas(best.pose)
+    """Return the evidence of a hypothesis that was refined on sub-pixel edges."""
     fit, s = best.edge_fit, best.support
     assert fit is not None  # noqa: S101 - it was refined on edges
-    return Evidence(
-        drawn=s.drawn,
-        explained=s.explained,
-        outside=s.outside,
-        margin=margin,
+    return replace(
+        image_evidence(target, best, s, margin),
         found=fit.found,
         tight=fit.tight,
         rms_px=fit.rms_px,
-        sigma_rad=turn,
-        sigma_share=shift,
         edges=int(fit.found * len(s.visible)),
-        size_px=_size_px(target, best.pose),
-        empty=best.source.field.empty,
+        score=None,
     )
 
 

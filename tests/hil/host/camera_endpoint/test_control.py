@@ -43,7 +43,7 @@ def status(answer):
 
 
 def write(endpoint, place, value, peer=PEER):
-    return status(endpoint._answer(command(0x82, struct.pack(">II", place, value)), peer))
+    return status(endpoint.answer(command(0x82, struct.pack(">II", place, value)), peer))
 
 
 def as_float(value):
@@ -52,7 +52,7 @@ def as_float(value):
 
 def test_discovery_and_description(endpoint):
     camera, _ = endpoint
-    answer = camera._answer(command(0x0002, flags=0x11), PEER)
+    answer = camera.answer(command(0x0002, flags=0x11), PEER)
     assert struct.unpack_from(">HHH", answer) == (0, 3, 0xF8)
     assert socket.inet_ntoa(answer[8 + 0x24 : 8 + 0x28]) == ADDRESS
     url = camera._registers.read(XML_URL, 512).rstrip(b"\0").decode()
@@ -61,7 +61,7 @@ def test_discovery_and_description(endpoint):
     xml = b""
     for k in range(0, int(length, 16), 512):
         count = min(512, -(-(int(length, 16) - k) // 4) * 4)
-        answer = camera._answer(command(0x84, struct.pack(">II", XML_ADDRESS + k, count)), PEER)
+        answer = camera.answer(command(0x84, struct.pack(">II", XML_ADDRESS + k, count)), PEER)
         xml += answer[12:]
     assert xml[: int(length, 16)] == camera._config.xml
 
@@ -74,12 +74,12 @@ def test_one_controller(endpoint):
     assert write(camera, Place.CONTROL_PRIVILEGE, 2, OTHER) == gvcp.Status.ACCESS_DENIED
     assert write(camera, Place.WIDTH, 32, OTHER) == gvcp.Status.ACCESS_DENIED
     read = command(0x80, struct.pack(">I", Place.WIDTH))
-    assert struct.unpack(">I", camera._answer(read, OTHER)[8:]) == (64,)
+    assert struct.unpack(">I", camera.answer(read, OTHER)[8:]) == (64,)
     assert write(camera, Place.CONTROL_PRIVILEGE, 0) == 0
     assert write(camera, Place.CONTROL_PRIVILEGE, 1, OTHER) == 0
     # exclusive: others may not even read
     assert (
-        status(camera._answer(command(0x80, struct.pack(">I", Place.WIDTH)), PEER))
+        status(camera.answer(command(0x80, struct.pack(">I", Place.WIDTH)), PEER))
         == gvcp.Status.ACCESS_DENIED
     )
     said = [pipe.recv().sentence for _ in range(4)]
@@ -151,9 +151,9 @@ def test_repeated_command_is_carried_out_once(endpoint):
     for place in (Place.TRIGGER_MODE, Place.ACQUISITION_START):
         write(camera, place, 1)
     trigger = command(0x82, struct.pack(">II", Place.TRIGGER_SOFTWARE, 1))
-    first = camera._answer(trigger, PEER)
+    first = camera.answer(trigger, PEER)
     camera._acquisition.triggered = False
-    assert camera._answer(trigger, PEER) == first
+    assert camera.answer(trigger, PEER) == first
     assert not camera._acquisition.triggered
 
 
@@ -186,16 +186,16 @@ def test_what_is_refused(endpoint):
         (struct.pack(">II", 0x9000, 512), gvcp.Status.INVALID_ADDRESS),
         (b"", gvcp.Status.INVALID_HEADER),
     ):
-        assert status(camera._answer(command(0x84, payload), PEER)) == refusal, payload
+        assert status(camera.answer(command(0x84, payload), PEER)) == refusal, payload
     across = struct.pack(">I2I", Place.CONTROL_PRIVILEGE, 2, 0)
-    assert status(camera._answer(command(0x86, across), PEER)) == gvcp.Status.ACCESS_DENIED
-    assert status(camera._answer(command(0x1234), PEER)) == gvcp.Status.NOT_IMPLEMENTED
+    assert status(camera.answer(command(0x86, across), PEER)) == gvcp.Status.ACCESS_DENIED
+    assert status(camera.answer(command(0x1234), PEER)) == gvcp.Status.NOT_IMPLEMENTED
 
 
 def test_strangers_are_not_answered(endpoint):
     camera, pipe = endpoint
     for k in range(100):
-        assert camera._answer(command(0x0002, flags=0x11), (f"10.0.0.{k}", 5)) is None
+        assert camera.answer(command(0x0002, flags=0x11), (f"10.0.0.{k}", 5)) is None
     told = 0
     while pipe.poll():
         assert "not among" in pipe.recv().sentence
@@ -220,12 +220,12 @@ def test_hostile_packets_take_no_memory(endpoint):
             datagram = bytearray(command(rng.choice(numbers), payload, flags=rng.randrange(256)))
             if rng.random() < 0.3:
                 datagram[rng.randrange(len(datagram))] ^= 1 << rng.randrange(8)
-            answer = camera._answer(bytes(datagram), PEER if rng.random() < 0.8 else OTHER)
+            answer = camera.answer(bytes(datagram), PEER if rng.random() < 0.8 else OTHER)
             assert answer is None or len(answer) <= gvcp.MOST_BYTES
             while pipe.poll():
                 pipe.recv()
         # a request for sixteen million packets
-        camera._answer(command(0x0040, struct.pack(">HHII", 0, 1, 0, 0xFFFFFF)), PEER)
+        camera.answer(command(0x0040, struct.pack(">HHII", 0, 1, 0, 0xFFFFFF)), PEER)
         now, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
