@@ -8,11 +8,13 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.camera.encoding import encode
 from flyaround.simulator.imaging.image_formation import noise_sigma
+from flyaround.simulator.scene.illumination.bands import SRGB_FROM_BANDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +28,9 @@ SHOULDER = 4.0
 
 TOE_SIGMAS = 1.5
 """Toe of the curve, in standard deviations of the noise without light: sRGB would show nothing as a grey grain."""
+
+_FULL = 16_383
+"""Full scale of light in sixteen bits: a colour may be four times as bright in one of a screen's primaries."""
 
 
 def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
@@ -42,7 +47,11 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
     -------
     (H, W) or (H, W, 3) uint8 array
     """
-    return np.asarray(_table(sensor, encoding)[image])
+    light, shown = _light_table(sensor, encoding), _shown_table(sensor)
+    if image.ndim == 2:
+        return np.asarray(shown[light][image])
+    # three bands of 100 nm are no primaries of a screen
+    return np.asarray(shown[cv2.transform(light[image], np.array(SRGB_FROM_BANDS))])
 
 
 def shown_light(light: FloatArray) -> FloatArray:
@@ -57,11 +66,18 @@ def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
 
 
 @lru_cache(maxsize=32)
-def _table(sensor: Sensor, encoding: Encoding) -> ByteArray:
-    """Return the number shown for each of an image's numbers."""
+def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
+    """Return the light, `_FULL` at full scale, of each of an image's numbers."""
     numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
     full, black = linear.scale_dn
     light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
+    return np.rint(_FULL * light).astype(np.uint16)
+
+
+@lru_cache(maxsize=32)
+def _shown_table(sensor: Sensor) -> ByteArray:
+    """Return the number that is shown for each light, `_FULL` and above at full scale."""
+    light = np.arange(1 << 16) / _FULL
     toe = TOE_SIGMAS * noise_sigma(sensor)
     return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(
         np.uint8

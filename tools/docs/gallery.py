@@ -13,7 +13,7 @@ from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.poses import scene_with_pose
 from flyaround.simulator.scene.environments import Environment
-from flyaround.simulator.scene.illumination.bands import sunlight_balance
+from flyaround.simulator.scene.illumination.bands import SRGB_FROM_BANDS, sunlight_balance
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.scene.viewpoint import place_itrs_m, scene_above
 from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci
@@ -60,8 +60,9 @@ def above(
 
 
 def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
-    """RGB in units in which sunlit white is grey."""
-    return renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
+    """Linear RGB of a screen, in units in which sunlit white is grey."""
+    bands = renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
+    return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:

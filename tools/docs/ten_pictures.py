@@ -15,7 +15,6 @@ import numpy as np
 
 import flyaround as fa
 from flyaround.simulator.scenario.poses import scene_with_pose
-from flyaround.simulator.scene.illumination.bands import sunlight_balance
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_from_rotvec, quat_normalize
@@ -52,8 +51,7 @@ def craft_before(
     scene = scene_with_pose(
         scene, target, Pose.of("camera", "target", q, np.array([0.0, 0.0, distance_m])), 0
     )
-    light = renderer.render(scene, target).radiance * sunlight_balance("rgb")
-    return exposed(glare(light), 0.97)
+    return exposed(glare(radiance(renderer, scene, name)), 0.97)
 
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:

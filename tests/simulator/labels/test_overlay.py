@@ -20,6 +20,8 @@ def test_a_picture_of_any_depth_is_as_bright_in_eight_bits(bits: int) -> None:
     assert (drawn.dtype, drawn.shape) == (np.uint8, (3, 4, 3))
     wanted = screen_rgb(np.rint(share * 255).astype(np.uint8).reshape(3, 4), IDEAL, "linear")
     assert np.abs(drawn.astype(int) - wanted).max() <= 3
-    colour = np.dstack([grey, grey // 2, grey // 4])
-    half = screen_rgb(grey // 2, replace(IDEAL, bits=bits), "linear")
-    assert np.array_equal(screen_rgb(colour, replace(IDEAL, bits=bits), "linear")[..., 1], half[..., 0])
+    # three equal bands are grey; red light alone is red
+    colour = screen_rgb(np.dstack([grey] * 3), replace(IDEAL, bits=bits), "linear")
+    assert np.abs(colour.astype(int) - drawn).max() <= 1
+    red = screen_rgb(np.dstack([grey, 0 * grey, 0 * grey]), replace(IDEAL, bits=bits), "linear")
+    assert (red[..., 0] >= red[..., 1:].max(axis=2)).all()
