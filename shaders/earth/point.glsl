@@ -15,6 +15,16 @@ vec2 detail_vector(vec3 p, vec3 w) {
 // Sea surface: unpolarised Fresnel reflectance of water, n = 1.34 (Schlick).
 float water_fresnel(float c) { return 0.0211 + 0.9789 * pow(1.0 - c, 5.0); }
 
+#if AIR
+// Share of a beam in the light that it makes on level ground, mean over the bands: the sky has no glint. Kasten & Young (1989).
+float beam_share(float mu, float light) {
+    mu = clamp(mu, 0.0, 1.0);
+    float height_deg = degrees(asin(mu));
+    float mass = 1.0 / (mu + 0.50572 * pow(height_deg + 6.07995, -1.6364));
+    return min(mu * exp(-AIR_DEPTH * mass) / max(light, 1e-6), 1.0);
+}
+#endif
+
 // Sun glint over irradiance [sr-1], and the change of its logarithm with that of the slopes' variance [1].
 // Cox & Munk (1954), isotropic slopes, mean square slope 0.003 + 0.00512 U, U = 6 m/s.
 vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
@@ -131,7 +141,12 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.1) * (1.0 + 0.3 * glory * glory * glory);
 #if GLINT
     vec2 glint = sun_glint(n, -ray.direction, sun, c_view, mu);
-    if (mu > 0.0) g.glint = direct * PI * glint.x / max(mu, 0.05);
+    g.glint = direct * PI * glint.x * step(0.0, mu) / max(mu, 0.05);
+#if AIR && BANDS == 1 && !MOONLIT
+    g.glint *= beam_share(mu, air.light);
+#elif AIR
+    g.glint *= beam_share(mu, dot(vec3(daylight(mu)), vec3(1.0 / 3.0)));
+#endif
     g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
 #endif
 #if AIR

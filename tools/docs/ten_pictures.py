@@ -56,8 +56,8 @@ def craft_before(
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:
     """The limb where the Sun has just set, through a long lens."""
-    scene = above("2026-03-20T19:52:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=268.0, off_nadir_deg=70.0)
-    return exposed(radiance(renderer, scene), 0.97)
+    scene = above("2026-03-20T20:45:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=285.0, off_nadir_deg=70.3)
+    return exposed(radiance(renderer, scene), 0.985)
 
 
 def foil(renderer: fa.Renderer) -> np.ndarray:

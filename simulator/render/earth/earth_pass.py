@@ -216,6 +216,7 @@ class Earth:
         return {
             "BANDS": self.bands,
             "AIR": int(environment.atmosphere),
+            "AIR_DEPTH": round(self.air(environment).zenith_depth, 4),
             "CLOUDS": int(environment.clouds),
             "GLINT": int(environment.ocean_glint and not one),
             "NIGHT": int(environment.night_lights and kind.night),

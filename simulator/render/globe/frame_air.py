@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from flyaround.simulator.render.frame_graph import Resource
 from flyaround.simulator.render.gl.context import release
 from flyaround.simulator.render.gl.fences import draw_to
 from flyaround.simulator.render.gl.programs import FULL_SCREEN
+from flyaround.simulator.scene.illumination.atmosphere import optical_depth_to_top
 
 if TYPE_CHECKING:
     import moderngl
@@ -182,6 +183,12 @@ class Air:
 
     tables: AirTables
     frame: FrameAir
+
+    @cached_property
+    def zenith_depth(self) -> float:
+        """Optical depth from the ground straight up, mean over the bands."""
+        air = self.tables.air
+        return float(optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0)).mean())
 
 
 class _Corners:
