@@ -106,7 +106,7 @@ def moon_on_plates(scene: SceneState) -> FloatArray:
 
 
 def _sun_at_globe(scene: SceneState) -> tuple[FloatArray, FloatArray]:
-    """Unit vector to the Sun, and its irradiance per band [W m-2]."""
+    """Return the unit vector from the globe to the Sun, GCRS axes, and its irradiance per band [W m-2]."""
     to_sun = np.subtract(scene.r_sun_eci_m, scene.globe.r_eci_m)
     distance = float(np.linalg.norm(to_sun))
     return to_sun / distance, sun_irradiance_w_m2(scene.bands, distance)

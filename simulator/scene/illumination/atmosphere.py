@@ -131,7 +131,7 @@ def body_atmosphere(
 
 
 def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
-    """(LAYERS,) lowest heights and further falls of a density, as of `Atmosphere`."""
+    """Return lowest heights and further falls of the density (LAYERS,), as of `Atmosphere`."""
     profile = air.density or ((0.0, 1.0), (air.rayleigh_height_m, float(np.exp(-1.0))))
     height, density = np.array(profile).T
     falls = np.diff(-np.diff(np.log(density)) / np.diff(height), prepend=0.0)
@@ -236,7 +236,7 @@ class MultipleScattering:
 
 
 def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
-    """Entries (..., n) of a table (rows, columns, n) at shares 0..1 of its height and width, linear between."""
+    """Interpolate a table (rows, columns, n) linearly, at shares 0..1 of its height and width: (..., n)."""
     rows, columns, _ = table.shape
     y, x = np.broadcast_arrays(row * (rows - 1), column * (columns - 1))
     i, k = np.minimum(y.astype(int), max(rows - 2, 0)), np.minimum(x.astype(int), columns - 2)
@@ -310,7 +310,12 @@ def path_light(
 
 
 def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
-    """Path through the airglow over that straight up, of rays from space that miss the ground; by their least radii."""
+    """Compute the path through the airglow over that straight up, for rays from space that miss the ground.
+
+    Parameters
+    ----------
+    perigee_m : their least distances from the centre.
+    """
     low, high = (air.radius_m + height for height in air.airglow_m)
     a, b = low**2 - perigee_m**2, high**2 - perigee_m**2
     # emission (r^2 - low^2) (high^2 - r^2): its integral along the ray, from the perigee to each edge

@@ -104,6 +104,7 @@ class _Paths:
 
 
 def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatArray) -> _Paths:
+    """March along the rays (K, 3) from radii (H,), for Suns (S, 3)."""
     sunlight = _SunTable(air)
     mu, at = rays[:, 2], radius_m[:, None]
     to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
@@ -146,7 +147,7 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
 def _second_and_on(
     paths: _Paths, mu: FloatArray, weight: FloatArray, thickness_m: float, albedo: float
 ) -> MultipleScattering:
-    """Mean radiance of all higher orders, order by order; rays have zenith cosines ``mu``."""
+    """Sum the mean radiance of all higher orders, order by order; rays have zenith cosines ``mu``."""
     up = np.clip(mu, 0, None) * weight * 4 * np.pi
     known = paths.first + albedo * paths.sunlit
     light = known

@@ -67,6 +67,13 @@ class BodyAir:
     airglow_m: tuple[float, float] = (85_000.0, 100_000.0)
     thickness_m: float = 100_000.0
 
+    def __post_init__(self) -> None:
+        """Refuse a profile that shaders cannot hold."""
+        if len(self.density) == 1 or len(self.density) > MOST_LAYERS:
+            raise ValueError(
+                f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MOST_LAYERS}"
+            )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Body(ABC):

@@ -14,6 +14,7 @@ from flyaround.simulator.scene.illumination.atmosphere import (
     rayleigh_phase,
 )
 from flyaround.simulator.scene.illumination.multiple_scattering import multiple_scattering
+from flyaround.simulator.world.ephemeris.body import BodyAir
 
 DENSITY_KG_M3 = {
     0: 1.2250, 2: 1.0066, 4: 0.81935, 6: 0.66011, 8: 0.52579, 10: 0.41351, 12: 0.31194, 15: 0.19476, 25: 0.040084,
@@ -27,6 +28,12 @@ def test_air_is_as_dense_as_the_standard_atmosphere():
     heights = np.array(list(DENSITY_KG_M3), float)
     density = earth_atmosphere("mono").density(heights * 1e3)[0] * 1.2250
     assert density == pytest.approx(list(DENSITY_KG_M3.values()), rel=0.03)
+
+
+def test_a_density_profile_that_shaders_cannot_hold_is_refused():
+    for heights in (1, 14):
+        with pytest.raises(ValueError, match=f"has {heights} heights, allowed: none, or 2 to 13"):
+            BodyAir(rayleigh_m_um4=1e-6, rayleigh_height_m=8e3, density=((0.0, 1.0),) * heights)
 
 
 def test_rayleigh_depth_of_each_band_is_the_published_one():
