@@ -252,8 +252,8 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if AIR
-    // the air's tables have them for the mean Earth; moonlight has no haze that could be less
-    color more = (ground - EARTH_ALBEDO) * (DOWN * ground + ASIDE);
+    // the air's tables have them for the mean Earth; a glint goes one way. Moonlight has no haze that could be less
+    color wide = min(ground, color(1.0)), more = (wide - EARTH_ALBEDO) * (DOWN * wide + ASIDE);
     color radiance = max(more * g.light + g.haze, color(0.0)) + ground * g.light;
 #else
     color radiance = ground * g.light + g.haze;

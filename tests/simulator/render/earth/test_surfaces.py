@@ -12,6 +12,8 @@ from flyaround.simulator.celestial.detail_noise import detail_texture
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
 from flyaround.simulator.render.gl.programs import read_source
 from flyaround.simulator.scene.environments import Environment
+from flyaround.simulator.scene.state import TargetRef
+from flyaround.simulator.scene.viewpoint import scene_above
 from flyaround.simulator.targets.library import load_target
 from tools.validation.rendering.surfaces import (
     CITIES,
@@ -74,6 +76,20 @@ def test_clouds_are_as_bright_as_discrete_ordinates_have_them():
             drawn = thin / (1 + mu) * cloud(0.15, scaled / 0.15**2, 0.0, thin)
             # thin clouds return more towards the Sun than this phase function has it, by a glory and a rainbow
             assert drawn == pytest.approx(exact, rel=0.12, abs=0.065 if depth < 16 else 0.0)
+
+
+def test_air_adds_little_to_a_glint(renderer):
+    # a low Sun's, far brighter than any ground: what air throws back and aside is of ground that shines all around
+    ref, light = TargetRef(name="tango", sha256=load_target("tango").sha256), {}
+    for air in (True, False):
+        world = msgspec.structs.replace(CLEAR, atmosphere=air)
+        view = {"azimuth_deg": 275.0, "off_nadir_deg": 60.0, "camera": camera(100.0), "target": ref}
+        scene = scene_above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), environment=world, **view)
+        light[air] = renderer.render(scene, load_target("tango")).radiance.astype(float)
+    bright = light[False][..., 2] > np.quantile(light[False][..., 2], 0.9)
+    shares = np.median(light[True][bright] / light[False][bright], axis=0)
+    assert np.all(shares < [0.84, 0.75, 0.68])
+    assert shares[0] > shares[2]  # reddened
 
 
 @pytest.mark.parametrize("level", [0, 2])
