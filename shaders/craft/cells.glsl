@@ -15,16 +15,16 @@ float cell_at(vec3 p_m, vec3 v, inout vec3 n, inout vec4 base) {
     vec4 p = vec4(p_m, 1.0);
     vec2 at = vec2(-1.0), pitch = vec2(1.0);
     float lattice = 0.0;
-    // choices instead of branches: a software driver unrolls them
-    for (int k = 0; k < CELLS; ++k) {
-        vec4 size = u_cells[4 * k + 3];
-        vec2 here = vec2(dot(u_cells[4 * k], p), dot(u_cells[4 * k + 1], p));
-        vec2 outside = max(-here, here - size.xy);
-        bool found = max(max(outside.x, outside.y), abs(dot(u_cells[4 * k + 2], p)) - CELL_RISE_M) < 0.0;
-        at = found ? here : at;
-        pitch = found ? size.zw : pitch;
-        lattice = found ? float(k) : lattice;
-    }
+    // choices instead of branches, one after the other: a loop takes a software driver longer
+#define IN_LATTICE(k) { \
+        vec4 size = u_cells[4 * k + 3]; \
+        vec2 here = vec2(dot(u_cells[4 * k], p), dot(u_cells[4 * k + 1], p)); \
+        vec2 outside = max(-here, here - size.xy); \
+        bool found = max(max(outside.x, outside.y), abs(dot(u_cells[4 * k + 2], p)) - CELL_RISE_M) < 0.0; \
+        at = found ? here : at; \
+        pitch = found ? size.zw : pitch; \
+        lattice = found ? float(k) : lattice; }
+    FOR_EACH_LATTICE(IN_LATTICE)
     if (at.x < 0.0) return 1.0;
     float width_m = p_m.z / max(u_intrinsics.x, u_intrinsics.y) * inversesqrt(max(dot(n, v), 0.05));
     float per_m = 1.0 / width_m, per_pitch = 2.0 / pitch.y; // of busbars, which lie along the longer side

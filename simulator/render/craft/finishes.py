@@ -129,7 +129,9 @@ def finish_defines(
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
         if lattices and quality != "draft":
             own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
-            defines |= {"CELLS": lattices, "FINGERS": int(quality == "high"), **_CELL, **own}
+            each = " ".join(f"F({k})" for k in range(lattices))
+            defines |= {"CELLS": lattices, "FOR_EACH_LATTICE(F)": each, **_CELL, **own}
+            defines["FINGERS"] = int(quality == "high")
     return defines
 
 
