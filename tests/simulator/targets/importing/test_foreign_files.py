@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh, read_surface
 from flyaround.simulator.targets.importing.read.mesh_file import read_mesh
 
 SIZE_M = (1.0, 2.0, 3.0)
@@ -68,8 +68,8 @@ def test_the_unit_of_3mf_is_taken(tmp_path):
         for name in old.namelist():
             new.writestr(name, old.read(name).replace(b'unit="millimeter"', b'unit="meter"'))
     path.write_bytes(packed.getvalue())
-    target, lines = import_mesh(path, "wedge", ImportOptions())
-    assert np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0) == pytest.approx(SIZE_M)
+    *_, parts, lines = read_surface(path, ImportOptions())
+    assert np.ptp(np.concatenate([p.positions_m for p in parts]), axis=0) == pytest.approx(SIZE_M)
     assert any("the unit that the 3MF file names" in line for line in lines)
 
 
@@ -85,11 +85,12 @@ def test_colours_of_faces_stay_apart(tmp_path):
     assert colours == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
 
 
+@pytest.mark.usefixtures("coarse_proposals")
 @pytest.mark.parametrize(("unit", "factor"), [("MILLI", 1.0), ("CENTI", 10.0)])
 def test_a_step_solid_is_meshed_in_its_unit(tmp_path, unit, factor):
     path = tmp_path / "a.stp"
     path.write_text(STEP_BOX.read_text().replace(".MILLI.", f".{unit}."))
-    target, _ = import_mesh(path, "box", ImportOptions())
+    target, _ = import_mesh(path, "box")
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     # Z points up in STEP, as in our files
     assert size == pytest.approx(np.multiply(SIZE_M, factor), rel=1e-5)

@@ -1,6 +1,7 @@
 """Repairs of imported meshes are right and reported; what is not safe to repair is refused by name."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,6 +33,12 @@ def save(path, mesh):
 
 def raw_mesh(vertices, faces):
     return trimesh.Trimesh(vertices, faces, process=False, validate=False)
+
+
+def surface(path, options=None):
+    """A mesh read and repaired, with its lines for the user; no labels are proposed, which takes most of an import."""
+    *_, parts, lines = read_surface(path, options or ImportOptions())
+    return SimpleNamespace(parts=parts), lines
 
 
 def volume(target):
@@ -78,7 +85,7 @@ def test_a_clean_box(tmp_path):
 def test_faces_that_look_inwards_are_turned(tmp_path, turned):
     faces = BOX.faces.copy()
     faces[turned] = faces[turned][:, ::-1]
-    target, lines = import_mesh(save(tmp_path / "a.stl", raw_mesh(BOX.vertices, faces)), "a")
+    target, lines = surface(save(tmp_path / "a.stl", raw_mesh(BOX.vertices, faces)))
     assert volume(target) == pytest.approx(1.0)
     assert f"turned {len(turned)} faces to look outwards (part 'body')" in lines
 
@@ -88,15 +95,9 @@ def test_a_cavity_and_a_body_apart_are_each_turned(tmp_path):
     other.apply_translation((5, 0, 0))
     faces = np.concatenate([BOX.faces, other.faces[:, ::-1] + 8])
     mesh = raw_mesh(np.concatenate([BOX.vertices, other.vertices]), faces)
-    target, lines = import_mesh(save(tmp_path / "a.stl", mesh), "a")
+    target, lines = surface(save(tmp_path / "a.stl", mesh))
     assert volume(target) == pytest.approx(2.0)
     assert any("turned 12 faces" in line for line in lines)
-
-
-def surface(path, options=SHEETS):
-    """Parts of a mesh as they would be drawn, and lines for the user; no labels are proposed."""
-    *_, parts, lines = read_surface(path, options)
-    return parts, lines
 
 
 def facing(part):
@@ -107,7 +108,8 @@ def facing(part):
 
 def test_an_almost_closed_ball_that_is_inside_out_is_turned(tmp_path):
     ball = trimesh.creation.icosphere(3, 1.0)
-    (part,), lines = surface(save(tmp_path / "a.stl", raw_mesh(ball.vertices, ball.faces[1:, ::-1])))
+    mesh, lines = surface(save(tmp_path / "a.stl", raw_mesh(ball.vertices, ball.faces[1:, ::-1])))
+    (part,) = mesh.parts
     outward = part.positions_m[part.triangles].mean(axis=1)
     assert (np.einsum("ij,ij->i", facing(part), outward) > 0).all()
     assert any(line.startswith("turned 1,279 faces to look outwards") for line in lines)
@@ -118,7 +120,7 @@ def test_an_open_sheet_looks_where_the_normals_of_the_file_do(tmp_path):
     for z in (1, -1):
         path = tmp_path / f"sheet{z}.obj"
         path.write_text(f"{corners}vn 0 0 {z}\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n")
-        (part,), _ = surface(path, ImportOptions(keep_holes=True, up="z", units="m"))
+        (part,) = surface(path, ImportOptions(up="z", units="m"))[0].parts
         assert (facing(part) @ (0, 0, z) > 0).all()
         assert (part.normals @ (0, 0, z) > 0.99).all()
 
@@ -133,7 +135,7 @@ def test_inverted_normals_of_a_file_are_replaced(tmp_path):
     )
     path = tmp_path / "a.glb"
     path.write_bytes(glb.export(file_type="glb", include_normals=True))
-    target, lines = import_mesh(path, "a")
+    target, lines = surface(path)
     assert volume(target) == pytest.approx(1.0)
     assert any(line.startswith("computed normals anew of 1 part that pointed inwards") for line in lines)
     p = target.parts[0]
@@ -149,7 +151,7 @@ def test_faces_without_area_and_copies_are_dropped(tmp_path):
         "".join(f"v {x} {y} {z}\n" for x, y, z in BOX.vertices)
         + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
     )
-    target, lines = import_mesh(path, "a")
+    target, lines = surface(path)
     assert "dropped 2 faces without area" in lines
     assert "dropped 4 faces that were there twice" in lines
     assert sum(len(p.triangles) for p in target.parts) == 12
@@ -158,7 +160,8 @@ def test_faces_without_area_and_copies_are_dropped(tmp_path):
 def test_a_sheet_keeps_its_back_and_a_face_that_float32_cannot_turn_goes(tmp_path):
     corners = [[0, 0, 0], [10, 0, 0], [0, 10, 0], [5, 3e-7, 0]]
     faces = [[0, 1, 2], [0, 2, 1], [1, 2, 0], [0, 1, 3]]
-    (part,), lines = surface(save(tmp_path / "a.stl", raw_mesh(corners, faces)))
+    mesh, lines = surface(save(tmp_path / "a.stl", raw_mesh(corners, faces)))
+    (part,) = mesh.parts
     assert "dropped 1 faces that were there twice" in lines
     assert "dropped 1 faces without area" in lines
     assert sorted(np.sign(facing(part)[:, 2])) == [-1, 1]
@@ -187,11 +190,11 @@ def test_holes_are_refused_filled_or_kept(tmp_path):
     with pytest.raises(
         UserError, match=r"a\.stl, part 'body': 1 hole with 4 open edges \(the first at .*--fill-holes"
     ):
-        import_mesh(path, "a", ImportOptions(strict=True))
-    target, lines = import_mesh(path, "a", ImportOptions(fill_holes=True))
+        surface(path, ImportOptions(strict=True))
+    target, lines = surface(path, ImportOptions(fill_holes=True))
     assert "filled 1 holes with flat fans" in lines
     assert volume(target) == pytest.approx(1.0)
-    kept, lines = import_mesh(path, "a", SHEETS)
+    kept, lines = surface(path, SHEETS)
     assert any(line.startswith("kept 1 open outlines (4 open edges)") for line in lines)
     assert sum(len(p.triangles) for p in kept.parts) == 10
     # an almost whole box still knows its outside
@@ -221,8 +224,8 @@ def test_edges_of_three_faces_are_refused_or_kept(tmp_path):
     with pytest.raises(
         UserError, match=r"part 'body': 1 edges belong to three or more faces .*--keep-non-manifold"
     ):
-        import_mesh(path, "a", replace(SHEETS, strict=True))
-    _, lines = import_mesh(path, "a", replace(SHEETS, keep_non_manifold=True))
+        surface(path, replace(SHEETS, strict=True))
+    _, lines = surface(path, replace(SHEETS, keep_non_manifold=True))
     assert "kept 1 edges of three or more faces" in lines
 
 
@@ -251,8 +254,8 @@ def test_a_one_sided_surface_is_refused(tmp_path):
         faces += [(a, c, b), (b, c, d)]
     path = save(tmp_path / "a.stl", raw_mesh(vertices, faces))
     with pytest.raises(UserError, match="48 faces form a one-sided surface"):
-        import_mesh(path, "a", replace(SHEETS, strict=True))
-    _, lines = import_mesh(path, "a")
+        surface(path, replace(SHEETS, strict=True))
+    _, lines = surface(path)
     assert any(line.startswith("kept 48 faces of one-sided surfaces") for line in lines)
 
 
@@ -338,7 +341,7 @@ def test_a_target_file_is_taken_whole(tmp_path):
 
 def test_decimation_measures_what_it_did(tmp_path):
     path = save(tmp_path / "a.stl", trimesh.creation.icosphere(5, 1.0))
-    target, lines = import_mesh(path, "a", ImportOptions(decimate=3000))
+    target, lines = surface(path, ImportOptions(decimate=3000))
     count = sum(len(p.triangles) for p in target.parts)
     assert 2000 < count <= 3000
     (line,) = [x for x in lines if x.startswith("reduced 20,480 triangles to")]

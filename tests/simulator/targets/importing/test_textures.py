@@ -12,7 +12,7 @@ from PIL import Image
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
-from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh
+from flyaround.simulator.targets.importing.add import ImportOptions, import_mesh, read_surface
 from flyaround.simulator.targets.importing.read.textures import decode_image
 
 pytestmark = pytest.mark.usefixtures("coarse_proposals")
@@ -126,14 +126,14 @@ def test_reduced_meshes_carry_colours_instead(tmp_path):
 def test_texture_transform_moves_scales_and_turns(tmp_path):
     path = tmp_path / "box.glb"
     path.write_bytes(boxes(baseColorTexture=Image.fromarray(PICTURE)).export(file_type="glb"))
-    plain, _ = import_mesh(path, "box")
+    *_, plain, _ = read_surface(path, ImportOptions())
     document, blob = split_glb(path)
     change = {"offset": [0.1, 0.2], "scale": [0.5, 0.25], "rotation": np.pi / 2}
     texture = document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
     texture["extensions"] = {"KHR_texture_transform": change}
     join_glb(path, document, blob)
-    turned, _ = import_mesh(path, "box")
-    for a, b in zip(plain.parts, turned.parts, strict=True):
+    *_, turned, _ = read_surface(path, ImportOptions())
+    for a, b in zip(plain, turned, strict=True):
         u, v = a.uv.T
         # a quarter turn takes u to -v and v to u, v running down (KHR_texture_transform, Texture Transform Test)
         assert np.allclose(
