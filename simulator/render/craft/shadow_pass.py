@@ -98,7 +98,7 @@ class ShadowMap:
         self._depth = DepthBuffer(context, (size_px, size_px))
         self.map = self._depth.texture
         self._framebuffer = context.framebuffer(depth_attachment=self.map)
-        self._program = shadow_program(programs)
+        self._programs = programs
 
     @property
     def depths(self) -> tuple[float, float]:
@@ -126,7 +126,10 @@ class ShadowMap:
         light_from_target : (4, 4) as `light_from_target` gives it.
         clear : have depths of the first range, so that those of two frames compare.
         """
-        self._program.set("u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist()))
+        # asked for each time: a mesh's arrays are of the lens in use
+        shadow_program(self._programs).set(
+            "u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist())
+        )
         self._depth.begin(self._framebuffer, clear=clear)
         self._context.enable_only(self._context.DEPTH_TEST)
         to_sun = np.append(view.R_camera_from_target.T @ view.sun_direction, 0.0)

@@ -9,6 +9,7 @@ import pytest
 
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.camera.lens.distortion import Distortion
+from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 pytestmark = pytest.mark.gl
@@ -148,3 +149,25 @@ def test_the_limb_and_the_sun_lie_where_the_camera_projects_them(renderer, draw_
     wrong = bright & ~cv2.dilate(ground.astype(np.uint8), np.ones((3, 3))).astype(bool)
     assert not wrong.any()
     assert (bright & ground).sum() > 0.5 * ground.sum()
+
+
+@pytest.mark.parametrize("quality", ["default", "high"])
+def test_what_a_renderer_drew_through_another_lens_does_not_matter(draw_kit, quality):
+    # a plate before a wall: its shadow is drawn by a program of its own
+    parts = [
+        draw_kit.plate("wall", "white", (0, 0, 0), 0.4),
+        draw_kit.plate("plate", "white", (-0.3, 0, -0.2), 0.1),
+    ]
+    target = draw_kit.target(parts, [draw_kit.white()])
+    scenes = [
+        draw_kit.scene(target, camera=camera, t_m=(0, 0, 2.6), sun_camera=(-1, 0, -1), quality=quality)
+        for camera in (draw_kit.camera, draw_kit.lens_camera)
+    ]
+    first = []
+    for scene in scenes:
+        with Renderer() as renderer:
+            first.append(renderer.render(scene, target).radiance)
+    for order in ((0, 1), (1, 0)):
+        with Renderer() as renderer:
+            for k in order:
+                np.testing.assert_array_equal(renderer.render(scenes[k], target).radiance, first[k])
