@@ -79,7 +79,7 @@ def geostationary(renderer: fa.Renderer) -> np.ndarray:
 def night_silhouette(renderer: fa.Renderer) -> np.ndarray:
     """A craft in the Earth's shadow before city lights."""
     target = fa.load_target("tango")
-    scene = above("2026-11-24T22:30:00Z", (44.0, 8.0, 420.0), 50.0, azimuth_deg=60.0, off_nadir_deg=40.0)
+    scene = above("2026-11-09T22:30:00Z", (44.0, 8.0, 420.0), 50.0, azimuth_deg=60.0, off_nadir_deg=40.0)
     q = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))
     scene = scene_with_pose(scene, target, Pose.of("camera", "target", q, np.array([0.3, 0.0, 5.0])), 0)
     return film(glare(radiance(renderer, scene)), 0.0011)
