@@ -99,15 +99,15 @@ def main() -> None:
     compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
     # a name is a kind and a hash of inputs and sources
     old = {file.name.rpartition("-")[0]: file for file in FOLDER.glob(f"*{SUFFIX}")}
+    wanted = set()
     for name, data in made():
-        file, kept = FOLDER / (name + SUFFIX), old.pop(name.rpartition("-")[0], None)
+        file, kept = FOLDER / (name + SUFFIX), old.get(name.rpartition("-")[0])
+        wanted.add(file)
         if kept is not None and agree(name, zstandard.decompress(kept.read_bytes()), data):
             kept.rename(file)
             continue
-        if kept is not None:
-            kept.unlink()
         file.write_bytes(compressor.compress(data))
-    for file in old.values():
+    for file in set(FOLDER.glob(f"*{SUFFIX}")) - wanted:
         file.unlink()
 
 
