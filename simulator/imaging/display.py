@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SHOULDER = 4.0
 """Light x of full scale is shown as (1 + s) x / (s + x): a third of a stop brighter, with highlights that roll off."""
 
-TOE_SIGMAS = 1.5
+TOE_SIGMAS = 3.0
 """Toe of the curve, in standard deviations of the noise without light: sRGB would show nothing as a grey grain."""
 
 _FULL = 16_383
