@@ -9,6 +9,7 @@ import numpy as np
 
 import flyaround as fa
 from flyaround.hil.demo.page import with_inset
+from flyaround.simulator.imaging.display import display_picture
 from tools.docs.gallery import exposed, radiance, write_jpeg
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
@@ -48,7 +49,8 @@ def main() -> None:
         scenes = []
         for name, t_s in SCENES:
             frame, _ = draw(renderer, name, t_s, "rgb")
-            scenes.append(cv2.resize(frame.image, TILE, interpolation=cv2.INTER_AREA))
+            shown = display_picture(frame.image, frame.scene.sensor, frame.scene.camera.pixel_encoding)
+            scenes.append(cv2.resize(shown, TILE, interpolation=cv2.INTER_AREA))
         grid = np.vstack([np.hstack(scenes[:2]), np.hstack(scenes[2:])])
         save("scenes.jpg", grid, (1280, 800))
         tiles = []
