@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 from hashlib import sha256
 from typing import TYPE_CHECKING
@@ -21,7 +20,7 @@ from tools.validation.bare_scene import ball, bare_scene, bare_target, flat_plat
 from tools.validation.rendering import brushed as rendering_brushed
 from tools.validation.rendering import lamp as rendering_lamp
 from tools.validation.rendering.lit_ball import draw_lit_ball
-from tools.validation.rendering.path_traced import Difference, difference, path_trace
+from tools.validation.rendering.path_traced import Difference, difference, load, path_trace
 from tools.validation.rows import Row
 
 if TYPE_CHECKING:
@@ -77,11 +76,15 @@ preset made for fifteen pictures a second; every other row is asked of both.
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Every comparison, measured now; the one with Mitsuba where it is installed."""
-    found = [*quick_rows(renderer), *edge_rows(renderer)]
-    if importlib.util.find_spec("mitsuba"):
-        found += mitsuba_rows(renderer)
-    return found
+    """Every comparison, measured now.
+
+    Raises
+    ------
+    UserError
+        If Mitsuba is missing: a page without its rows would look whole.
+    """
+    load()
+    return [*quick_rows(renderer), *edge_rows(renderer), *mitsuba_rows(renderer)]
 
 
 def quick_rows(renderer: Renderer) -> list[Row]:
