@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 GUARD_MS = 3000
-"""How long an opened guard of the abort button waits for the second click."""
+"""Time for which the abort button's open guard waits for the second click, in milliseconds."""
 
 
 class TransportStrip:
@@ -62,7 +62,7 @@ class TransportStrip:
         self._abort(console, 7 * em)
 
     def _rate(self, console: Console, width: float) -> None:
-        """How fast time runs, on a slider of equal factors."""
+        """Draw the slider of the clock's rate; equal lengths are equal factors."""
         w, imgui, flight = self._w, self._w.imgui, console.session.clock
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
@@ -147,7 +147,7 @@ class JobStrip:
 
 @dataclass(frozen=True)
 class RunningJob:
-    """What the strip says of a job.
+    """One job's text, progress and end button in the strip.
 
     Parameters
     ----------

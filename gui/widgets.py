@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 DRAGGED = "figure"
-"""What is carried when a row of figures is dragged."""
+"""Type of the drag-and-drop payload of a row of figures."""
 
 
 class Widgets:

@@ -113,7 +113,7 @@ def _some(frames: tuple[int, ...], most: int = 10) -> str:
 
 
 def _tell_clipping(clipping: ClippingSummary) -> None:
-    """How much of the target fills the scale (before noise, which hides half of it), and what to do about it."""
+    """Tell what share of the target fills the scale (before noise, which hides half of it), and what to do about it."""
     shares = f"{100 * clipping.share:.1f} % of the target's pixels are burnt out"
     if clipping.advice and clipping.dark_frames:
         say(Text(f"the target is dark in {clipping.dark_frames} frames: {clipping.advice}", "yellow"))

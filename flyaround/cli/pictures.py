@@ -81,7 +81,7 @@ def render(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What is drawn, the Earth's maps that are being read for it, and the scenario, empty for a record."""
+    """A scene to draw, the Earth's maps being read for it, and its scenario, empty for a record."""
 
     scene: SceneState
     target: Target

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 MOST_LINES = 200
-"""Of the log, that are looked at: what was done long before is done again."""
+"""Newest entries of the log in which a step of the tour is looked for."""
 
 
 @dataclass(frozen=True)

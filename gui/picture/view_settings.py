@@ -77,7 +77,7 @@ class ViewSettings:
 
 @dataclass
 class Overlays:
-    """What is written over the view; ``raw`` shows the image's numbers as they are, not as a photograph would."""
+    """Overlays of the view; ``raw`` shows the image's numbers as they are, not as a photograph would."""
 
     keypoints: bool = False
     names: bool = False

@@ -1,8 +1,8 @@
 // Creased insulation: slopes of a blanket's facets at two scales, and the tape along its seams.
 uniform sampler2D t_creases; // slopes along u and v, their deviation within a texel, mottle; simulator/baking/creases.py
 
-// How a surface is laid flat on the target's plane nearest to it: metres along two of the target's axes.
-struct Laid {
+// A surface projected onto the target's plane nearest to it: metres along two of the target's axes.
+struct PlanarPlace {
     vec2 uv;
     float width_m;   // of a pixel on the surface
     float level;     // its logarithm
@@ -10,7 +10,7 @@ struct Laid {
 };
 
 // n: the face's normal; v: unit vector to the camera; camera frame.
-Laid laid_flat(vec3 n, vec3 v, vec3 p_m) {
+PlanarPlace planar_place(vec3 n, vec3 v, vec3 p_m) {
     mat3 R = mat3(u_camera_from_target);
     vec3 x = (p_m - u_camera_from_target[3].xyz) * R, a = n * R; // R transposed times: into the target frame
     vec3 size = abs(a) * vec3(1.0, 1.04, 0.96); // faces at 45 degrees to two axes: one of them, and no flicker
@@ -19,20 +19,20 @@ Laid laid_flat(vec3 n, vec3 v, vec3 p_m) {
     // opposite faces differ
     uv += 0.31 * sign(across == 0 ? a.x : across == 1 ? a.y : a.z) + float(across) * vec2(0.17, 0.41);
     float width_m = p_m.z / max(u_intrinsics.x, u_intrinsics.y) * inversesqrt(max(dot(n, v), 0.05));
-    return Laid(uv, width_m, log2(width_m), across);
+    return PlanarPlace(uv, width_m, log2(width_m), across);
 }
 
 // A tile of the texture that is so many metres wide, turned by an angle of this cosine and sine: slopes, deviation, mottle.
-vec4 crease_tile(Laid laid, float tile_m, vec2 turn) {
+vec4 crease_tile(PlanarPlace place, float tile_m, vec2 turn) {
     mat2 T = mat2(turn.x, turn.y, -turn.y, turn.x);
-    vec4 s = textureLod(t_creases, T * laid.uv / tile_m, laid.level + log2(CREASE_SIZE / tile_m));
+    vec4 s = textureLod(t_creases, T * place.uv / tile_m, place.level + log2(CREASE_SIZE / tile_m));
     return vec4((s.xy * 2.0 - 1.0) * CREASE_SLOPE * T, s.z * CREASE_DEVIATION, s.w); // T transposed times
 }
 
 // Share of a pixel that lies in strips along both axes of lines `pitch` apart [m], `wide` to each side of them.
-float strips(Laid laid, vec2 pitch, float wide) {
-    vec2 off = (0.5 - abs(fract(laid.uv / pitch) - 0.5)) * pitch;
-    vec2 share = clamp((wide - off) / laid.width_m + 0.5, 0.0, min(1.0, 2.0 * wide / laid.width_m));
+float strips(PlanarPlace place, vec2 pitch, float wide) {
+    vec2 off = (0.5 - abs(fract(place.uv / pitch) - 0.5)) * pitch;
+    vec2 share = clamp((wide - off) / place.width_m + 0.5, 0.0, min(1.0, 2.0 * wide / place.width_m));
     return max(share.x, share.y);
 }
 
@@ -48,15 +48,15 @@ float earth_mottle(vec3 d, float blur) {
 // their slopes' variance adds to the lobe's (Olano & Baker 2010, LEAN mapping), or far blankets would flicker.
 // tape: share of the pixel that is tape, which lies flatter.
 vec3 crinkled(vec3 n, vec3 v, vec3 p_m, float amplitude, inout float roughness, out float tape) {
-    Laid laid = laid_flat(n, v, p_m);
-    vec4 coarse = crease_tile(laid, COARSE_M, vec2(0.8253, 0.5646));
+    PlanarPlace place = planar_place(n, v, p_m);
+    vec4 coarse = crease_tile(place, COARSE_M, vec2(0.8253, 0.5646));
     float lost = coarse.z * coarse.z;
     vec2 slope = coarse.xy;
 #if CREASE_SCALES > 1
-    vec4 fine = crease_tile(laid, FINE_M, vec2(0.2675, 0.9636));
+    vec4 fine = crease_tile(place, FINE_M, vec2(0.2675, 0.9636));
     slope += FINE_SHARE * fine.xy;
     lost += FINE_SHARE * FINE_SHARE * fine.z * fine.z;
-    tape = strips(laid, vec2(SEAM_U_M, SEAM_V_M), TAPE_M);
+    tape = strips(place, vec2(SEAM_U_M, SEAM_V_M), TAPE_M);
     float flat_share = 1.0 - 0.6 * tape;
     slope *= flat_share;
     lost *= flat_share * flat_share;
@@ -68,13 +68,13 @@ vec3 crinkled(vec3 n, vec3 v, vec3 p_m, float amplitude, inout float roughness, 
     // alpha^2 is twice the variance of slopes along an axis
     float alpha2 = roughness * roughness * roughness * roughness + lost * amplitude * amplitude;
     roughness = sqrt(sqrt(min(alpha2, 1.0)));
-    vec3 tilt = laid.across == 0 ? vec3(0.0, slope) : laid.across == 1 ? vec3(slope.y, 0.0, slope.x) : vec3(slope, 0.0);
+    vec3 tilt = place.across == 0 ? vec3(0.0, slope) : place.across == 1 ? vec3(slope.y, 0.0, slope.x) : vec3(slope, 0.0);
     return unit_or(n - mat3(u_camera_from_target) * tilt, n);
 }
 
 // Reflectance over its mean of a matt surface: what light, handling and the sheet below leave on it, and its joints.
 float mottle(vec3 n, vec3 v, vec3 p_m, float amplitude) {
-    Laid laid = laid_flat(n, v, p_m);
-    float level = crease_tile(laid, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;
-    return 1.0 + amplitude * (2.0 * level - JOINT_DARKER * strips(laid, vec2(JOINT_M), JOINT_WIDE_M));
+    PlanarPlace place = planar_place(n, v, p_m);
+    float level = crease_tile(place, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;
+    return 1.0 + amplitude * (2.0 * level - JOINT_DARKER * strips(place, vec2(JOINT_M), JOINT_WIDE_M));
 }

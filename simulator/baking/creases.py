@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 SIZE = 512
 SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
-"""What full scale of the slope channels (plus and minus) and of the deviation channel means."""
+"""Full scale of the slope channels (plus and minus) and of the deviation channel."""
 _SEED = 1972
 # facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
-"""Of the slopes, along both axes together."""
+"""Variance of the slopes, both axes together."""
 _TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature
 _MARGIN = 0.35  # of the tile, from which facets are repeated around it
 _MOTTLE_POWER = -1.4

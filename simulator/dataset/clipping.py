@@ -1,4 +1,4 @@
-"""How much of the target is burnt out or dark in the frames of a capture, and the exposure that would suit it."""
+"""Share of the target that is burnt out or dark in the frames of a capture, and the exposure that would suit it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NOTABLE_SHARE = 0.05
 """More of the target's pixels than this at the top of the scale: an exposure is proposed."""
 
-# Of a dark frame the fitting exposure is longer than so many times its own: four fifths of its scale are not used.
+# a frame is dark when the exposure that fits is longer by this factor: four fifths of its scale are not used
 _DARK = 5.0
 
 # Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.

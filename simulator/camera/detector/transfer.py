@@ -1,4 +1,4 @@
-"""What a camera delivers of its detector's numbers: these, or eight bits encoded by a curve.
+"""A camera's output from its detector's numbers: these, or eight bits encoded by a curve.
 
 Colour cameras mostly deliver 8 bits encoded by a curve, after a converter of more bits and with the black level taken
 off. A raw mosaic is always linear.

@@ -72,7 +72,7 @@ class GpuMesh(BakedMesh):
 
     @cached_property
     def cell_lattices(self) -> FloatArray:
-        """Of its solar cells, as `cell_lattice.cell_lattices` gives them."""
+        """Lattices of its solar cells, as `cell_lattice.cell_lattices` gives them."""
         numbers = [k for k, m in enumerate(self.materials, start=1) if has_films(m)]
         of_cells = np.isin(self.values[self.triangles[:, 0], 6], numbers)
         return cell_lattices(self.values[:, :3].astype(float), self.triangles[of_cells].astype(np.int64))

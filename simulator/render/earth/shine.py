@@ -29,7 +29,7 @@ GROUND_RAYS, LIMB_RAYS = 640, 48
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # along a ray through the air
 CROWD, SUNWARD = 0.8, 0.75
-"""How much denser rays lie towards the rim of a wide disc, added to a power of one, and towards the Sun's azimuth."""
+"""Density of rays: added to a power of one towards the rim of a wide disc, and towards the Sun's azimuth."""
 FOOTPRINT = 0.15  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
 _KIND = TileKind(
     air=False,
