@@ -130,7 +130,7 @@ def _expected_of_the_estimator(target: Target) -> str:
     heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MOST_TRIANGLES}; "
     return (heavy if n > MOST_TRIANGLES else "") + (
         "no learned proposal is trained for it: expect about half of the poses to be right and few or none accepted; "
-        "docs/svd.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 minutes, 1 GB)"
+        "docs/hybrid.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 min, 1 GB)"
     )
 
 

@@ -111,5 +111,5 @@ def test_a_board_in_qemu_answers_as_the_host_does(tmp_path: Path) -> None:
     told = subprocess.run(command, capture_output=True, text=True, check=False)
     rows = [line.split("|") for line in told.stdout.splitlines() if line.startswith("| cortex-a72")]
     assert [row[8].strip() for row in rows] == ["2 of 2"] * 2, told.stdout + told.stderr
-    # its library of matrices rounds otherwise, which the UART's small pictures show most (docs/hil.md)
+    # its library of matrices rounds otherwise, which the UART's small pictures show most (docs/validation/boards.md)
     assert all(float(row[10].split()[0]) < 0.3 for row in rows), told.stdout

@@ -110,7 +110,7 @@ def _options() -> argparse.Namespace:
     command.add_argument(
         "-o", "--output", type=Path, default=Path("out/board-service"), help="new or empty folder"
     )
-    command = commands.add_parser("compare", help="a row of the table in docs/hil.md")
+    command = commands.add_parser("compare", help="a row of the table in docs/validation/boards.md")
     command.add_argument("host", type=Path, help="ledger of the pictures on the host's estimator")
     command.add_argument("board", type=Path, help="ledger of the same pictures on the board")
     for what in ("processor", "system", "link"):

@@ -106,7 +106,7 @@ class BoardRun:
     agreement: Agreement
 
     def row(self) -> str:
-        """A line of the table in docs/hil.md."""
+        """A line of the table in docs/validation/boards.md."""
         a = self.agreement
         cells = (
             self.processor,

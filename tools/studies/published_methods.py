@@ -255,7 +255,9 @@ def main() -> int:
     parser.add_argument("--feasible", type=int, help="the first so many feasible frames alone")
     parser.add_argument("--tables", action="store_true", help="evaluate nothing: tables of what is there")
     parser.add_argument(
-        "--page", type=Path, help="a page whose tables (<!-- study PART SCENARIO -->) are replaced"
+        "--page",
+        type=Path,
+        help="a page whose tables (<!-- study PART SCENARIO -->) are replaced; others are skipped",
     )
     options = parser.parse_args()
     study = Study(
@@ -272,7 +274,9 @@ def main() -> int:
         text = study.parts[part]()
         sys.stdout.write(f"### {part}: {study.name}\n\n{text}\n\n")
         sys.stdout.flush()
-        if options.page is not None:
+        if options.page is not None and f"<!-- study {part} {study.name} -->" in options.page.read_text(
+            "utf-8"
+        ):
             write_into_page(options.page, part, study.name, text)
     return 0
 

@@ -1,4 +1,4 @@
-"""How long a frame takes on a serial line: as long as its bytes do, as the pages say, and told with what helps."""
+"""How long a frame takes on a serial line: as long as its bytes do, as the page says, and told with what helps."""
 
 from __future__ import annotations
 
@@ -32,11 +32,10 @@ def test_it_is_what_the_packets_of_a_frame_take(image_bytes):
     assert line_time_s(image_bytes, 115_200) == pytest.approx(sent * 10 / 115_200, rel=0.003)
 
 
-@pytest.mark.parametrize("page", ["hil_protocol.md", "hil.md"])
-def test_the_pages_tables_are_computed(page):
+def test_the_page_s_table_is_computed():
     rows = re.findall(
         r"^\| ([\d,]+) \| ([\d.]+)(?: s)? \| ([\d.]+)(?: s)? \| ([\d.]+)(?: s)? \|$",
-        (DOCS / page).read_text(),
+        (DOCS / "hil_protocol.md").read_text(),
         re.MULTILINE,
     )
     assert len(rows) == 4
