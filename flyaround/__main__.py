@@ -1,4 +1,4 @@
-"""Entry point of the command line: turns a user's mistake into one sentence and exit code 2."""
+"""Entry point of the command line: prints a user's mistake as one sentence and exits with code 2."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flyaround.simulator.runtime.threads import use_one_for_matrices
 from flyaround.simulator.runtime.urls import without_secrets
 
 DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
-"""Commands that open the graphics driver, which ends the process where memory is short."""
+"""Commands that open the graphics driver, which aborts the process if memory is short."""
 INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells have it
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM, which ends a command as Ctrl-C does: files closed, children ended."""
+    """SIGTERM, raised as an exception: the command ends as on Ctrl-C, with files closed and child processes stopped."""
 
 
 def _terminate(number: int, _frame: object) -> None:
@@ -68,7 +68,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _call(arguments: list[str]) -> None:
-    """Import the command line, which under a low limit may fail like the rest, and call it."""
+    """Import the command line and call it. Under a low memory limit the import itself may fail."""
     from flyaround.cli.app import app  # noqa: PLC0415 - may fail
 
     with typed(arguments):
@@ -76,12 +76,12 @@ def _call(arguments: list[str]) -> None:
 
 
 def _is_users(error: Exception) -> bool:
-    """Return True if an error says by itself what a user can do."""
+    """Return True if an error message tells the user what to do."""
     return isinstance(error, UserError | LinkError | BoardModelError)
 
 
 def _say_error(sentence: str) -> None:
-    """Print a sentence as one line, without the secrets of URLs; in plain text where there is no memory for colours."""
+    """Print a sentence as one line, without the secrets of URLs; as plain text if memory is too short for Rich."""
     line = without_secrets(" ".join(sentence.splitlines()))
     try:
         from rich.text import Text  # noqa: PLC0415 - may fail
@@ -95,7 +95,7 @@ def _say_error(sentence: str) -> None:
 
 
 def _leave_full_output() -> None:
-    """What standard output cannot take is given up: at the end Python would try again, and fail louder."""
+    """Discard buffered standard output that could not be written, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -103,7 +103,7 @@ def _leave_full_output() -> None:
 
 
 def _stop_behind(leave: BaseException) -> KeyboardInterrupt | None:
-    """The interruption that an exit came of: the command line's library makes an exit code of it."""
+    """Return the interruption that an exit wraps: Click turns an interruption into an exit code."""
     error: BaseException | None = leave
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__

@@ -1,4 +1,4 @@
-"""Names of a module that are imported when they are first used."""
+"""Lazy module attributes, imported on first use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def lazy_names(module: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return a module's ``__getattr__`` (PEP 562) that imports names from their homes.
+    """Return a module's ``__getattr__`` (PEP 562) that imports names from their home modules.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def all_schemas() -> dict[str, dict[str, Any]]:
-    """Schema documents by format name."""
+    """Return the schema documents by format name."""
     schemas = {
         "scenario": msgspec.json.schema(Scenario),
         "recipe": msgspec.json.schema(Recipe),
@@ -56,7 +56,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
 
 
 def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
-    """Return a document with its descriptions dedented, as the compiler of Python 3.13 has them."""
+    """Return a document with dedented descriptions, as Python 3.13 compiles them."""
     if isinstance(value, dict):
         return {
             key: inspect.cleandoc(v) if key == "description" and isinstance(v, str) else _dedented(v)
@@ -66,7 +66,7 @@ def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
 
 
 def write_schemas(folder: Path) -> None:
-    """Write ``NAME.schema.json`` of every format."""
+    """Write ``NAME.schema.json`` for every format."""
     for name, schema in all_schemas().items():
         write_atomic(folder / f"{name}.schema.json", (json.dumps(schema, indent=1) + "\n").encode())
 

@@ -1,1 +1,1 @@
-"""One file per command group of the command line; each only parses, calls and prints."""
+"""Command groups, one file each: they parse options, call the library and print."""

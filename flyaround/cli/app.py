@@ -1,4 +1,4 @@
-"""The command line: one application, which imports the module of a command when the command is called."""
+"""The command-line application. A command's module is imported when the command is called."""
 
 # ruff: noqa: E501 - one paragraph of help a line
 from __future__ import annotations
@@ -38,7 +38,7 @@ COMMANDS = {
     "demo": "demo:demo",
     "targets": "targets:app",
 }
-"""Module and name of each command: a function, or the application of a group. In the order of the help page."""
+"""Module and function, or application of a group, of each command, in the order of the help page."""
 HIL_COMMANDS = {
     "host": "hil_host:host",
     "board": "hil_board:board",
@@ -54,45 +54,45 @@ HIL_COMMANDS = {
     "display-calibrate": "display:display_calibrate",
     "display-match": "display:display_match",
 }
-"""The same of the group ``hil``."""
+"""The same for the group ``hil``."""
 ABOUT = {
-    "sim": "Fly a scenario in a window: watch it, slow it, hurry it, take the chaser over. F1 lists the keys.",
+    "sim": "Fly a scenario in a window, with time control and manual control. F1 lists the keys.",
     "render": "Draw one frame and its truth, or one for each pose of a list.",
-    "fly": "Propagate only: states of both craft as a table, with phases, thrust and events; the delta-v it takes.",
-    "capture": "Take labelled images of a flight or a recipe; every frame's labels are checked as it is written.",
-    "check": "Re-verify every label of a data set, and some images by drawing them again; exit 1 if one is wrong.",
-    "convert": "Write a data set in another format; pictures and poses of others get masks, keypoints and boxes by the model.",
-    "overlay": "Draw labels over copies of a data set's pictures, to look at: the craft's axes, edges, keypoints, box, mask.",
+    "fly": "Propagate only: states of both craft as a table, with phases, thrust, events and delta-v.",
+    "capture": "Take labelled images of a flight or a recipe; every frame's labels are verified as it is written.",
+    "check": "Verify every label of a data set again, and draw some images again; exit 1 if one is wrong.",
+    "convert": "Write a data set in another format; images and poses of others get masks, keypoints and boxes from the model.",
+    "overlay": "Draw labels over copies of a data set's images: the craft's axes, edges, keypoints, box, mask.",
     "estimate": "Estimate the pose of a target in images.",
     "evaluate": "Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html.",
-    "train": "Train a network on a data set; judge it on every tenth frame, which it never saw.",
-    "compare": "Set pictures of others beside ours of the like views: histograms, Sobel, edges with and without atmosphere.",
-    "bench": "Frame cost per scene beside a reference pass of the same run.",
-    "doctor": "What OpenGL, GPU and optional parts this machine has, and how to get the rest.",
+    "train": "Train a network on a data set, and evaluate it on every tenth frame, which is held out.",
+    "compare": "Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere.",
+    "bench": "Measure the frame cost per scene beside a reference pass of the same run.",
+    "doctor": "Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones.",
     "cache": "List what is kept between runs (decoded maps, baked light, targets), or remove it.",
-    "plugins": "Sensors, formats, recipes, estimators, targets and bodies that installed packages add (docs/plugins.md).",
-    "scenarios": "List the built-in scenarios, or print one to start from; `flyaround recipes` lists what draws samples.",
+    "plugins": "List the sensors, formats, recipes, estimators, targets and bodies that installed packages add (docs/plugins.md).",
+    "scenarios": "List the built-in scenarios, or print one to start from; `flyaround recipes` lists the recipes.",
     "recipes": "List the built-in recipes, print one to start from, or write the poses that one draws.",
-    "backgrounds": "Draw the library of backgrounds that a recipe puts its craft before, without the craft.",
+    "backgrounds": "Draw the background library of a recipe, without the craft.",
     "cameras": "List the built-in cameras, or read one of any format, check it, and write it in another.",
-    "demo": "Fly, capture and check 20 images, run 30 frames through a board process, and make a page of it.",
+    "demo": "Fly, capture and check 20 images, run 30 frames through a board process, and write a report page.",
     "targets": "List the targets, add a mesh as one, export or draw them.",
 }
 """First paragraph of each command's help, for the page that lists them: nothing is imported for it."""
 HIL_ABOUT = {
     "host": "Stream a flight to a board, or fly on its poses (--closed-loop).",
-    "board": "The board's side, on this machine: connect, estimate, answer; the exit code tells how it ended.",
-    "camera": "Be a camera on the network: GVCP and GVSP for Aravis, GStreamer and other clients, until Ctrl-C.",
+    "board": "Run the board agent on this machine: connect, estimate, answer; the exit code says how it ended.",
+    "camera": "Serve a GigE camera on the network (GVCP and GVSP, for Aravis, GStreamer and other clients) until Ctrl-C.",
     "bundle": "Write one file that runs on a board with Python 3.9, numpy and OpenCV 4.6, and nothing else.",
-    "report": "Latency, jitter, drops by cause: a page with plots from a ledger.",
-    "audit": "Hold a ledger against the time codes in the pictures; exit 1 where they do not agree in every frame.",
+    "report": "Write a page with plots from a ledger: latency, jitter, drops by cause.",
+    "audit": "Compare a ledger with the time codes in the images; exit 1 unless they agree in every frame.",
     "campaign": "Fly cases with their seeds unattended and judge them: requirement matrix, JUnit XML; exit 1 if one is not met.",
-    "delay-map": "Success of an approach over latency, jitter and losses of its poses: heat maps, CSV, and where half fail.",
-    "forecast": "Fly closed loops on noisy poses and tell how well their filter foretells the attitude, over how far it looks.",
+    "delay-map": "Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.",
+    "forecast": "Fly closed loops on noisy poses and measure how well their filter predicts the attitude over the horizon.",
     "key": "Write a new key for hil host --key and hil board --key.",
     "display": "Show a flight full screen to a real camera that looks at the monitor.",
-    "display-calibrate": "From pictures of the patterns: which pixel of the camera sees which of the screen, and how bright.",
-    "display-match": "Which frame each grabbed picture shows, by the code in it; exit 1 where one has none.",
+    "display-calibrate": "Calibrate the screen from images of the patterns: the pixel map between camera and screen, and the brightness.",
+    "display-match": "Identify the frame that each grabbed image shows by its time code; exit 1 if one has none.",
 }
 HIL_HELP = """\
 Hardware in the loop: a flight's pictures go to a board, and its poses come back.
@@ -108,14 +108,14 @@ The emulated board, which needs no desk: make board-qemu, where the source code 
 
 
 class LazyCommand(TyperCommand):
-    """A command of which name and first paragraph are known; its module is imported for its words or its help."""
+    """A command that is imported when its arguments or its help are needed."""
 
     def __init__(self, name: str, home: str, about: str) -> None:
         super().__init__(name, help=escape(about))
         self._home = home
 
     def make_context(self, *call: Any, **options: Any) -> Any:  # noqa: ANN401 - click's own signature
-        """Parse the command's words; the context has the whole command."""
+        """Import the command and parse its arguments."""
         module, _, name = self._home.partition(":")
         thing = getattr(import_module(f"flyaround.cli.{module}"), name)
         if isinstance(thing, typer.Typer):
@@ -126,7 +126,7 @@ class LazyCommand(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """The commands of the tables above."""
+    """The commands listed in ``COMMANDS`` and ``HIL_COMMANDS``."""
 
     def __init__(self, **options: Any) -> None:  # noqa: ANN401 - click's own
         super().__init__(**options)
@@ -170,7 +170,7 @@ def options(
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Options of every command."""
+    """Handle the options that every command has."""
     level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
     handler = RichHandler(console=terminal(stderr=True), show_path=verbose > 1, rich_tracebacks=False)
     logging.basicConfig(level=level, format="%(name)s: %(message)s", handlers=[handler], force=True)

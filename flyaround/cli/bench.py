@@ -1,4 +1,4 @@
-"""bench: frame cost per scene, and every other part; each folder times itself, and this composes them."""
+"""bench: frame cost per scene, and the cost of every other part."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bench(
     run: BenchRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Frame cost per scene beside a reference pass of the same run."""
+    """Measure the frame cost per scene beside a reference pass of the same run."""
     with progress_bar("bench", quiet=as_json) as progress:
         document = _run_bench(n_frames=run.frames, scenes=run.scene, device_index=run.gpu, progress=progress)
     if as_json:
@@ -70,7 +70,7 @@ def _run_bench(
     device_index: int | None,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Time scenes, start-up, world, sensors, link, estimator and capture; the document of ``bench --json``.
+    """Time scenes, start-up, world, sensors, link, estimator and capture. Return the document of ``bench --json``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""cache: what is kept on this machine between runs, and its removal."""
+"""cache: list or remove what is kept on this machine between runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The words on the command line, for the records of runs."""
+"""The command line as typed, for the records of runs."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _WORDS: ContextVar[tuple[str, ...]] = ContextVar("command line", default=())
 
 
 def command_line() -> tuple[str, ...]:
-    """Return the command as it was typed; nothing if a program called it otherwise."""
+    """Return the command as typed; empty if a program called the function directly."""
     return _WORDS.get()
 
 
 @contextmanager
 def typed(arguments: Sequence[str]) -> Iterator[None]:
-    """Have `command_line` return the arguments of the command that is called."""
+    """Set the arguments that `command_line` returns, for the duration of a call."""
     token = _WORDS.set(("flyaround", *arguments))
     try:
         yield

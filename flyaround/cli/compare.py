@@ -1,4 +1,4 @@
-"""compare: our pictures beside a folder of reference pictures."""
+"""compare: our images beside a folder of reference images."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def compare(
     run: CompareRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print comparison.json.")] = False,
 ) -> None:
-    """Set pictures of others beside ours of the like views: histograms, Sobel, edges with and without atmosphere."""
+    """Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere."""
     if run.sensor is not None:
         sensor_preset(run.sensor)  # a wrong name is said before the work
     model = load_target(run.target)
@@ -68,7 +68,7 @@ def compare(
 
 
 def _estimated(target: Target, reference: Reference) -> PoseEstimate | None:
-    """The estimator's pose; one that it declines is not sure."""
+    """Return the estimator's pose, marked as uncertain if the estimator declined it."""
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(reference.camera))
     result = make_estimator(board_model(target), camera).estimate(reference.image, None)
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m

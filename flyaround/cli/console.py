@@ -22,7 +22,7 @@ def sim(
     run: ConsoleRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the last state as JSON.")] = False,
 ) -> None:
-    """Fly a scenario in a window: watch it, slow it, hurry it, take the chaser over. F1 lists the keys."""
+    """Fly a scenario in a window, with time control and manual control. F1 lists the keys."""
     name = run.scenario or FIRST
     load_flown(name, "sim")  # a mistake in its name is said here, as by the other commands
     # the console's parts are an extra: only this command may need them

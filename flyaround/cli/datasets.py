@@ -1,4 +1,4 @@
-"""capture, check: labelled data sets, and the proof that their labels are right."""
+"""capture, check: labelled data sets, and the verification of their labels."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def capture(
     run: CaptureRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Take labelled images of a flight or a recipe; every frame's labels are checked as it is written."""
+    """Take labelled images of a flight or a recipe; every frame's labels are verified as it is written."""
     data_set, drawing = run.data_set, run.drawing
     cluster = None if drawing.ray is None else RayCluster(drawing.ray, drawing.gpu_share)
     names = parse_formats(data_set.formats)
@@ -108,12 +108,12 @@ def _tell_capture(summary: CaptureSummary) -> None:
 
 
 def _some(frames: tuple[int, ...], most: int = 10) -> str:
-    """The first numbers, and that there are more."""
+    """Return the first numbers as text, with an ellipsis if there are more."""
     return ", ".join(str(k) for k in frames[:most]) + (", ..." if len(frames) > most else "")
 
 
 def _tell_clipping(clipping: ClippingSummary) -> None:
-    """Tell what share of the target fills the scale (before noise, which hides half of it), and what to do about it."""
+    """Report the share of the target at full scale before noise, and how to reduce it."""
     shares = f"{100 * clipping.share:.1f} % of the target's pixels are burnt out"
     if clipping.advice and clipping.dark_frames:
         say(Text(f"the target is dark in {clipping.dark_frames} frames: {clipping.advice}", "yellow"))
@@ -153,7 +153,7 @@ def check(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Re-verify every label of a data set, and some images by drawing them again; exit 1 if one is wrong."""
+    """Verify every label of a data set again, and draw some images again; exit 1 if one is wrong."""
     with progress_bar("check", quiet=as_json) as progress:
         report = check_dataset(
             folder, progress, redraw=redraw, redraw_seed=redraw_seed, whole_exports=whole_exports
@@ -200,7 +200,7 @@ def _tell_check(report: CheckReport) -> None:
 
 
 def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | RecipePlan]:
-    """The plan of a name by no name; of a recipe that is several data sets, theirs by folder.
+    """Return the plan named ``""``, or, for a recipe of several data sets, their plans by folder.
 
     ``n`` frames are of all of them together; each has its own seed, so that no two draw alike.
 
@@ -228,7 +228,7 @@ def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | Rec
 
 
 def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
-    """The plan of a recipe, else of a scenario, with what is asked for in place of its own.
+    """Return the plan of a recipe or scenario, with the given options in place of its own.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""demo: the whole chain in one command, and one page of it."""
+"""demo: every step from flight to report in one command."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def demo(
         bool, typer.Option("--overwrite", help="Replace an earlier demo in that folder.")
     ] = False,
 ) -> None:
-    """Fly, capture and check 20 images, run 30 frames through a board process, and make a page of it."""
+    """Fly, capture and check 20 images, run 30 frames through a board process, and write a report page."""
     page = run_demo(
         output,
         board_command=(sys.executable, "-P", "-m", "flyaround", "hil", "board"),

@@ -1,4 +1,4 @@
-"""hil display, hil display-calibrate, hil display-match: a real camera looks at a screen that shows the frames."""
+"""hil display, hil display-calibrate, hil display-match: the optical loop through a screen."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _show_patterns(screen: FullScreen, hold_s: float, save: Path | None, *, step
 
 
 def _wait(name: str, *, step: bool) -> None:
-    """Say what is on the screen; with ``step`` wait for a line before going on."""
+    """Print what the screen shows; with ``step`` wait for a line on standard input."""
     if step:
         typer.echo(name)
         sys.stdout.flush()
@@ -127,7 +127,7 @@ def display_calibrate(
     ),
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """From pictures of the patterns: which pixel of the camera sees which of the screen, and how bright."""
+    """Calibrate the screen from images of the patterns: the pixel map between camera and screen, and the brightness."""
     parts = screen.lower().split("x")
     if len(parts) != 2 or not all(p.isdigit() and 64 <= int(p) <= 16384 for p in parts):
         raise UserError(
@@ -178,7 +178,7 @@ def display_match(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a list as JSON.")] = False,
 ) -> None:
-    """Which frame each grabbed picture shows, by the code in it; exit 1 where one has none."""
+    """Identify the frame that each grabbed image shows by its time code; exit 1 if one has none."""
     place = CodePlace() if calibration is None else read_calibration(calibration).code_place
     rows = []
     for path in grabs:

@@ -1,4 +1,4 @@
-"""doctor: what this machine has of OpenGL, the estimator's library and optional parts, and how to get the rest."""
+"""doctor: OpenGL, the estimator's library and optional parts of this machine, and how to install the missing ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from flyaround.simulator.runtime.cache_contents import cache_kinds
 
 
 def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """What OpenGL, GPU and optional parts this machine has, and how to get the rest."""
+    """Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones."""
     findings = examine()
     if as_json:
         typer.echo(json.dumps([asdict(f) for f in findings], indent=1))
@@ -56,7 +56,7 @@ class Finding:
 
 
 def examine() -> tuple[Finding, ...]:
-    """Look at Python, OpenGL, the screen and the optional parts."""
+    """Examine Python, OpenGL, the screen and the optional parts."""
     return (_python(), _opengl(), _rays(), _library(), _cache(), _screen(), *_optional())
 
 

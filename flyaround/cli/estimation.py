@@ -68,13 +68,13 @@ def estimate(
 
 
 def _choice(method: str, published: Published) -> MethodChoice:
-    """A method with the parts of the published ones that are asked for."""
+    """Return a method, with solver and streams if it is a published one."""
     streams = split_names(published.streams)
     return MethodChoice(method, published.solver, None if streams is None else tuple(streams))
 
 
 def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
-    """The estimate of an image as JSON has it; a picture of every stage in a folder, where one is given."""
+    """Estimate an image and return the JSON document; write an image of every stage if a folder is given."""
     taken = read_png(path)
     image = checked_picture(taken, intrinsics, str(path))
     trace: dict[str, Any] | None = None if place is None else {"every_stage": True}
@@ -158,7 +158,7 @@ def evaluate(
 
 
 def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
-    """The methods that are compared.
+    """Return the methods to compare.
 
     Raises
     ------
@@ -179,12 +179,12 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
 
 
 def split_names(streams: str | None) -> list[str] | None:
-    """The names between the commas."""
+    """Return the names between commas."""
     return None if streams is None else [s.strip() for s in streams.split(",") if s.strip()]
 
 
 def check_method(method: str) -> None:
-    """Refuse a method that there is not.
+    """Raise if there is no method of that name.
 
     Raises
     ------

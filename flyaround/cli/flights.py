@@ -1,4 +1,4 @@
-"""fly, scenarios, cameras: flights without pictures, and lists of what there is."""
+"""fly, scenarios, cameras: flights without images, and lists of what is built in."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fly(
     run: FlyRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Propagate only: states of both craft as a table, with phases, thrust and events; the delta-v it takes."""
+    """Propagate only: states of both craft as a table, with phases, thrust, events and delta-v."""
     plan = plan_flight(load_flown(run.scenario, "fly"), every_s=run.every_s)
     output = Path(run.output)
     earlier = _earlier_flight(output) if run.overwrite else ()
@@ -73,7 +73,7 @@ def fly(
 
 
 def _earlier_flight(folder: Path) -> tuple[Path, ...]:
-    """Files of an earlier flight in a folder.
+    """Return the files of an earlier flight in a folder.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
 
 
 def _tell_flight(summary: dict[str, Any]) -> None:
-    """A flight in a few lines: where its states are, what it did, what it took."""
+    """Print a flight's summary: where its states are, its phases, events and delta-v."""
     say(f"{summary['rows']} states in {summary['states']}")
     for words in summary["followed"]:
         say(words)
@@ -116,7 +116,7 @@ FLIGHT_FILES = (
     "replay.toml",
     RUN_TOML,
 )
-"""What `fly` writes into its folder."""
+"""Files that `fly` writes into its folder."""
 
 
 def scenarios(
@@ -132,7 +132,7 @@ def scenarios(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the built-in scenarios, or print one to start from; `flyaround recipes` lists what draws samples."""
+    """List the built-in scenarios, or print one to start from; `flyaround recipes` lists the recipes."""
     if show is not None:
         refuse_recipe(show, "scenarios --show", "`flyaround recipes --show NAME` prints a recipe")
         text = show_scenario(show)

@@ -1,4 +1,4 @@
-"""hil bundle, key, report and audit: files of the loop, made and read without a board."""
+"""hil bundle, key, report and audit: files of the loop, written and read without a board."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def report(
     folder: Annotated[Path, typer.Argument(help="A folder written by hil host --log.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print where the page is as JSON.")] = False,
 ) -> None:
-    """Latency, jitter, drops by cause: a page with plots from a ledger."""
+    """Write a page with plots from a ledger: latency, jitter, drops by cause."""
     page = write_report(folder)
     if as_json:
         typer.echo(json.dumps({"report": str(page)}))
@@ -69,7 +69,7 @@ def audit(
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> None:
-    """Hold a ledger against the time codes in the pictures; exit 1 where they do not agree in every frame."""
+    """Compare a ledger with the time codes in the images; exit 1 unless they agree in every frame."""
     found = audit_pictures(read_ledger(folder), pictures_of(pictures))
     if as_json:
         typer.echo(json.dumps({**asdict(found), "passed": found.passed}))

@@ -1,4 +1,4 @@
-"""hil board: the board's side on this machine, with the options of the bundle's agent."""
+"""hil board: the board agent on this machine, with the bundle's options."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @partial(with_run_options, kind=BoardRun)
 def board(run: Run) -> None:
-    """The board's side, on this machine: connect, estimate, answer; the exit code tells how it ended.
+    """Run the board agent on this machine: connect, estimate, answer; the exit code says how it ended.
 
     The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
     serial:///dev/ttyUSB0?baud=921600. Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake in what was
@@ -71,7 +71,7 @@ def board(run: Run) -> None:
 
 
 def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str, str]:
-    """An estimator of another package on a model file, as ``estimator_factory`` gives one of the board's."""
+    """Return a factory for an estimator of another package, as ``estimator_factory`` does for the built-in ones."""
     model = BoardModel.read(model_path)
 
     def make(camera: dict[str, Any]) -> BoardEstimator:
@@ -81,7 +81,7 @@ def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str,
 
 
 def _told(summary: BoardSummary) -> None:
-    """How it ended, in a sentence and by the exit code."""
+    """Print how the agent ended, and exit with its code unless it is 0."""
     say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
     if summary.hung:
         exit_at_once(ExitCode.WATCHDOG)

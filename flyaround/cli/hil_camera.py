@@ -42,7 +42,7 @@ ANSWER_S = 30.0
 
 @with_run_options
 def camera(run: CameraRun) -> None:
-    """Be a camera on the network: GVCP and GVSP for Aravis, GStreamer and other clients, until Ctrl-C.
+    """Serve a GigE camera on the network (GVCP and GVSP, for Aravis, GStreamer and other clients) until Ctrl-C.
 
     Each picture is drawn when it is due or triggered, with the exposure and gain that the client has set; what is
     slower to draw than --rate comes as fast as it can, and --loop keeps any rate. One client controls at a time.
@@ -54,7 +54,7 @@ def camera(run: CameraRun) -> None:
 
 
 def serve_camera(run: CameraRun) -> None:
-    """Serve a flight's pictures until Ctrl-C."""
+    """Serve a flight's images until Ctrl-C."""
     plan = plan_flight(load_flown(run.scenario, "hil camera"), n=run.loop or 1, seed=run.seed)
     check_one_channel(plan)
     terms = _terms(plan, run.rate_hz)
@@ -93,7 +93,7 @@ def serve_camera(run: CameraRun) -> None:
 
 
 def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
-    """What a client reads of the camera before it changes anything."""
+    """Return the camera's initial settings, which a client reads first."""
     first = plan.scene(0)
     return CameraTerms(
         width_px=first.camera.width_px,
@@ -107,7 +107,7 @@ def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
 
 
 def _config(plan: Plan, terms: CameraTerms, run: CameraRun) -> EndpointConfig:
-    """Where the camera is and whom it answers."""
+    """Return the interface of the camera and the addresses that it answers."""
     there = find_interface(run.interface, run.address)
     allowed = tuple(check_address(a, "--allow") for a in run.allow)
     name, description = (OWN_NAME, write_xml(terms)) if run.xml is None else read_xml(Path(run.xml))
@@ -125,7 +125,7 @@ def _config(plan: Plan, terms: CameraTerms, run: CameraRun) -> EndpointConfig:
 
 
 def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger | None:
-    """The ledger of a board's answers, where it gives any."""
+    """Return the ledger of a board's answers, or None without ``--answers``."""
     if config.answers is None:
         return None
     log = None if run.log is None else Path(run.log)
@@ -136,7 +136,7 @@ def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger 
 
 
 def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url: str | None) -> str:
-    """Where the camera is, who may control it, and what to type."""
+    """Return the camera's address, who may control it, and the command to type."""
     address = config.interface.address
     told = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
     return (
@@ -147,7 +147,7 @@ def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url
 
 
 def answer_terms(plan: Plan, url: str, key: Path | None) -> AnswerTerms:
-    """What a board is told that says its poses at ``url``."""
+    """Return the handshake for a board that sends its poses to ``url``."""
     if not url.startswith("tcp://"):
         raise UserError(f"--answers {url} is no TCP address: write tcp://127.0.0.1:5602")
     link = LinkConfig(
@@ -173,7 +173,7 @@ def answer_terms(plan: Plan, url: str, key: Path | None) -> AnswerTerms:
 
 
 def write_xml_file(path: Path, terms: CameraTerms) -> None:
-    """Write the camera's description, to start one's own from."""
+    """Write the camera's GenICam description, as a template for one of your own."""
     try:
         path.write_bytes(write_xml(terms))
     except OSError as error:

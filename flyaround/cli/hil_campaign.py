@@ -1,4 +1,4 @@
-"""hil campaign and hil delay-map: many runs of the loop, judged."""
+"""hil campaign and hil delay-map: many runs of the loop, judged against requirements."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def delay_map(
     run: DelayMapRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print delay_map.json.")] = False,
 ) -> None:
-    """Success of an approach over latency, jitter and losses of its poses: heat maps, CSV, and where half fail.
+    """Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.
 
     Without pictures: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
@@ -109,7 +109,7 @@ def delay_map(
 
 
 def _levels(text: str, option: str, most: float) -> tuple[float, ...]:
-    """Numbers between commas.
+    """Parse numbers between commas.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""hil forecast: how far ahead the filter of a closed loop foretells the target's attitude."""
+"""hil forecast: accuracy of the predicted attitude over the prediction horizon."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def forecast(
     seed: Annotated[int | None, typer.Option(min=0, help="First seed (default: the scenario's).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Fly closed loops on noisy poses and tell how well their filter foretells the attitude, over how far it looks.
+    """Fly closed loops on noisy poses and measure how well their filter predicts the attitude over the horizon.
 
     Horizon 0 is the filtered attitude itself. Beside the error stands the one sigma that the filter foretells
     (docs/hil_closed_loop.md).

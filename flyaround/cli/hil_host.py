@@ -112,7 +112,7 @@ def _stream(run: HostRun, *, as_json: bool) -> None:
 
 
 def _link(run: HostRun, flown: Scenario) -> LinkConfig:
-    """How the board connects."""
+    """Return the link's settings."""
     line = run.line
     return LinkConfig(
         url=line.listen,
@@ -129,7 +129,7 @@ def _link(run: HostRun, flown: Scenario) -> LinkConfig:
 
 
 def _flight_options(run: HostRun, plan: Plan) -> FlightOptions:
-    """What is asked of the flight besides its link."""
+    """Return the options that concern the flight rather than the link."""
     loop, source = run.closed_loop, _path(run.pictures.source)
     if source is not None:
         pictures_in(source)
@@ -152,12 +152,12 @@ def _path(text: str | None) -> Path | None:
 
 
 def _faults(run: HostRun, flown: Scenario) -> Faults:
-    """Those of the file where one is given, else the scenario's."""
+    """Return the faults of the file if one is given, else the scenario's."""
     return read_faults(Path(run.faults.file)) if run.faults.file is not None else flown.faults or NO_FAULTS
 
 
 def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
-    """Say before anything is drawn how long a frame takes on a serial line.
+    """Print, before anything is drawn, how long a frame takes on a serial line.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
 
 
 def _be_camera(run: HostRun, context: typer.Context) -> None:
-    """The camera endpoint with its defaults: it has no board, no poses and so no ledger."""
+    """Serve the camera endpoint with its defaults: no board, no poses, no ledger."""
     listen = run.line.listen
     interface = listen.removeprefix(SCHEME).rstrip("/")
     flags = {field.name: field.flag for field in run_fields(HostRun)} | {"as_json": "--json"}
@@ -196,7 +196,7 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
 
 
 def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
-    """A closed loop that needs no board and draws nothing."""
+    """Fly a closed loop that needs no board and draws nothing."""
     pose: Literal["truth", "noisy"] = "truth" if run.closed_loop.pose == "truth" else "noisy"
     flown = load_flown(run.scenario, "hil host")
     plan = plan_flight(flown, n=1, seed=run.seed)
@@ -221,7 +221,9 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
 def _exit_unless_answered(
     summary: LedgerSummary, n_frames: int, timeout_s: float, *, allow_none: bool
 ) -> None:
-    """Exit 3 if the board left for good or accepted no pose: a script must not take that for a whole run."""
+    """Exit with 3 if the board left for good or accepted no pose, so that a script does not take the run for
+    complete.
+    """
     if summary.ended != "completed":
         say(
             f"flyaround: the board left after {summary.sent} of {n_frames} frames ({summary.board_gone}) and"
@@ -241,7 +243,7 @@ def _exit_unless_answered(
 
 
 def _exit_unless_arrived(summary: LedgerSummary) -> None:
-    """Exit 1 where a closed loop did not bring the chaser to its hold point."""
+    """Exit with 1 if a closed loop did not bring the chaser to its hold point."""
     if summary.closed_loop is not None and summary.closed_loop.outcome != "arrived":
         raise typer.Exit(1)
 
@@ -249,7 +251,7 @@ def _exit_unless_arrived(summary: LedgerSummary) -> None:
 def _send(
     flight: FlightRun, config: RunConfig, recorders: tuple[Recorder, ...], target: str, *, as_json: bool
 ) -> LedgerSummary:
-    """Run the host with a progress bar; its summary, printed also where the run is interrupted."""
+    """Run the host with a progress bar. Return its summary, printed also if the run is interrupted."""
     ends: list[LedgerSummary] = []
     done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
@@ -276,7 +278,7 @@ def _send(
 
 
 def _recorders(told: Recording) -> tuple[Recorder, ...]:
-    """What else listens to the run, opened now so that a mistake is told before anything is drawn."""
+    """Open the run's recorders before anything is drawn, so that a mistake is reported early."""
     recorders: list[Recorder] = []
     if told.mcap is not None or told.live is not None:
         ros_log = RosLog(_path(told.mcap), None if told.live is None else ("127.0.0.1", told.live))

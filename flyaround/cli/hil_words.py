@@ -1,4 +1,4 @@
-"""The sentences of ``hil host``: where it listens, how its run ended."""
+"""The messages of ``hil host``: where it listens, and how its run ended."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool = False) -> str:
-    """Where a host listens, and what to type on the board."""
+    """Return where a host listens, and the command to type on the board."""
     there, key = board_url(url), " --key FILE" if keyed else ""
     lines = [
         f"listening on {url}; on the board type",
@@ -32,7 +32,7 @@ def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool 
 
 
 def _closed_loop_text(c: ClosedLoopFigures) -> Text:
-    """Outcome, and why; red where the chaser did not arrive."""
+    """Return the outcome of a closed loop and its reason; red if the chaser did not arrive."""
     reason = f": {c.reason}" if c.reason else ""
     figures = (
         f" after {c.duration_s:.0f} s, {c.final_error_m:.3f} m and {c.final_error_deg:.2f} deg off the hold point;"
@@ -43,7 +43,7 @@ def _closed_loop_text(c: ClosedLoopFigures) -> Text:
 
 
 def summary_text(s: LedgerSummary, log: Path | None) -> Text:
-    """The summary in a few lines; red is what should not be."""
+    """Return the summary in a few lines; failures in red."""
     causes = ", ".join(f"{n} {cause}" for cause, n in s.dropped.items())
     dropped = f"{s.dropped_total} dropped" + (f" ({causes})" if causes else "")
     lines: list[str | Text] = []

@@ -1,4 +1,4 @@
-"""overlay: a data set's pictures with their labels drawn over them."""
+"""overlay: a data set's images with their labels drawn on copies."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def overlay(
         int | None, typer.Option("-n", min=1, help="Frames, spread evenly over the set (default: all).")
     ] = None,
 ) -> None:
-    """Draw labels over copies of a data set's pictures, to look at: the craft's axes, edges, keypoints, box, mask."""
+    """Draw labels over copies of a data set's images: the craft's axes, edges, keypoints, box, mask."""
     marks = parse_marks(draw)
     with progress_bar("overlay") as progress:
         count = write_overlays(folder, output, marks, n, progress)

@@ -1,4 +1,4 @@
-"""render: one picture and its truth.
+"""render: one image and its truth.
 
 The Earth's maps are prefetched before the packages that draw are imported: the first start does both at once.
 """
@@ -81,7 +81,7 @@ def render(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A scene to draw, the Earth's maps being read for it, and its scenario, empty for a record."""
+    """A scene to draw, its preloaded Earth maps, and its scenario (empty for a record)."""
 
     scene: SceneState
     target: Target
@@ -91,7 +91,7 @@ class _View:
 
 
 def _recorded_view(path: Path) -> _View:
-    """What a truth record was drawn of."""
+    """Return the view that a truth record describes."""
     record = read_truth(path)
     prefetched = prefetch_maps_of(record.scene)
     request = LabelRequest(layers=record.layers, flow=record.flow)
@@ -99,7 +99,7 @@ def _recorded_view(path: Path) -> _View:
 
 
 def _flown_view(run: RenderRun) -> _View:
-    """The scenario at the time that is asked for."""
+    """Return the view of the scenario at the requested time."""
     bands: Bands | None = "rgb" if run.rgb else None
     flown = load_flown(run.scenario or "", "render")
     if run.environment is not None:
@@ -117,7 +117,7 @@ def _flown_view(run: RenderRun) -> _View:
 
 
 def _times_table(stage_ms: dict[str, float]) -> Table:
-    """Each stage's time; passes are indented under the stage they belong to."""
+    """Return the time of each stage; passes are indented under their stage."""
     table = Table("stage", "ms", title="median of five, each pass waited for")
     table.columns[1].justify = "right"
     for stage in (name for name in stage_ms if "." not in name):
@@ -129,7 +129,7 @@ def _times_table(stage_ms: dict[str, float]) -> Table:
 
 
 def _render_poses(run: RenderRun, view: _View, *, as_json: bool) -> None:
-    """One picture for each row: OUT-000000.png and so on."""
+    """Draw one image per row: OUT-000000.png and so on."""
     from flyaround.simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are read before
     from flyaround.simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
 

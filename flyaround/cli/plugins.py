@@ -15,7 +15,9 @@ from flyaround.simulator.runtime.plugins import plugins as plugins_of
 
 
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """Sensors, formats, recipes, estimators, targets and bodies that installed packages add (docs/plugins.md)."""
+    """List the sensors, formats, recipes, estimators, targets and bodies that installed packages add
+    (docs/plugins.md).
+    """
     found = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
     rows = [(plugin, _state(plugin)) for plugin in found]
     if as_json:
@@ -32,7 +34,7 @@ def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def _state(plugin: Plugin) -> str:
-    """Why one cannot be used; empty where it can."""
+    """Return why a plug-in cannot be used; empty if it can."""
     try:
         plugin.load()
     except UserError as error:

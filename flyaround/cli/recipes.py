@@ -1,4 +1,4 @@
-"""recipes, backgrounds: what draws independent samples, their poses as a table, and what is behind them."""
+"""recipes, backgrounds: recipes of independent samples, their poses as a table, and their backgrounds."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _list_recipes(*, as_json: bool) -> None:
 
 
 def _samples_csv(plan: RecipePlan, progress: Callable[[int, int], None]) -> str:
-    """Return one row for each sample, numbers in full.
+    """Return one row per sample, with all digits.
 
     ``x`` to ``q4`` are the paper's raw data (left-handed: metres, degrees, quaternion), empty where no Euler angles
     were drawn; ``q_w`` to ``t_z_m`` the pose label, as `render --poses` reads it.
@@ -155,7 +155,7 @@ def backgrounds(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Draw the library of backgrounds that a recipe puts its craft before, without the craft."""
+    """Draw the background library of a recipe, without the craft."""
     from flyaround.simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import: it draws
 
     plan = plan_recipe(recipe, 1)

@@ -1,4 +1,4 @@
-"""The options of a command, made of the fields of its run; those that are given override the keys of ``--run FILE``."""
+"""The options of a command, made from the fields of its run; given options override the keys of ``--run FILE``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _R = TypeVar("_R", bound=Run)
 
 
 def with_run_options(command: Callable[..., None], kind: type[Run] | None = None) -> Callable[..., None]:
-    """Return a command with the options of its argument ``run``, a document, then its own, then ``--run FILE``.
+    """Return a command whose options are the fields of its argument ``run``, then its own, then ``--run FILE``.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
 
 
 def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
-    """Return the run of the options' values by the names of its fields; None stands for the default.
+    """Return the run for option values by field name; None stands for the default.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
 
 
 def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option's value
-    """Return the value of an option as the document has it: names of a choice in any case, no empty list."""
+    """Return an option's value as the document has it: choices in any case, no empty list."""
     if isinstance(value, list | tuple):
         return [_plain(item, kind) for item in value] or None
     if isinstance(value, Path):
@@ -91,7 +91,7 @@ def _alternatives(kind: mi.Type) -> tuple[mi.Type, ...]:
 
 
 def _parameter(field: RunField) -> inspect.Parameter:
-    """Return the parameter that Typer makes a field's option of, with the bounds of its type."""
+    """Return the Typer parameter of a field, with the bounds of its type."""
     declared = copy.copy(field.declared)
     if isinstance(declared, OptionInfo):
         declared.rich_help_panel = declared.rich_help_panel or field.panel
@@ -112,7 +112,7 @@ def _parameter(field: RunField) -> inspect.Parameter:
 
 
 def _annotation(kind: mi.Type) -> Any:  # noqa: ANN401 - a type
-    """Return the type by which the command line converts a value; names of a choice are checked by the document."""
+    """Return the type by which the command line converts a value; the document checks choices."""
     match kind:
         case mi.Metadata(extra=extra) if extra and extra.get(PATH):
             return Path
@@ -128,7 +128,7 @@ def _annotation(kind: mi.Type) -> Any:  # noqa: ANN401 - a type
 
 
 def _run_parameter(kind: type[Run], fields: Mapping[str, RunField]) -> inspect.Parameter:
-    """Return ``--run FILE``: it is read first, and its keys are the defaults of the other options."""
+    """Return the option ``--run FILE``, which is read first and sets the defaults of the others."""
 
     def read(context: typer.Context, file: Path | None) -> Path | None:
         if file is not None:

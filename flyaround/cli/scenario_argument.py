@@ -1,4 +1,4 @@
-"""Scenarios for the commands that fly one: a recipe's name is not one, and they say what takes it."""
+"""Scenarios for the commands that fly one. A recipe's name is refused with the command that takes it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def load_flown(name: str, command: str) -> Scenario:
-    """The scenario called ``name``, or of a file, for a command that has no use for a recipe.
+    """Return the scenario of that name or file, for a command that does not accept recipes.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def load_flown(name: str, command: str) -> Scenario:
 
 
 def refuse_recipe(name: str, command: str, advice: str) -> None:
-    """Refuse a recipe's name where a scenario is wanted.
+    """Raise if ``name`` is a recipe.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""targets: the list of craft, their contact sheet, and a user's mesh added or removed."""
+"""targets: list the craft, draw their contact sheet, add or remove a user's mesh."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 
 def _expected_of_the_estimator(target: Target) -> str:
-    """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
+    """Return what to expect of the estimator on an untrained craft; empty if it has a learned proposal."""
     from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
 
     if shipped_network(target.name) is not None:
@@ -147,13 +147,13 @@ def remove(
 
 
 def _name_of(file: Path) -> str:
-    """The file's name as a target's: small letters, other signs as hyphens."""
+    """Return a target name for a file: lower case, other characters as hyphens."""
     plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in file.stem.lower())
     return "-".join(piece for piece in plain.split("-") if piece) or "mesh"
 
 
 def _sheet_of(target: Target) -> Path | None:
-    """The target's contact sheet beside its file; a machine without OpenGL goes without, and is told."""
+    """Draw the target's contact sheet beside its file; without OpenGL, print that it is skipped."""
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:
@@ -162,7 +162,7 @@ def _sheet_of(target: Target) -> Path | None:
 
 
 def _loaded() -> list[Target]:
-    """All targets; one of the user's that cannot be read is named and left out."""
+    """Return all targets; a user's target that cannot be read is reported and skipped."""
     rows = []
     for name in list_targets():
         try:

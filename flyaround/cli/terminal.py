@@ -1,4 +1,4 @@
-"""Text on the terminal as it is written (Rich reads square brackets and `:names:` as mark-up), and one progress bar.
+"""Literal text on the terminal (Rich would read square brackets and `:names:` as mark-up), and a progress bar.
 
 Names out of files may hold anything: what a terminal would obey instead of showing is written as an escape.
 """
@@ -23,12 +23,12 @@ _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202
 
 
 def visible(text: str) -> str:
-    """Return a text with control characters written as escapes, as Python has them; tabs and line ends stay."""
+    """Return a text with control characters as Python escapes; tabs and line ends stay."""
     return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 class VisibleConsole(Console):
-    """A console that shows control characters of texts, and sends none but its own."""
+    """A console that escapes control characters in texts."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render the segments of a text, table or bar."""
@@ -37,18 +37,18 @@ class VisibleConsole(Console):
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """A console of the output or the error stream that prints text and the cells of tables to the letter."""
+    """Return a console of the output or error stream that prints text and table cells literally."""
     return VisibleConsole(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
 def say(text: RenderableType, *, stderr: bool = False) -> None:
-    """Print a sentence; the terminal breaks a line that is too long, so that a path stays in one piece."""
+    """Print a sentence; the terminal wraps long lines, so that a path stays in one piece."""
     terminal(stderr=stderr).print(text, soft_wrap=True)
 
 
 @contextmanager
 def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the error stream, silent where that is no terminal or ``quiet``; yields ``update(done, total)``."""
+    """Show a progress bar on the error stream, unless it is no terminal or ``quiet``. Yield ``update(done, total)``."""
     from rich.progress import (  # noqa: PLC0415 - slow to import, and help pages have no bar
         BarColumn,
         MofNCompleteColumn,
@@ -80,7 +80,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, i
 
 
 def with_literal_help(command: Any) -> Any:  # noqa: ANN401 - click's commands, groups and parameters alike
-    """A command whose help pages, and those of its commands, show square brackets: ``[kg]``, ``'flyaround[gui]'``."""
+    """Return a command whose help pages show square brackets literally: ``[kg]``, ``'flyaround[gui]'``."""
     for thing in (command, *command.params):
         text = getattr(thing, "help", None)
         if text:

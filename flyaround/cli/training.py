@@ -1,4 +1,4 @@
-"""train: a network that estimates poses, learned from a data set."""
+"""train: a pose-estimation network, trained on a data set."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def train(
     run: TrainRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Train a network on a data set; judge it on every tenth frame, which it never saw.
+    """Train a network on a data set, and evaluate it on every tenth frame, which is held out.
 
     The file is ONNX and needs no PyTorch: flyaround evaluate --method net:FILE, flyaround hil board --method net:FILE.
     """

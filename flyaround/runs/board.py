@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _fields(table: Iterable[AgentOption], panel: str | None = None) -> list[tuple[str, Any, Any]]:
-    """Return the fields of a table's options."""
+    """Return the fields of an option table."""
     return [
         (
             option.name,

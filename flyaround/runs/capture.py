@@ -14,7 +14,7 @@ from flyaround.simulator.runtime.sections import Section
 
 
 class CapturedPictures(Section, frozen=True, kw_only=True):
-    """Which pictures are taken."""
+    """The images to take."""
 
     n: Annotated[
         Count | None,
@@ -44,7 +44,7 @@ class CapturedPictures(Section, frozen=True, kw_only=True):
 
 
 class DataSet(Section, frozen=True, kw_only=True):
-    """What is written of each picture."""
+    """The files to write for each image."""
 
     formats: Annotated[
         str,
@@ -64,7 +64,7 @@ class DataSet(Section, frozen=True, kw_only=True):
 
 
 class Drawing(Section, frozen=True, kw_only=True):
-    """Which processes draw; the bytes do not depend on it."""
+    """The processes that draw; the bytes do not depend on them."""
 
     workers: Annotated[
         Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Processes that draw; same bytes."), HOW

@@ -1,4 +1,4 @@
-"""The base of runs: their fields, the table of what excludes what, their reader and their writer."""
+"""The base class of runs: fields, exclusions, reader and writer."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 RUN_TOML = "run.toml"
 PATH = "path"
 HOW = "how"
-"""Marks a field that says where the result goes or what draws it: it changes no byte of it and is not recorded."""
+"""Metadata of a field that only says where the result goes or what draws it. Such fields are not recorded."""
 
 
 class Only(NamedTuple):
-    """A field that may be given with some values of another field alone.
+    """A field that is valid only with some values of another field.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Only(NamedTuple):
 
 
 class Run(Section, frozen=True, kw_only=True, tag_field="schema"):
-    """What a command is asked for. Paths are as on the command line: from the working directory."""
+    """The options of a command. Paths are relative to the working directory, as on the command line."""
 
     version: Literal[1] = 1
     RULES: ClassVar[tuple[Only, ...]] = ()
@@ -74,7 +74,7 @@ class RunField(NamedTuple):
 
     @property
     def panel(self) -> str | None:
-        """Title of its section, None at the top."""
+        """Title of its section; None at the top level."""
         return self.key.rpartition(".")[0].replace("_", " ").capitalize() or None
 
     @property
@@ -107,7 +107,7 @@ def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
 
 
 def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
-    """Read the keys of a run's file, checked; what it lacks may be given on the command line.
+    """Read and check the keys of a run's file; missing ones may come from the command line.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
 
 
 def _rename_methods(table: dict[str, Any], path: Path) -> None:
-    """Put the present names in place of former names of estimators, in a table and in its sections."""
+    """Replace former names of estimators in a table and its sections."""
     for key, value in table.items():
         if isinstance(value, dict):
             _rename_methods(value, path)
@@ -143,12 +143,12 @@ def _rename_methods(table: dict[str, Any], path: Path) -> None:
 
 
 def given_fields(run: Run) -> list[RunField]:
-    """Return the fields whose values are not the defaults."""
+    """Return the fields whose values differ from the defaults."""
     return [field for field in run_fields(type(run)) if attrgetter(field.key)(run) != field.default]
 
 
 def refuse_exclusions(run: Run) -> None:
-    """Refuse a run with fields that do not go together.
+    """Raise if fields exclude each other.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def refuse_exclusions(run: Run) -> None:
 
 
 def run_toml(run: Run) -> bytes:
-    """Return a run as a TOML file, all keys that have a value in it, without the secrets of URLs.
+    """Return a run as TOML: every key that has a value, without the secrets of URLs.
 
     Left out is what changes no byte of the result: where it goes, and which processes and devices draw.
     """
@@ -182,7 +182,7 @@ def run_toml(run: Run) -> bytes:
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write a run: into a folder as ``run.toml``, beside a file as ``NAME.run.toml``.
+    """Write a run into a folder as ``run.toml``, or beside a file as ``NAME.run.toml``.
 
     Raises
     ------

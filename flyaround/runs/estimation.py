@@ -75,7 +75,7 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
 
 
 class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
-    """A network that is trained on a data set."""
+    """A network to train on a data set."""
 
     folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
     output: Annotated[File, typer.Option("--output", "-o", help="The network's file, NAME.onnx."), HOW]
@@ -99,7 +99,7 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
 
 
 class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
-    """Pictures of others beside ours of the like views."""
+    """Images of others beside ours of similar views."""
 
     reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
     output: Annotated[File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), HOW] = (

@@ -1,4 +1,4 @@
-"""Types of fields that runs share: numbers with their bounds, files, and options with their help."""
+"""Field types that runs share: bounded numbers, files, and options with their help."""
 
 from __future__ import annotations
 

@@ -14,13 +14,13 @@ from flyaround.runs.fields import Count, Duration, File, FlightSeed, Flown
 from flyaround.simulator.runtime.sections import Section
 
 POSE_S, CONNECT_S = 30.0, 60.0
-"""Seconds for a pose, and for a board to connect, where ``timeout_s`` is not given."""
+"""Default time-outs for a pose and for a board to connect, without ``timeout_s`` [s]."""
 
 AtLeastTenth = Annotated[float, Meta(ge=0.1)]
 
 
 class Line(Section, frozen=True, kw_only=True):
-    """The line to the board, and what goes over it."""
+    """The line to the board."""
 
     listen: Annotated[
         str,
@@ -70,7 +70,7 @@ class Line(Section, frozen=True, kw_only=True):
 
 
 class SentPictures(Section, frozen=True, kw_only=True):
-    """The pictures that are sent."""
+    """The images to send."""
 
     n: Annotated[Count | None, typer.Option("-n", help="Frames, evenly in time (default 30).")] = None
     every_s: Annotated[
@@ -105,7 +105,7 @@ class SentPictures(Section, frozen=True, kw_only=True):
 
 
 class Timing(Section, frozen=True, kw_only=True):
-    """When pictures are handed over, and how long is waited for answers."""
+    """Times of handing over images, and time-outs for answers."""
 
     mode: Annotated[
         Literal["lockstep", "realtime"],
@@ -142,7 +142,7 @@ class Timing(Section, frozen=True, kw_only=True):
 
 
 class Recording(Section, frozen=True, kw_only=True):
-    """Where the run is recorded."""
+    """Recordings of the run."""
 
     log: Annotated[
         File | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty."), HOW
@@ -181,7 +181,7 @@ class FaultsFile(Section, frozen=True, kw_only=True):
 
 
 class ClosedLoop(Section, frozen=True, kw_only=True):
-    """A flight on the poses."""
+    """A flight on the board's poses."""
 
     on: Annotated[
         bool,
@@ -210,7 +210,7 @@ _OF_A_LOOP = "--pose-errors is of a board's poses in a closed loop: give --close
 
 
 class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
-    """The camera's side of the link: a flight that is streamed to a board, or flown on its poses."""
+    """The camera's side of the link: a flight streamed to a board, or flown on its poses."""
 
     RULES: ClassVar = (
         Only(

@@ -27,7 +27,7 @@ class MeshFrame(Section, frozen=True, kw_only=True):
 
 
 class Surface(Section, frozen=True, kw_only=True):
-    """What of the surface is mended, kept or refused."""
+    """Repair options of the surface."""
 
     decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None
     strict: Annotated[
@@ -66,7 +66,7 @@ class Craft(Section, frozen=True, kw_only=True):
 
 
 class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add"):
-    """A mesh that becomes a target."""
+    """A mesh to import as a target."""
 
     file: Annotated[
         File,

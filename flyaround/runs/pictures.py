@@ -11,7 +11,7 @@ from flyaround.runs.fields import AutoExposed, Curve, File, Gpu, Labels, Preset,
 
 
 class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
-    """A picture and its truth, or one for each pose of a list."""
+    """An image and its truth, or one for each pose of a list."""
 
     RULES: ClassVar = (
         Only(

@@ -38,11 +38,11 @@ RUNS: dict[str, type[Run]] = {
     "hil delay-map": DelayMapRun,
     "targets add": ImportRun,
 }
-"""By command."""
+"""Run types by command."""
 
 
 def runs_schema() -> dict[str, Any]:
-    """Return the JSON Schema of all runs, each chosen by its ``schema``; keys are described as in the help."""
+    """Return the JSON Schema of all runs, selected by ``schema``, with the help texts as descriptions."""
     (schemas, definitions) = msgspec.json.schema_components(tuple(RUNS.values()))
     for kind in RUNS.values():
         for field in run_fields(kind):
