@@ -1,4 +1,4 @@
-"""The one exception that a user sees: a sentence saying what, where and what to do; names that may have been meant."""
+"""The exception for a user's mistakes: one sentence with what, where and what to do; suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class UserError(Exception):
 
 
 def write_error(path: Path, error: OSError, remedy: str = "choose a folder you may write to") -> UserError:
-    """The mistake to raise where ``path`` cannot be written: a full disk is said as one.
+    """Return the error to raise if ``path`` cannot be written; a full disk is reported as such.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
 
 
 def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
-    """The mistake to raise where a library of an extra cannot be imported: it is not installed, or does not load.
+    """Return the error to raise if a library of an extra cannot be imported: it is missing, or does not load.
 
     Parameters
     ----------
@@ -62,11 +62,11 @@ _LIMITS = (
     "can't start new thread",
     "failed to map segment",
 )
-"""Messages of libraries that run out of memory or threads and raise other errors."""
+"""Messages of libraries that run out of memory or threads but raise other errors."""
 
 
 def machine_sentence(error: BaseException) -> str | None:
-    """One sentence for what the machine or the system refused, where nothing nearer to it made one; None for a bug."""
+    """Return a sentence for a failure of the machine or system (memory, threads, files), or None for a bug."""
     words = " ".join(str(error).split())
     if isinstance(error, MemoryError):
         detail = f" ({words})" if words else ""
@@ -89,7 +89,9 @@ def machine_sentence(error: BaseException) -> str | None:
 
 
 def near_names(name: str, known: Sequence[str], most: int = 1) -> list[str]:
-    """Of ``known`` those that ``name`` may have been meant for: nearly its letters, or one within the other."""
+    """Return the names of ``known`` that ``name`` was probably meant for: a close match, or one contained in the
+    other.
+    """
     close = get_close_matches(name, known, n=most, cutoff=_NEAR)
     within = [k for k in known if k not in close and min(len(k), len(name)) > 2 and (name in k or k in name)]
     return [*close, *within][:most]

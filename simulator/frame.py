@@ -27,7 +27,7 @@ NO_RADIANCE, _NO_IMAGE = np.zeros((0, 0), np.float32), np.zeros((0, 0), np.uint8
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What a sink receives.
+    """A rendered image with its ground truth.
 
     Parameters
     ----------
@@ -62,19 +62,19 @@ class Frame:
 
     @property
     def drawing_ms(self) -> float:
-        """What the picture cost, labels left out."""
+        """Time of drawing the image, without labels [ms]."""
         return self.stage_ms.get("render", 0.0) + self.stage_ms.get("sensor", 0.0)
 
     def without_radiance(self) -> Frame:
-        """The same less radiance and depth, which need not leave the process that drew them for a window."""
+        """Return the frame without radiance and depth, which a window does not need."""
         return replace(self, radiance=NO_RADIANCE, depth_m=None)
 
     def image_and_truth(self) -> Frame:
-        """The same less all that a board is not sent: radiance, mask and layers."""
+        """Return the frame without radiance, mask and layers, which a board is not sent."""
         return replace(self, radiance=NO_RADIANCE, depth_m=None, mask=None, layers={})
 
     def without_image(self) -> Frame:
-        """What stays known of a frame whose pixels have gone on: scene, truth and ledger."""
+        """Return the frame without pixels: scene, truth and ledger."""
         return replace(self.image_and_truth(), image=_NO_IMAGE)
 
 

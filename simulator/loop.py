@@ -1,4 +1,4 @@
-"""The loop: scenes become frames, here or in drawing processes, and every sink is handed each of them.
+"""The frame loop: scenes become frames, in this process or in drawing processes, and every sink receives each frame.
 
 Frames come along a plan (`run_frames`), or one at a time from the newest state (`FrameProducer.submit`). A closed loop
 and the console decide by what they have seen what is drawn next: nothing is drawn from a future that is not decided.
@@ -36,15 +36,15 @@ Taken_contra = TypeVar("Taken_contra", contravariant=True)
 
 
 class Sink(Protocol[Taken_contra]):
-    """Anything that takes frames: a window, a data set, a link to a board."""
+    """An object that takes frames: a window, a data set, a link to a board."""
 
     def write(self, frame: Taken_contra) -> None:
-        """Take one frame, or what the stage made of it where it was drawn."""
+        """Write one frame, or what the stage made of it where it was drawn."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FrameRequest:
-    """One frame to be drawn.
+    """A request for one frame.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class FrameRequest:
 
 
 class FrameProducer(ABC, Generic[Taken]):
-    """Takes frames of scenes, in the order asked for. Use as a context manager.
+    """Draws frames of scenes, in the order of the requests. Use as a context manager.
 
     A frame depends on its request alone: the bytes are the same wherever it is drawn.
     """
@@ -66,34 +66,34 @@ class FrameProducer(ABC, Generic[Taken]):
     @property
     @abstractmethod
     def info(self) -> GlInfo:
-        """What draws; waits until it is up."""
+        """The renderer's driver; waits until it is ready."""
 
     @property
     @abstractmethod
     def has_room(self) -> bool:
-        """Whether `submit` would be accepted."""
+        """True if `submit` would accept a request."""
 
     @property
     @abstractmethod
     def in_flight(self) -> int:
-        """Frames asked for and not collected yet."""
+        """Number of frames requested and not yet collected."""
 
     @property
     def pids(self) -> tuple[int | None, ...]:
-        """Numbers of the processes that draw now; none where this one does."""
+        """Process identifiers of the drawing processes; empty if this process draws."""
         return ()
 
     @abstractmethod
     def submit(self, request: FrameRequest) -> bool:
-        """Ask for one frame; False, and nothing is asked for, where enough are under way."""
+        """Request one frame. Return False, without requesting it, if too many are in flight."""
 
     @abstractmethod
     def ready(self) -> bool:
-        """Whether `result` would return (or raise) without waiting for another process."""
+        """Return True if `result` would return or raise without waiting for another process."""
 
     @abstractmethod
     def result(self) -> Taken:
-        """The oldest frame under way; waits for it.
+        """Return the oldest frame in flight; waits for it.
 
         Raises
         ------
@@ -106,12 +106,12 @@ class FrameProducer(ABC, Generic[Taken]):
         """
 
     def finished(self) -> Iterator[Taken]:
-        """The frames that are ready now."""
+        """Yield the frames that are ready now."""
         while self.ready():
             yield self.result()
 
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
-        """One frame for each request, in order; some are drawn ahead of the one that is given.
+        """Yield one frame per request, in order, drawing some ahead.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class FrameProducer(ABC, Generic[Taken]):
 
     @abstractmethod
     def close(self) -> None:
-        """End what draws; frames under way are given up."""
+        """Stop drawing; frames in flight are discarded."""
 
     def __enter__(self) -> Self:
         return self
@@ -139,7 +139,7 @@ class FrameProducer(ABC, Generic[Taken]):
 
 
 class _FramesHere(FrameProducer[Taken]):
-    """Frames drawn in this process, each when it is collected.
+    """Draws frames in this process, each when it is collected.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class _FramesHere(FrameProducer[Taken]):
 
 @dataclass(frozen=True, kw_only=True)
 class OpenRenderer:
-    """Opens a renderer in a drawing process.
+    """A callable that opens a renderer in a drawing process.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class OpenRenderer:
     gives_way: int = 0
 
     def __call__(self) -> Renderer:
-        """The renderer; the process's share of the processors is settled before its context is made."""
+        """Return the renderer. The process takes its share of the processors before the context is created."""
         share_processors(self.processes)
         if self.gives_way and hasattr(os, "nice"):
             os.nice(self.gives_way)
@@ -220,7 +220,7 @@ class OpenRenderer:
 
 
 class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
-    """Frames drawn in processes of their own, some ahead of the caller; `open_frames` says what the rest means."""
+    """Draws frames in processes of their own, ahead of the caller; parameters as of `open_frames`."""
 
     def __init__(self, stage: Callable[[Frame], Taken], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
         super().__init__(
@@ -238,7 +238,7 @@ def draw_request(
     stage: Callable[[Frame], Taken],
     target: Target | None = None,
 ) -> Taken:
-    """Take the frame of one request, and what the stage makes of it: what a drawing process does for each."""
+    """Draw the frame of a request and apply the stage: the work of a drawing process."""
     if request.timed is not None:
         renderer.timed = request.timed
     scene = request.scene
@@ -259,7 +259,7 @@ def open_frames(
     gives_way: int = 0,
     target: Target | None = None,
 ) -> Iterator[FrameProducer[Taken]]:
-    """What takes frames in this process, or in ``processes`` of their own.
+    """Open a frame producer in this process, or in ``processes`` of their own.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def open_frames(
 
 
 def whole_frame(frame: Frame) -> Frame:
-    """The stage that leaves a frame as it is."""
+    """Return the frame unchanged: the default stage."""
     return frame
 
 
@@ -329,7 +329,7 @@ def run_frames(
     labels: FrameLabels = True,
     numbers: Iterable[int] | None = None,
 ) -> Iterator[Any]:
-    """Draw frames of a plan, hand each to every sink, and yield it.
+    """Draw frames of a plan, write each to every sink, and yield it.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ ABOUT = {
     "bench": "Measure the frame cost per scene beside a reference pass of the same run.",
     "doctor": "Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones.",
     "cache": "List what is kept between runs (decoded maps, baked light, targets), or remove it.",
-    "plugins": "List the sensors, formats, recipes, estimators, targets and bodies that installed packages add (docs/plugins.md).",
+    "plugins": "List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md).",
     "scenarios": "List the built-in scenarios, or print one to start from; `flyaround recipes` lists the recipes.",
     "recipes": "List the built-in recipes, print one to start from, or write the poses that one draws.",
     "backgrounds": "Draw the background library of a recipe, without the craft.",

@@ -15,9 +15,7 @@ from flyaround.simulator.runtime.plugins import plugins as plugins_of
 
 
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """List the sensors, formats, recipes, estimators, targets and bodies that installed packages add
-    (docs/plugins.md).
-    """
+    """List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md)."""
     found = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
     rows = [(plugin, _state(plugin)) for plugin in found]
     if as_json:

@@ -1,4 +1,4 @@
-"""Checks of a scenario or recipe as a whole: values that are allowed one by one, but not together."""
+"""Consistency checks of a scenario or recipe: values that are valid one by one, but not together."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.forces import Forces
 
 _MOST_PHASE = 0.5
-"""Bandwidth times period of the wheels' control above which holding the torque makes it swing."""
+"""Product of bandwidth and period of the wheels' control above which the held torque makes it unstable."""
 _FARTHEST_M = 1e6
-"""As far as other modes of a chaser may start."""
+"""Largest start range, as for the other modes of a chaser [m]."""
 _PARALLEL = 1e-3
-"""Sine of the angle between two axes below which they are taken for one."""
+"""Sine of the angle between two axes below which they count as parallel."""
 
 
 def check_document(document: Scenario | Recipe, where: str) -> None:
-    """Refuse values that are allowed one by one, but not together.
+    """Raise if values are valid one by one, but not together.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def refuse(problems: Iterator[str], where: str) -> None:
 
 
 def _scenario_problems(scenario: Scenario) -> Iterator[str]:
-    """Find what each key allows alone but physics does not allow together."""
+    """Yield combinations of values that are not physical."""
     o = known_orbit(scenario)
     body = o.body
     if isinstance(o, ElementsOrbit):
@@ -161,7 +161,7 @@ def _point_problems(p: Point) -> Iterator[str]:
 
 
 def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
-    """Find a start too close to the target, and sections that contradict each other."""
+    """Yield a start too close to the target, and sections that contradict each other."""
     if isinstance(chaser, Replay):
         for name in ("thrusters", "wheels"):
             if getattr(chaser, name) is not None:

@@ -29,7 +29,7 @@ Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "
 
 
 class SensorSection(Section, frozen=True, kw_only=True):
-    """Noise recipe or detector by name, exposure, and what of it to change.
+    """Noise recipe or detector by name, exposure, and the changed parameters.
 
     With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
     ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
@@ -55,7 +55,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
     auto_exposure: AutoExposure | None = None
 
     def model(self, camera: CameraFile, where: str) -> Sensor:
-        """The preset with its changes.
+        """Return the preset with its changes.
 
         Raises
         ------
@@ -80,12 +80,12 @@ class SensorSection(Section, frozen=True, kw_only=True):
 
     @property
     def shutter_model(self) -> Shutter:
-        """When rows are exposed."""
+        """The shutter: exposure times of the rows."""
         return Shutter(kind=self.shutter, readout_s=self.readout_s, motion_blur=self.motion_blur)
 
 
 def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
-    """Pixel pitch that the camera's file gives; refused if it is not that of the detector named."""
+    """Return the pixel pitch of the camera's file. Raise if it differs from that of the named detector."""
     given = camera.pixel_pitch_um
     own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
     if (
@@ -136,16 +136,16 @@ class Document(Section, frozen=True, kw_only=True):
 
     @property
     def camera_file(self) -> CameraFile:
-        """The camera as it was read; one that is a name is read now."""
+        """The camera as read; a built-in name is read on access."""
         return read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
 
     @property
     def camera_model(self) -> Camera:
-        """The camera of the image: of the region that is read, with joined pixels."""
+        """The camera of the image, for the region that is read, after binning."""
         return self.camera_in(self.output.bands)
 
     def camera_in(self, bands: Bands) -> Camera:
-        """Return the camera of images in other bands than the document's, as they are encoded then.
+        """Return the camera of images in other bands, with their encoding.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class Document(Section, frozen=True, kw_only=True):
 
 
 def with_choices(document: D, encoding: Encoding | None, *, auto_exposure: bool) -> D:
-    """Return a document with other images.
+    """Return a document with other image options.
 
     Parameters
     ----------

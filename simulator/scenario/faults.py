@@ -1,4 +1,4 @@
-"""Faults of the camera and the line to a board: a scenario's section or a file of its own, of one schema.
+"""Faults of the camera and the line to a board, from a scenario's section or a file of their own.
 
 What goes wrong, when in the flight, how badly; one seed for every random choice.
 
@@ -30,59 +30,61 @@ Direction = Literal["to_board", "to_host", "both"]
 
 
 class _Fault(Section, frozen=True, kw_only=True, tag_field="kind", tag=None):
-    """What all faults share: from and until when they act [s of the flight]."""
+    """Base class of faults: start and end of its effect [s of the flight]."""
 
     start_s: Time = 0.0
     end_s: Time = 1e6
 
     @property
     def name(self) -> str:
-        """Its kind, as the ledger tells it."""
+        """Kind of the fault, as in the ledger."""
         return str(self.__struct_config__.tag)
 
     def acts(self, t_s: float) -> bool:
-        """Whether it acts at a time of the flight."""
+        """Return True if the fault is active at a time of the flight."""
         return self.start_s <= t_s < self.end_s
 
 
 class StuckPixels(_Fault, tag="stuck_pixels", frozen=True, kw_only=True):
-    """A share of the pixels gives one number each, whatever falls on them."""
+    """A share of the pixels returns a constant each, regardless of light."""
 
     share: Share = 0.001
 
 
 class DeadPixels(_Fault, tag="dead_pixels", frozen=True, kw_only=True):
-    """A share of the pixels gives 0."""
+    """A share of the pixels returns 0."""
 
     share: Share = 0.001
 
 
 class RowLoss(_Fault, tag="row_loss", frozen=True, kw_only=True):
-    """So many rows of a frame, others in each, are 0."""
+    """Some rows of a frame, others in each, are 0."""
 
     rows: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
     chance: Share = 1.0
 
 
 class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True):
-    """So many columns, the same in each frame, are 0."""
+    """Some columns, the same in each frame, are 0."""
 
     columns: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
 
 
 class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
-    """The read-out stops: from some row on a frame is 0."""
+    """The read-out stops: from one row on a frame is 0."""
 
     chance: Share = 1.0
     at: Share = 0.5
 
 
 class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True):
-    """The camera gives the last picture before ``start_s`` again and again, with new numbers and times."""
+    """The camera repeats the last picture before ``start_s``, with new numbers and times."""
 
 
 class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
-    """A bright source: full scale within ``radius`` of a place, falling off outside; shares of the picture's width."""
+    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the picture's
+    width.
+    """
 
     x: Share = 0.5
     y: Share = 0.5
@@ -90,17 +92,17 @@ class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
 
 
 class GainStep(_Fault, tag="gain_step", frozen=True, kw_only=True):
-    """The camera's numbers are so many times what they should be."""
+    """The digital numbers are multiplied by a factor."""
 
     factor: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 2.0
 
 
 class StuckExposure(_Fault, tag="exposure_stuck", frozen=True, kw_only=True):
-    """The exposure time stays what it was at ``start_s``."""
+    """The exposure time stays at its value of ``start_s``."""
 
 
 class RepeatedNumber(_Fault, tag="repeated_number", frozen=True, kw_only=True):
-    """The camera's own counter, in the time code, stays at the last number."""
+    """The camera's own counter, in the time code, repeats the last number."""
 
     chance: Share = 1.0
 
@@ -120,14 +122,14 @@ CameraFault = (
 
 
 class Delay(_Fault, tag="delay", frozen=True, kw_only=True):
-    """Every packet comes so much later."""
+    """Every packet is delayed."""
 
     delay_ms: Milliseconds
     direction: Direction = "to_board"
 
 
 class Jitter(_Fault, tag="jitter", frozen=True, kw_only=True):
-    """Every frame comes later by 0 to so much, evenly spread; order is kept."""
+    """Every frame is delayed by a random time, uniform from 0; order is kept."""
 
     most_ms: Milliseconds
     direction: Direction = "to_board"
@@ -141,28 +143,28 @@ class Drop(_Fault, tag="drop", frozen=True, kw_only=True):
 
 
 class Duplicate(_Fault, tag="duplicate", frozen=True, kw_only=True):
-    """Packets of frames and answers come twice."""
+    """Packets of frames and answers are duplicated."""
 
     chance: Share
     direction: Direction = "both"
 
 
 class Reorder(_Fault, tag="reorder", frozen=True, kw_only=True):
-    """A packet comes after the one that was sent next."""
+    """A packet arrives after the next one."""
 
     chance: Share
     direction: Direction = "both"
 
 
 class Corrupt(_Fault, tag="corrupt", frozen=True, kw_only=True):
-    """One bit of a packet is turned over."""
+    """One bit of a packet is flipped."""
 
     chance: Share
     direction: Direction = "both"
 
 
 class Bandwidth(_Fault, tag="bandwidth", frozen=True, kw_only=True):
-    """No more bytes a second than this."""
+    """The line is limited to a number of bytes a second."""
 
     bytes_per_s: Annotated[float, msgspec.Meta(ge=100, le=1e10)]
     direction: Direction = "to_board"
@@ -173,7 +175,7 @@ class Disconnect(_Fault, tag="disconnect", frozen=True, kw_only=True):
 
 
 class ClockDrift(_Fault, tag="clock_drift", frozen=True, kw_only=True):
-    """The board's clock runs fast by so many parts in a million."""
+    """The board's clock runs fast by some parts per million."""
 
     ppm: Annotated[float, msgspec.Meta(ge=-100_000, le=100_000)]
 
@@ -182,7 +184,7 @@ LineFault = Delay | Jitter | Drop | Duplicate | Reorder | Corrupt | Bandwidth | 
 
 
 class Faults(Section, frozen=True, kw_only=True):
-    """What goes wrong on purpose where a board is fed (hil host, campaigns): in the camera and on the line to it.
+    """Injected faults of the camera and of the line to a board (hil host, campaigns).
 
     Parameters
     ----------
@@ -200,7 +202,7 @@ NO_FAULTS = Faults()
 
 
 def read_faults(path: Path) -> Faults:
-    """Faults of a TOML file.
+    """Read faults from a TOML file.
 
     Raises
     ------
@@ -215,7 +217,7 @@ def read_faults(path: Path) -> Faults:
 
 
 def check_times(faults: Faults, where: str) -> None:
-    """Refuse a fault that ends before it starts.
+    """Raise if a fault ends before it starts.
 
     Raises
     ------

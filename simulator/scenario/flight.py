@@ -1,4 +1,4 @@
-"""From a scenario to a propagated flight, and the times of its frames."""
+"""The propagated flight of a scenario, and the times of its frames."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _LOOK_EVERY_S, _LEAST_STEP_S = 60.0, 1.0
 MOST_FRAMES = 1_000_000
-"""More frames than this in one run are taken for a mistake."""
+"""Number of frames above which a run is taken for a mistake."""
 
 
 def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> Flight:
@@ -88,7 +88,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
 
 
 def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | None:
-    """The target's attitude over the scenario, from the file that it follows."""
+    """Return the target's attitude over the scenario from the file that it follows, or None."""
     name = scenario.attitude.aem_file
     if scenario.attitude.motion != "aem" or name is None or isinstance(scenario.chaser, Replay):
         return None
@@ -97,7 +97,7 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
 
 
 def _check_height(flight: Flight, name: str) -> None:
-    """Refuse a flight on which either craft comes to the ground, leaves its body or is nowhere.
+    """Raise if a craft hits the ground, leaves its body's sphere of influence, or has no finite position.
 
     The steps are as short as the height asks for, so that no dive is jumped over.
     """
@@ -120,7 +120,7 @@ def _check_height(flight: Flight, name: str) -> None:
 
 
 def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
-    """Return why a craft cannot be at a place, in words."""
+    """Return why a craft cannot be at a position."""
     distance = float(np.linalg.norm(r_m))
     if not np.isfinite(distance):
         return f"the place of {craft} is not a finite number"
@@ -132,7 +132,7 @@ def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
 
 
 def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -> ForceModel | None:
-    """Return the forces asked for about a body, both masses among them; None for its plain gravity."""
+    """Return the requested forces about a body, with both masses; None for its plain gravity."""
     model = FORCE_MODELS.get(body.name)
     return None if model is None else model(forces, epoch, duration_s)
 
@@ -157,11 +157,11 @@ FORCE_MODELS: dict[str, Callable[[Forces, Instant, float], ForceModel | None]] =
     "earth": _earth_forces,
     "moon": _moon_forces,
 }
-"""Of the bodies about which more than plain gravity is modelled."""
+"""Force models by body, for those with more than plain gravity."""
 
 
 def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:
-    """Mid-exposure times of frames [s].
+    """Return the mid-exposure times of frames [s].
 
     ``n`` frames alone are spread evenly from the start to the end; with ``every_s`` they are that far apart
     from the start on, as many as fit when ``n`` is None.

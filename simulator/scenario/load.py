@@ -1,4 +1,4 @@
-"""Loads scenarios, recipes and ranges by built-in name or from TOML files; every mistake is one sentence."""
+"""Loader of scenarios, recipes and ranges, by built-in name or from TOML files."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
 
 def is_recipe(name_or_path: str) -> bool:
-    """Return True if a name is a built-in recipe's, or that of a file which calls itself one."""
+    """Return True if a name is that of a built-in recipe or of a recipe file."""
     if name_or_path in list_recipes() or target_in(name_or_path) is not None:
         return True
     path = Path(name_or_path)
@@ -197,7 +197,7 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
 
 def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Document:
-    """Return the document with its name, and with the camera and the PSF that it names read and checked."""
+    """Return the document with its name, and with its camera and PSF files read and checked."""
     camera = document.camera
     if not isinstance(camera, CameraFile):
         try:
@@ -218,7 +218,7 @@ def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Docu
 
 
 def _check_detector(document: Scenario | Recipe, where: str) -> None:
-    """Refuse a lens or a detector that is impossible, or does not go with the bands."""
+    """Raise if a lens or detector is impossible, or does not go with the bands."""
     sensor, optics, bands = document.sensor_model, document.optics.optics(), document.output.bands
     problem = (
         sensor_problem(sensor)
@@ -235,7 +235,7 @@ def _check_detector(document: Scenario | Recipe, where: str) -> None:
 
 
 def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scenario:
-    """Give the thrusters the chaser's mass where the file has it for air and sunlight alone."""
+    """Return the scenario with the chaser's mass from its forces, if its thrusters have none."""
     thrusters, mass_kg = scenario.chaser.acting_thrusters, scenario.forces.chaser.mass_kg
     if thrusters is None or mass_kg is None or thrusters.mass_kg == mass_kg:
         return scenario
@@ -250,7 +250,7 @@ def _with_one_mass(scenario: Scenario, raw: dict[str, Any], where: str) -> Scena
 
 
 def _with_base(raw: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Return a recipe's sections over those of its bases; ``[vary]`` is merged by key, others are replaced.
+    """Return a recipe's sections over those of its bases; ``[vary]`` is merged by key.
 
     Raises
     ------
@@ -297,7 +297,7 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
 
 
 def _beside(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
-    """Return poses whose file, if it is in the folder, is a path from here."""
+    """Return poses whose file is given relative to the working directory, if it is in the folder."""
     if poses is None:
         return None
     key = "file" if isinstance(poses, PoseList) else "scenario"
@@ -333,7 +333,7 @@ def _names(kind: Kind) -> tuple[str, ...]:
 
 
 def _origin(kind: Kind, name_or_path: str | Path) -> tuple[str, str, Path]:
-    """Return a file's name for messages, the document's unless it has one, and the folder of files that it names."""
+    """Return a file's name for messages, and the folder of the files that it names."""
     text, path = str(name_or_path), Path(name_or_path)
     if text in _names(kind):
         return f"built-in {kind} {text}", text, Path()
@@ -341,7 +341,7 @@ def _origin(kind: Kind, name_or_path: str | Path) -> tuple[str, str, Path]:
 
 
 def _source(kind: Kind, name_or_path: str | Path) -> bytes:
-    """Return the contents of a file, built-in, of another package or a user's."""
+    """Return the contents of a file: built-in, a package's or a user's."""
     text, path = str(name_or_path), Path(name_or_path)
     if text in _names(kind):
         return built_in_text(kind, text).encode()

@@ -1,4 +1,4 @@
-"""Replaces TLEs, CCSDS orbit and attitude messages of a scenario by the states they give at its epoch."""
+"""Replaces TLEs and CCSDS messages of a scenario by the states that they give at its epoch."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
-    """The scenario with a TLE or OEM orbit and an AEM attitude replaced by the states they give.
+    """Return the scenario with a TLE or OEM orbit and an AEM attitude replaced by states.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def followed_words(scenario: Scenario) -> list[str]:
 
 
 def known_orbit(scenario: Scenario) -> KnownOrbit:
-    """The target's orbit at the epoch, whose TLE or message has been read.
+    """Return the target's orbit at the epoch, with its TLE or message already read.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
 
 
 def _chaser(chaser: AnyChaser, duration_s: float, folder: Path) -> AnyChaser:
-    """The chaser, with the path of a recording or an ephemeris made absolute and a recording's length checked."""
+    """Return the chaser with absolute file paths, and a recording's length checked."""
     if isinstance(chaser, FollowedChaser):
         return msgspec.structs.replace(chaser, file=str((folder / chaser.file).resolve()))
     if not isinstance(chaser, Replay):
@@ -213,7 +213,7 @@ MOST_BYTES = 100_000_000  # of a message: years of states, a minute apart
 
 
 def read_message(path: Path, key: str) -> bytes:
-    """Bytes of a message file.
+    """Read the bytes of a message file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Orbit files of a scenario: what kind a file is, and the ephemeris or the state that it gives."""
+"""Orbit files of a scenario: recognition of their kind, and the ephemeris or state that they give."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ _WITHIN = (
     ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
 )
 _SAME_ORBIT = 0.01
-"""Share of the distance by which a state and elements of one orbit may differ, rounded as they are."""
+"""Tolerance between a state and the elements of one orbit, as a share of the distance: both are rounded."""
 READ = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
 
 
@@ -118,7 +118,7 @@ def read_orbit_file(
 
 
 def _text_of(data: bytes, where: str) -> str:
-    """The text of a file that is none of the known others."""
+    """Return the text of a file that is none of the known binary formats."""
     for magic, kind, way_out in _BINARY:
         if data.startswith(magic):
             raise UserError(f"{where} is {kind}: {way_out}")
@@ -134,7 +134,7 @@ def _text_of(data: bytes, where: str) -> str:
 
 
 def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
-    """The only object, or the one chosen."""
+    """Return the only object, or the chosen one."""
     numbered = [
         s
         for s in segments

@@ -1,4 +1,4 @@
-"""A plan: which moments of a flight become frames, and the scene of each."""
+"""Plans: the moments of a flight that become frames, and the scene of each."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class FramePlan(Protocol):
-    """Frames of one target by number, each from the plan alone: of a flight, of a recipe, of a list of poses."""
+    """Frames of one target by number, each from the plan alone: of a flight, a recipe or a list of poses."""
 
     @property
     def n_frames(self) -> int:
@@ -38,17 +38,17 @@ class FramePlan(Protocol):
 
     @property
     def target(self) -> Target:
-        """The model that is drawn."""
+        """The model to draw."""
 
     def scene(self, k: int) -> SceneState:
-        """The snapshot of frame k."""
+        """Return the scene of frame k."""
 
 
 class Exposures(Protocol):
     """The exposure along a flight."""
 
     def exposure_s(self, t_s: float) -> float:
-        """Exposure at a time of the flight [s]."""
+        """Return the exposure at a time of the flight [s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,7 +106,7 @@ class DocumentPlan(ABC):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Label layers that the scenario or recipe asks for."""
+        """Label layers that the scenario or recipe requests."""
         return self.document.output.labels
 
     def scene(self, k: int) -> SceneState:
@@ -121,7 +121,7 @@ class DocumentPlan(ABC):
         return scene if vary is None else FrameVariation(vary, self.seed, self.target).scene(scene, k)
 
     def target_of(self, k: int) -> Target:
-        """Return the craft of frame k, its surfaces and shape varied if the ranges vary them."""
+        """Return the craft of frame k, with varied surfaces and shape if the ranges vary them."""
         return self.scene(k).target.drawn(self.target)
 
 
@@ -130,7 +130,7 @@ P = TypeVar("P", bound=DocumentPlan)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan(DocumentPlan):
-    """Moments of a flight that become frames.
+    """The moments of a flight that become frames.
 
     Parameters
     ----------
@@ -160,11 +160,11 @@ class Plan(DocumentPlan):
         return self._scene(self.flight.state(t), k, exposure)
 
     def next_scene(self, k: int) -> SceneState | None:
-        """The snapshot after frame k's; none after the last."""
+        """Return the scene after frame k's, or None after the last."""
         return self.scene(k + 1) if k + 1 < self.n_frames else None
 
     def scene_of(self, world: WorldState, k: int) -> SceneState:
-        """The snapshot of a state of the world, as frame k of this plan (steered flights come this way).
+        """Return the scene of a world state, as frame k of this plan. Piloted flights use it.
 
         A steered flight has no past to look up: its automatic exposure is what the meter wants, without lag.
         """
@@ -195,12 +195,12 @@ class Plan(DocumentPlan):
         )
 
     def shifted(self, times_s: tuple[float, ...]) -> Plan:
-        """The same flight with other frames."""
+        """Return the same flight with other frame times."""
         return replace(self, times_s=times_s, every_s=None)
 
 
 def varied_plan(plan: P, vary: Vary) -> P:
-    """Return a plan with its frames varied out of these ranges, in place of a recipe's own.
+    """Return a plan whose frames are varied within these ranges, in place of a recipe's own.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A user's list of poses: the scenario's camera, light and background with the craft put where each row says."""
+"""Frames at a user's list of poses, with the scenario's camera, light and background."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BEYOND = "cells beyond the header"
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:
-    """Poses of the target in the camera from a CSV file with the header ``q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m``.
+    """Read poses of the target in the camera from a CSV file with the header ``q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m``.
 
     The quaternion is q_camera_from_target, Hamilton, and is normalised. Other columns are ignored.
 
@@ -80,7 +80,7 @@ def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
 
 
 def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
-    """The target's pose in the camera, if it is one that can be drawn."""
+    """Return the pose of the target in the camera. Raise if it cannot be drawn."""
     if not 0.5 < math.hypot(*q) < 2:
         raise UserError(f"{where}: the quaternion's length is {math.hypot(*q):g}; it must be one")
     if not NEAREST_M < math.hypot(*t) < FARTHEST_M:
@@ -92,7 +92,7 @@ def _checked(q: FloatArray, t: FloatArray, where: str) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class PosePlan:
-    """One frame for each of a list of poses: camera and light are those of ``base``, the craft is put where it says."""
+    """One frame per pose, with the camera and light of ``base``."""
 
     base: SceneState
     target: Target
@@ -104,7 +104,7 @@ class PosePlan:
         return len(self.poses)
 
     def scene(self, k: int) -> SceneState:
-        """The scene with the craft at pose k."""
+        """Return the scene with the craft at pose k."""
         return scene_with_pose(self.base, self.target, self.poses[k], k)
 
 
@@ -116,7 +116,7 @@ def scene_at(
     frame: int = 0,
     index: int | None = None,
 ) -> SceneState:
-    """A frame's scene with the target at a pose of one's own: camera, light and background are the frame's.
+    """Return a frame's scene with the target at another pose; camera, light and background are the frame's.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def scene_at(
 
 
 def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: int) -> SceneState:
-    """The scene with the craft at another pose, at rest in the camera's view; camera, Sun and sky stay."""
+    """Return the scene with the craft at another pose, at rest relative to the camera; camera, Sun and sky stay."""
     R_eci_from_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
     com = R_eci_from_camera @ pose.apply(np.asarray(target.mass.com_m, float))
     q = np.asarray(pose.q_wxyz)

@@ -1,4 +1,4 @@
-"""Random generators by seed and number, and draws of directions and attitudes."""
+"""Random generators by seed and number, and random directions and attitudes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recipe file as typed, frozen data: what is drawn, and from where to where; units in the keys."""
+"""The recipe file as typed, frozen data: distributions and their bounds, with units in the keys."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ AltitudeKm = Annotated[float, Meta(ge=20, le=100_000)]
 
 
 class UniformRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="uniform"):
-    """Depth of the model's origin along the camera's z: uniform."""
+    """Depth of the model's origin along the camera's z, uniform."""
 
     near_m: Range
     far_m: Range
 
 
 class ScaledRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="scaled"):
-    """Uniform, from and to where a target is as large in the image as Tango is at ``near_m`` and ``far_m``."""
+    """Uniform depth, scaled so that a target appears as large as Tango does at ``near_m`` and ``far_m``."""
 
     near_m: Range = 3.0
     far_m: Range = 18.0
 
 
 class NormalRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="normal"):
-    """Normal about ``mean_m``; what falls outside of ``near_m`` to ``far_m`` is drawn again."""
+    """Normal about ``mean_m``, truncated to ``near_m`` to ``far_m``."""
 
     mean_m: Metres
     sigma_m: Range
@@ -47,7 +47,7 @@ class NormalRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="nor
 
 
 class InverseRange(Section, frozen=True, kw_only=True, tag_field="kind", tag="inverse"):
-    """Uniform in one over the depth: every size in the image as often."""
+    """Uniform in the inverse of the depth, so that every size in the image is equally frequent."""
 
     near_m: Range
     far_m: Range
@@ -58,24 +58,24 @@ class UniformAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class EulerAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="euler"):
-    """Three Euler angles, each uniform, as the data-set paper has it: not uniform on SO(3)."""
+    """Three Euler angles, each uniform, as in the data-set paper; not uniform on SO(3)."""
 
     from_deg: Degrees = -360.0
     to_deg: Degrees = 360.0
 
 
 class FacingAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="facing"):
-    """For flat boards: z looks at the camera within an angle, all over the image; it sets range and placement too."""
+    """For flat boards: z points to the camera within an angle, anywhere in the image. Sets range and placement too."""
 
     within_deg: Annotated[float, Meta(gt=0, lt=80)] = 45.0
 
 
 class InViewPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="in_view"):
-    """Uniform in the image, the bounding sphere within it; on the axis where that is larger."""
+    """Uniform in the image with the bounding sphere inside; on the axis if the sphere is larger than the image."""
 
 
 class BoundsPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="bounds"):
-    """x and y uniform within bounds that grow with the depth: ``x_m`` and ``y_m`` at depth ``at_m``."""
+    """x and y uniform within bounds proportional to the depth: ``x_m`` and ``y_m`` at depth ``at_m``."""
 
     x_m: Annotated[float, Meta(ge=0, le=1e5)]
     y_m: Annotated[float, Meta(ge=0, le=1e5)]
@@ -83,19 +83,19 @@ class BoundsPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class NormalPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="normal"):
-    """Normal about the middle of the image, in halves of its width and height; origins outside are drawn again."""
+    """Normal about the middle of the image, in units of half its width and height, truncated to the image."""
 
     sigma: Annotated[float, Meta(ge=0, le=2)] = 0.3
 
 
 class PoseList(Section, frozen=True, kw_only=True, tag_field="kind", tag="list"):
-    """Poses of a CSV file beside the recipe, one after the other: as `render --poses` or as `recipes --samples`."""
+    """Poses of a CSV file beside the recipe, in order: the format of `render --poses` or `recipes --samples`."""
 
     file: str
 
 
 class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag="trajectory"):
-    """Poses, light and sky of moments of a scenario's flight, with deviations if wanted.
+    """Poses, light and sky from moments of a scenario's flight, optionally with deviations.
 
     ``moments`` are evenly spaced over the flight, or random ones. ``scenario`` is a built-in name or a file.
     """
@@ -107,7 +107,7 @@ class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="sequences"):
-    """Flights of a scenario, each from its own start: ``frames`` of them ``every_s`` apart.
+    """Flights of a scenario, each with its own start: ``frames`` images ``every_s`` apart.
 
     Each starts at a random place of the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
     and which turns about a random axis at a rate out of ``rate_deg_s``. ``sunlit``: at the start and at the end.
@@ -122,7 +122,7 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
 
 
 class Sky(Section, frozen=True, kw_only=True):
-    """Sun and nadir in camera axes, then a moment of the year and a place above the body that give them.
+    """Directions of Sun and nadir in camera axes; a date and a place above the body that match are then drawn.
 
     ``max_phase_deg``: largest angle at the target between Sun and camera, uniform in solid angle.
     ``nadir_off_boresight_deg``: angle between boresight and nadir, uniform in solid angle; 64 degrees puts the Earth's
@@ -140,7 +140,7 @@ class Sky(Section, frozen=True, kw_only=True):
 
 
 class Background(Section, frozen=True, kw_only=True):
-    """A library of ``views`` of the sky, from random places above a body with the camera turned at random.
+    """A library of ``views`` of the sky, from random places above a body with random camera attitudes.
 
     The place is sunlit and the Sun at most ``max_phase_deg`` behind the target, so that a craft there has light;
     ``least_share``: of the image that must show the body's day side; place and turn are drawn again until it does.
@@ -155,7 +155,7 @@ class Background(Section, frozen=True, kw_only=True):
 
 
 class Constraints(Section, frozen=True, kw_only=True):
-    """What a pose must be; one that is not is drawn again, and counted.
+    """Conditions on a pose; one that violates them is drawn again, and counted.
 
     ``clearance_m``: from the camera to the nearest point of the mesh. ``origin_in_image``: the model's origin is.
     ``inside``: least share of the box about the projected mesh that is in the image. ``most_draws``: then it gives up.

@@ -1,4 +1,4 @@
-"""The scenario file as typed, frozen data: what it may hold, units in the keys, angles in degrees."""
+"""The scenario file as typed, frozen data, with units in the keys and angles in degrees."""
 
 from __future__ import annotations
 
@@ -88,5 +88,5 @@ class Scenario(Document, frozen=True, kw_only=True):
 
     @property
     def chaser_thrusters(self) -> Thrusters:
-        """Those that the chaser flies by or, where it has none, default ones of its mass for steering by hand."""
+        """The chaser's thrusters, or default ones of its mass for manual control."""
         return self.chaser.acting_thrusters or Thrusters(mass_kg=self.forces.chaser.mass_kg or CHASER_MASS_KG)

@@ -1,4 +1,4 @@
-"""A built-in scenario as a file to start from: its own text, and every key that may be added, commented out."""
+"""A built-in scenario as a template: its text, with every further key commented out."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def show_recipe(name: str) -> str:
 
 
 def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) -> str:
-    """The text of a typed TOML file with every key that may be added as a comment.
+    """Return the text of a typed TOML file with every further key as a comment.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) 
 
 
 def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
-    """The text by its sections: path (empty for the top) and lines, without blank ones at the end."""
+    """Return the text by sections: path (empty for the top) and lines, without trailing blank ones."""
     found: list[tuple[str, list[str]]] = [("", [])]
     for line in text.splitlines():
         if header := _HEADER.match(line):
@@ -96,7 +96,7 @@ def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
 
 
 def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict[str, Any], mi.StructType]:
-    """The table at a path, and its type, in a file of a type."""
+    """Return the table at a path, and its type."""
     table: Any = raw
     for step in path.split(".") if path else ():
         table = table[step]
@@ -109,13 +109,13 @@ def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict
 
 
 def _struct_type(type_: mi.Type, table: dict[str, Any]) -> mi.StructType:
-    """Of the tables that a type allows the one that the file's tag names."""
+    """Return the struct type that the table's tag selects among the allowed ones."""
     structs = [t for t in alternatives(type_) if isinstance(t, mi.StructType)]
     return next((t for t in structs if t.tag_field and table.get(t.tag_field) == t.tag), structs[0])
 
 
 def _item(type_: mi.Type) -> mi.Type:
-    """The item of a list of tables."""
+    """Return the item type of a list of tables."""
     return next(t.item_type for t in alternatives(type_) if isinstance(t, _LISTS))
 
 
@@ -128,7 +128,7 @@ def _is_section(field: mi.Field) -> bool:
 
 
 def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
-    """A commented line for each plain key that a table does not have."""
+    """Return a commented line for each plain key that a table lacks."""
     lines = []
     for field in kind.fields:
         if field.encode_name in table or _is_section(field):
@@ -142,13 +142,13 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
 
 
 def _other_kinds(top: mi.StructType, path: str) -> list[str]:
-    """A line that names what else a section may be, where its keys depend on one of them."""
+    """Return a line with the alternatives of a section whose keys depend on its kind."""
     field = next((f for f in top.fields if f.encode_name == path), None)
     return [] if field is None else _kinds(field.type)
 
 
 def _kinds_of_items(top: mi.StructType, path: str) -> list[str]:
-    """The same of the tables in a list."""
+    """Return the same for the tables in a list."""
     kind = top
     *sections, name = path.split(".")
     for step in sections:
@@ -175,7 +175,7 @@ def _default(field: mi.Field) -> Any:  # noqa: ANN401 - a TOML value is anything
 def _sections_to_add(
     table: dict[str, Any], kind: mi.StructType, path: str
 ) -> list[tuple[str, mi.StructType, bool]]:
-    """Sections that a table may have and does not: path, type, and whether there may be many."""
+    """Return the sections that a table may have and lacks: path, type, and whether several are allowed."""
     found = []
     for field in kind.fields:
         name = field.encode_name
@@ -194,7 +194,7 @@ def _sections_to_add(
 
 
 def _description(kind: mi.StructType) -> list[str]:
-    """What a section is, as its type says."""
+    """Return the description of a section from its type's docstring."""
     text = inspect.cleandoc(kind.cls.__doc__ or "").replace("``", "").replace("`", "")
     return _comment(re.split(r"\n\n(?:Parameters|Attributes)\n", text)[0])
 

@@ -1,4 +1,4 @@
-"""Domain randomisation: ranges out of which each frame of a plan is varied, seeded, and written in its truth."""
+"""Domain randomisation: ranges within which each frame of a plan is varied, seeded and recorded in its truth."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 _FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
-"""Streams of random numbers: of frames, and of the craft that some frames share."""
+"""Random streams: of frames, and of the craft that several frames share."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameVariation:
-    """Ranges out of which the frames of a plan are varied; frame k depends on (ranges, seed, target, k) alone."""
+    """Ranges within which the frames of a plan are varied; frame k depends on (ranges, seed, target, k) alone."""
 
     vary: Vary
     seed: int
@@ -124,7 +124,7 @@ class FrameVariation:
 
 
 def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
-    """One area light about the craft."""
+    """Draw one area light near the craft."""
     origin = np.asarray(scene.t_camera_from_target_m)
     to_camera = -origin / max(float(np.linalg.norm(origin)), 1e-9)
     towards = in_cone(rng, np.array([0.0, 0.0, 1.0]), 0.0, boxes.max_angle_deg)
@@ -143,12 +143,12 @@ def _box(rng: Generator, scene: SceneState, boxes: VaryBoxes) -> AreaLight:
 
 
 def _factor(rng: Generator, bounds: tuple[float, float]) -> float:
-    """Uniform in its logarithm."""
+    """Draw a factor, uniform in its logarithm."""
     return float(np.exp(rng.uniform(*np.log(bounds))))
 
 
 def _noisier(sensor: Sensor, factor: float) -> Sensor:
-    """The sensor with the standard deviations of its noise multiplied; a detector's shot noise is the light's own."""
+    """Return the sensor with the standard deviations of its noise multiplied; a detector's shot noise is unchanged."""
     detector = sensor.detector
     if detector is not None:
         terms = ("read_noise_e", "row_noise_e", "column_noise_e", "dsnu_e")
@@ -163,7 +163,7 @@ def _noisier(sensor: Sensor, factor: float) -> Sensor:
 
 @lru_cache(maxsize=4)
 def _variation(target: Target, encoded: bytes, seed: int, number: int) -> CraftVariation:
-    """How craft ``number`` differs from its model."""
+    """Draw how craft ``number`` differs from its model."""
     craft = msgspec.json.decode(encoded, type=VaryCraft)
     rng = numbered_generator(seed, number, _CRAFT)
     raw = rng.standard_normal((3, 3))

@@ -1,4 +1,4 @@
-"""The file of --vary, and a recipe's section [vary]: ranges out of which frames are varied."""
+"""The file of --vary, and a recipe's section [vary]: ranges within which frames are varied."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 
 
 class VaryCraft(Section, frozen=True, kw_only=True):
-    """The craft itself, another one every so many frames: what is worked out of a mesh takes seconds each.
+    """The craft, drawn again every few frames, because baking a mesh takes seconds.
 
     ``reflectance`` and ``roughness`` are factors of each material on its own. ``model_error_mm``: the craft is
     stretched and sheared until one of its vertices has moved by as much, a number out of this range.
@@ -28,7 +28,7 @@ class VaryCraft(Section, frozen=True, kw_only=True):
 
 
 class VaryLights(Section, frozen=True, kw_only=True):
-    """A lamp on the chaser in a share of frames, of a power and a half angle; light from the Earth in a share."""
+    """A lamp on the chaser in a share of frames, with power and half angle; Earth-shine in a share of frames."""
 
     lamp_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
     lamp_power_w: Interval[_Positive] = (10.0, 100.0)
@@ -37,7 +37,7 @@ class VaryLights(Section, frozen=True, kw_only=True):
 
 
 class VaryBoxes(Section, frozen=True, kw_only=True):
-    """Area lights about the craft instead of the scene's own: how many, where, how large, how bright.
+    """Area lights near the craft instead of the scene's own: number, position, size, radiance.
 
     Each is at ``distance_m`` from the target's origin, in a direction within ``max_angle_deg`` of that to the camera,
     uniform in solid angle, and shines at a place within ``aim_error_m`` of it. Sides are drawn one by one; radiance is
@@ -54,7 +54,7 @@ class VaryBoxes(Section, frozen=True, kw_only=True):
 
 
 class VaryImage(Section, frozen=True, kw_only=True):
-    """Exposure and noise by factors, uniform in their logarithm; width of the PSF; a detector's black level; glow.
+    """Factors of exposure and noise, uniform in the logarithm; PSF width; a detector's black level; glow.
 
     ``glow_share`` is uniform in its logarithm, ``glow_radius_px`` uniform.
     """
@@ -74,7 +74,7 @@ class VaryBackground(Section, frozen=True, kw_only=True):
 
 
 class Vary(Section, frozen=True, kw_only=True):
-    """Ranges out of which each frame is varied; what has no section stays as it is."""
+    """Ranges within which each frame is varied; a missing section varies nothing."""
 
     schema: Literal["flyaround.vary"] = "flyaround.vary"
     version: Literal[1] = 1

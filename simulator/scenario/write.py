@@ -1,4 +1,4 @@
-"""Writing a scenario as the TOML file that replays a recorded flight."""
+"""Writes the scenario file that replays a recorded flight."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def replay_scenario(scenario: Scenario, recording_file: str, duration_s: float | None = None) -> str:
-    """TOML of a scenario like this one whose chaser and target fly as recorded.
+    """Return the TOML of a scenario like this one whose chaser and target follow the recording.
 
     Parameters
     ----------

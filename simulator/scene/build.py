@@ -1,4 +1,4 @@
-"""build_scene: from a state of the world to the frozen SceneState of one picture."""
+"""build_scene: from a world state to the frozen SceneState of one image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Environments: which layers of the world are drawn behind the target, and the named ones of scenarios and commands."""
+"""Environments: the layers of the world to draw, and named presets of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EnvironmentName = Literal["full", "thesis", "undifferentiated", "airless", "spac
 
 
 class Environment(msgspec.Struct, frozen=True, kw_only=True):
-    """Which layers of the world are drawn. Each Earth layer has its own optics and its own switch.
+    """The layers of the world to draw. Each Earth layer has its own optics and its own switch.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EnvironmentSection(Environment, frozen=True, forbid_unknown_fields=True):
-    """Which layers of the world are drawn: those of ``preset``, except where a key of the file says otherwise."""
+    """The layers of the world to draw: those of ``preset``, unless a key of the file overrides them."""
 
     preset: EnvironmentName = "full"
 
     def layers(self) -> Environment:
-        """The switches alone; the file's reader has put in what the preset means."""
+        """Return the switches alone; the reader has already applied the preset."""
         return Environment(**{name: getattr(self, name) for name in Environment.__struct_fields__})
 
 
@@ -92,7 +92,7 @@ ENVIRONMENTS: dict[EnvironmentName, Environment] = {
 
 
 def environment_preset(name: str) -> Environment:
-    """The environment called ``name``.
+    """Return the environment called ``name``.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def environment_preset(name: str) -> Environment:
 
 
 def environment_section(name: str) -> EnvironmentSection:
-    """The section of a named environment, every layer as it has it.
+    """Return the section of a named environment.
 
     Raises
     ------

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
-    """The scene ``dt_s`` seconds from its mid-exposure.
+    """Return the scene ``dt_s`` seconds from its mid-exposure.
 
     Rates of rotation are held; the two craft fall freely from their velocities. Over a second in low orbit a
     tumbling craft strays from this by the square of its rate and of the time: millipixels for exposures.
@@ -77,7 +77,7 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
 
 def central_velocity_m_s(scene: SceneState) -> FloatArray:
-    """Return the velocity (3,) of the body that is circled, from the Earth's centre."""
+    """Return the velocity (3,) of the body that is orbited, from the Earth's centre."""
     central = scene.central
     # the origin of GCRS stays, and to read the epoch takes longer than all else here
     if not any(central.r_eci_m):
@@ -86,7 +86,7 @@ def central_velocity_m_s(scene: SceneState) -> FloatArray:
 
 
 def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
-    """Return a body ``dt_s`` later: turned by its rate and, if it is the one that is circled, on its way."""
+    """Return a body ``dt_s`` later: rotated by its rate and, if it is the one that is orbited, moved."""
     r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
     if state.name == scene.central_body:
         r = r + dt_s * central_velocity_m_s(scene)
@@ -96,5 +96,5 @@ def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
 
 
 def _free_fall(r_m: FloatArray, mu_m3_s2: float) -> FloatArray:
-    """Acceleration towards a point mass at the origin [m s-2]."""
+    """Return the acceleration towards a point mass at the origin [m s-2]."""
     return np.asarray(-mu_m3_s2 / np.linalg.norm(r_m) ** 3 * r_m)

@@ -23,14 +23,16 @@ from flyaround.simulator.world.ephemeris.body import BodyState, earth_and_moon
 
 
 class RecordedEnvironment(Environment, frozen=True, kw_only=True):
-    """An environment as records have it: older ones know neither aerosol nor airglow, and were drawn with these."""
+    """An environment as recorded. Older records lack aerosol and airglow, and get the values that they were drawn
+    with.
+    """
 
     airglow: bool = False
     aerosol_optical_depth: Annotated[float, Meta(ge=0, le=1)] = 0.0053
 
 
 class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The fields of a `SceneState`; these take the place of its ``bodies``.
+    """The recorded fields of a `SceneState`, in place of its ``bodies``.
 
     Attributes
     ----------

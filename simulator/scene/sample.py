@@ -1,4 +1,4 @@
-"""What a recipe drew for a frame beside the scene itself; it stands in the frame's truth record."""
+"""Random draws of a recipe for one frame besides the scene, recorded in the frame's truth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 
 class RawPose(msgspec.Struct, frozen=True, kw_only=True):
-    """A pose as Euler angles were drawn: left-handed axes, x right, y up, z forward.
+    """A pose as drawn in Euler angles: left-handed axes, x right, y up, z forward.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
-    """A view out of a background library: of what body, which library, and the view's number in it."""
+    """A view of a background library: its body, the library, and the view's number in it."""
 
     body: str
     library_seed: int
@@ -30,21 +30,21 @@ class BackgroundView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
-    """Which sequence a frame belongs to, and which of its frames it is; rates and velocities are the scene's."""
+    """The sequence that a frame belongs to, and its index in it."""
 
     sequence: int
     step: int
 
 
 class PairMember(msgspec.Struct, frozen=True, kw_only=True):
-    """Frames of one ``pair`` differ in nothing but the environment's layers, here those of this name."""
+    """Member of a ``pair`` of frames that differ only in the environment, here of this name."""
 
     pair: int
     environment: str
 
 
 class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
-    """What a frame was varied by, where it was; the scene holds the numbers that came of it.
+    """Variations of a frame; the scene holds the resulting values.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What was drawn for a frame.
+    """Random draws of a recipe for one frame.
 
     Attributes
     ----------

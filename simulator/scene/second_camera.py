@@ -26,11 +26,11 @@ _Offset = Annotated[float, msgspec.Meta(ge=-1000, le=1000)]
 _Turn = Annotated[float, msgspec.Meta(ge=-180, le=180)]
 
 SECOND_SEED = 1_000_003
-"""Added to the seed: what is random in the second picture, its noise above all, is not the first one's."""
+"""Offset of the second image's seed, so that its noise is independent of the first one's."""
 
 
 class SecondCamera(Section, frozen=True, kw_only=True):
-    """With this section a second camera of the same kind takes every picture, too, in the same instant.
+    """A second camera of the same kind that takes every image at the same instant.
 
     ``position_m`` is its place right of, below and before the first; ``turn_deg`` the rotation vector, in the first
     one's axes, by which they are turned into its own.
@@ -45,7 +45,7 @@ class SecondCamera(Section, frozen=True, kw_only=True):
         return quat(quat_conjugate(quat_from_rotvec(np.radians(self.turn_deg))))
 
     def pose(self, q_wxyz: Quat, t_m: tuple[float, float, float]) -> tuple[Quat, tuple[float, float, float]]:
-        """A target's pose in the second camera, of that in the first."""
+        """Return a target's pose in the second camera, given that in the first."""
         q = np.asarray(self.q_second_from_first_wxyz)
         turned = quat_multiply(q, np.asarray(q_wxyz))
         t = matrix_from_quat(q) @ (np.asarray(t_m) - np.asarray(self.position_m))
@@ -54,7 +54,7 @@ class SecondCamera(Section, frozen=True, kw_only=True):
 
 
 def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
-    """The same instant as the second camera sees it.
+    """Return the scene at the same instant as the second camera sees it.
 
     Raises
     ------

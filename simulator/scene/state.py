@@ -1,4 +1,4 @@
-"""SceneState: everything one picture depends on, frozen at mid-exposure, float64, no GL."""
+"""SceneState: everything that one image depends on, frozen at mid-exposure, float64, no GL."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _PERFECT_LENS = Optics()
 
 @dataclass(frozen=True, kw_only=True)
 class TargetRef:
-    """Name and SHA-256 of the target model that was drawn; how it differs from the model of that name, if it does."""
+    """Name and SHA-256 of the drawn target model, with its variation if there is one."""
 
     name: str
     sha256: str
     variation: CraftVariation | UnsetType = UNSET
 
     def drawn(self, base: Target | None = None) -> Target:
-        """The craft that was drawn.
+        """Return the craft that was drawn.
 
         Parameters
         ----------
@@ -125,23 +125,23 @@ class SceneState(BodyStates):
 
     @property
     def globe(self) -> BodyState:
-        """State of the body that is ray-cast with its air: the one that is circled; about the Moon the Earth."""
+        """State of the body that is ray-cast with its air: the orbited one, or the Earth for orbits about the Moon."""
         central = self.central
         return self.body("earth") if central.body.surface == "moon" else central
 
     @property
     def area_lights(self) -> tuple[AreaLight, ...]:
-        """Its area lights, if any."""
+        """The area lights, if any."""
         return () if isinstance(self.lights, UnsetType) else self.lights
 
     @property
     def has_lamps(self) -> bool:
-        """Whether anything but Sun, Earth and Moon lights the target."""
+        """True if anything other than Sun, Earth and Moon lights the target."""
         return self.lamp is not None or bool(self.area_lights)
 
     @property
     def sunlit_fraction(self) -> float:
-        """Share of the Sun's light that falls on the target, 0..1: ``sun_visible_fraction`` where sunlight is on."""
+        """Share of sunlight on the target, 0..1: ``sun_visible_fraction`` if sunlight is on."""
         return self.sun_visible_fraction if self.environment.sunlight else 0.0
 
     @property

@@ -1,4 +1,4 @@
-"""A scene seen from a place above the Earth at a date, without spacecraft: for galleries and validation."""
+"""A scene from a place above the Earth at a date, without spacecraft, for galleries and validation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ AWAY_M = (0.0, 0.0, -1000.0)  # the target: behind the camera
 def place_itrs_m(
     latitude_deg: float, longitude_deg: float, altitude_km: float
 ) -> tuple[FloatArray, FloatArray]:
-    """A geodetic place, Earth-fixed [m], and its east, north and up as rows."""
+    """Return a geodetic place, Earth-fixed [m], and its east, north and up vectors as rows."""
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     e2 = 1 - (EARTH_POLAR_RADIUS_M / EARTH_RADIUS_M) ** 2
     n = EARTH_RADIUS_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)
@@ -60,7 +60,7 @@ def scene_above(
     quality: Quality = "default",
     environment: Environment | None = None,
 ) -> SceneState:
-    """What a camera sees.
+    """Return the scene that a camera sees from a place above the Earth.
 
     Parameters
     ----------

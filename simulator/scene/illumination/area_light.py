@@ -1,4 +1,4 @@
-"""Area lights: diffuse boxes and lamps with a face. CPU twin of shaders/craft/area_lights.glsl."""
+"""Area lights: diffuse boxes and lamps of finite size. CPU twin of shaders/craft/area_lights.glsl."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Place = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Side = Annotated[float, Meta(ge=0.01, le=100)]
 MOST_LIGHTS = 8
 DIFFUSE_DEG = 60.0
-"""Half angle at which a Lambert surface's intensity is half of that on its axis."""
+"""Half angle at which a Lambertian emitter has half of its on-axis intensity [deg]."""
 
 
 class AreaLight(Section, frozen=True, kw_only=True):
@@ -46,11 +46,11 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
     @property
     def exponent(self) -> float:
-        """Of the cosine from the axis, by which the radiance falls; 0 for a diffuse light."""
+        """Exponent of the cosine from the axis by which the radiance falls; 0 for a diffuse light."""
         return max(float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg)))) - 1.0, 0.0)
 
     def placed(self, camera_from_target: Pose) -> PlacedLight:
-        """The light in the camera's axes."""
+        """Return the light in the camera's axes."""
         middle, along = np.asarray(self.position_m, float), self.direction
         origin = np.zeros(3) if self.frame == "target" else np.asarray(camera_from_target.t_m)
         axis = origin - middle if along is None or not np.any(along) else np.asarray(along, float)
@@ -67,13 +67,15 @@ class AreaLight(Section, frozen=True, kw_only=True):
         )
 
     def radiance(self, bands: Bands) -> FloatArray:
-        """(n,) radiance on the axis, per band [W m-2 sr-1]."""
+        """Return the (n,) radiance on the axis, per band [W m-2 sr-1]."""
         colour = sun_irradiance_w_m2(bands, AU_M)
         return np.asarray(self.radiance_w_m2_sr * colour / sun_irradiance_w_m2("mono", AU_M))
 
 
 def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors (3,) across a third one: the first level in camera axes, the second as far down as may be."""
+    """Return two unit vectors (3,) perpendicular to an axis: one level in camera axes, the other as far down as
+    possible.
+    """
     across = np.cross([0.0, 1.0, 0.0], axis)
     length = float(np.linalg.norm(across))
     across = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else across / length
@@ -98,17 +100,17 @@ class PlacedLight:
     exponent: float
 
     def points_m(self, count: int) -> FloatArray:
-        """(count, 3) places on it that stand for equal patches; no two are level in either axis."""
+        """Return (count, 3) points that represent equal patches, no two aligned with either axis."""
         u, v = rook_points(count).T
         return np.asarray(self.middle_m + u[:, None] * self.right_m + v[:, None] * self.down_m)
 
     @property
     def area_m2(self) -> float:
-        """Of the rectangle."""
+        """Area of the rectangle [m2]."""
         return float(4 * np.linalg.norm(np.cross(self.right_m, self.down_m)))
 
     def irradiance_factor(self, positions_m: FloatArray, normals: FloatArray, count: int = 16) -> FloatArray:
-        """(K,) irradiance over radiance on unshadowed faces [sr].
+        """Return the (K,) irradiance over radiance on unshadowed faces [sr].
 
         Parameters
         ----------
@@ -125,7 +127,7 @@ class PlacedLight:
 
 @lru_cache(maxsize=16)
 def rook_points(count: int) -> FloatArray:
-    """(count, 2) points of the square from -1 to 1, one in each row and column: straight edges cross them one by one.
+    """Return (count, 2) points of the square from -1 to 1, one in each row and column (N-rooks).
 
     The order of columns is that of the golden ratio's multiples: neighbouring rows lie far apart.
     """

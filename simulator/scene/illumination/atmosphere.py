@@ -65,7 +65,7 @@ class Atmosphere:
         return self.radius_m + self.thickness_m
 
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
+        """Return the Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
         h = np.maximum(height_m, 0.0)
         fall = np.zeros_like(h)
         for layer, more in zip(self.layers_m, self.falls_m, strict=True):
@@ -74,7 +74,7 @@ class Atmosphere:
         return np.exp(-fall), np.exp(-h / self.mie_height_m), ozone
 
     def extinction_m(self, height_m: FloatArray) -> FloatArray:
-        """Extinction (..., n) at a height [m-1]."""
+        """Return the extinction (..., n) at a height [m-1]."""
         rayleigh, mie, ozone = self.density(height_m)
         return (
             rayleigh[..., None] * self.rayleigh_m
@@ -94,7 +94,7 @@ def earth_atmosphere(
 def body_atmosphere(
     body: Body, bands: Bands, thickness_m: float | None = None, aerosol_depth: float | None = None
 ) -> Atmosphere:
-    """Return the air of a body per band of the camera; one that scatters nothing where it has none.
+    """Return the air of a body per band of the camera; without air it scatters nothing.
 
     Depths are means over a band's wavelengths. Weighted by the Sun's energy, the panchromatic Rayleigh depth would be
     7 % more, by its photons 2 % less.
@@ -131,7 +131,7 @@ def body_atmosphere(
 
 
 def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
-    """Return lowest heights and further falls of the density (LAYERS,), as of `Atmosphere`."""
+    """Return the lower heights and the extra decay rates of the density (LAYERS,), as of `Atmosphere`."""
     profile = air.density or ((0.0, 1.0), (air.rayleigh_height_m, float(np.exp(-1.0))))
     height, density = np.array(profile).T
     falls = np.diff(-np.diff(np.log(density)) / np.diff(height), prepend=0.0)
@@ -141,18 +141,18 @@ def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
 
 
 def rayleigh_phase(cosine: FloatArray) -> FloatArray:
-    """Rayleigh phase function [sr-1]."""
+    """Return the Rayleigh phase function [sr-1]."""
     return 3 / (16 * np.pi) * (1 + cosine**2)
 
 
 def mie_phase(cosine: FloatArray, g: float) -> FloatArray:
-    """Phase function of Cornette & Shanks (1992) [sr-1]."""
+    """Return the phase function of Cornette & Shanks (1992) [sr-1]."""
     scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
     return scale * (1 + cosine**2) / (1 + g * g - 2 * g * cosine) ** 1.5
 
 
 def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> FloatArray:
-    """Share of the Sun's disc above the horizon at a radius, 0..1 (smooth step over the disc's diameter).
+    """Return the share of the Sun's disc above the horizon at a radius, 0..1 (smooth step over the disc's diameter).
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> Floa
 def optical_depth_to_top(
     air: Atmosphere, radius_m: FloatArray, mu: FloatArray, steps: int = 64
 ) -> FloatArray:
-    """Optical depth (..., n) from a radius along zenith cosine ``mu`` to the top; the ground does not block."""
+    """Return the optical depth (..., n) from a radius along zenith cosine ``mu`` to the top, ignoring the ground."""
     r, mu = np.broadcast_arrays(np.asarray(radius_m, float), np.asarray(mu, float))
     length = np.asarray(-r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None)))
     # samples close up to where the ray is lowest: its start, or its perigee when it looks down
@@ -189,7 +189,7 @@ def optical_depth_to_top(
 
 
 def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
-    """Share (..., n) of the Sun's light that arrives at a radius, the horizon included."""
+    """Return the transmittance (..., n) to the Sun at a radius, including the horizon."""
     share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
     # rays below the geometric horizon are those of the disc's upper part: they see the horizon's air
     r = np.maximum(np.asarray(radius_m, float), air.radius_m)
@@ -203,7 +203,7 @@ def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArr
 
 @dataclass(frozen=True, eq=False)
 class PathLight:
-    """What a stretch of air adds and takes: unit-irradiance in-scatter without phase [1], transmittance [1].
+    """In-scattered radiance per unit irradiance without phase function [1], and transmittance [1], of a path.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ class PathLight:
 
 @dataclass(frozen=True, eq=False)
 class MultipleScattering:
-    """Radiance that arrives at a point after two or more scatterings, averaged over directions.
+    """Radiance at a point after two or more scatterings, averaged over directions.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ class MultipleScattering:
     thickness_m: float
 
     def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
-        """Linear between the table's entries: (..., n)."""
+        """Interpolate linearly in the table: (..., n)."""
         row = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1))
         return between(self.psi, row, sun_column(np.asarray(mu_sun, float)))
 
@@ -248,7 +248,7 @@ def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArra
 
 
 def sun_column(mu_sun: FloatArray) -> FloatArray:
-    """Column 0..1 of a cosine -1..1: half of them lie within 0.25 of the horizon."""
+    """Return the column 0..1 of a cosine -1..1; half of the columns lie within 0.25 of the horizon."""
     return np.asarray(0.5 + 0.5 * np.sign(mu_sun) * np.sqrt(np.abs(mu_sun)))
 
 
@@ -260,7 +260,7 @@ def path_light(
     steps: int = 64,
     multiple: MultipleScattering | None = None,
 ) -> PathLight:
-    """Scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
+    """Compute the scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
 
     The radiance is ``E_sun * (rayleigh * rayleigh_phase + mie * mie_phase + multiple)``.
 
@@ -332,7 +332,7 @@ def ground_irradiance(
     diffuse: bool = True,
     multiple: MultipleScattering | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Direct and diffuse irradiance (K, n) on level ground over that of the Sun above the air.
+    """Compute direct and diffuse irradiance (K, n) on level ground, relative to the Sun's above the air.
 
     Parameters
     ----------

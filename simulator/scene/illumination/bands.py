@@ -1,4 +1,4 @@
-"""The camera's spectral bands: their limits, the Sun's irradiance in them, and how reflectances map to them."""
+"""The camera's spectral bands: limits, solar irradiance, and the mapping of reflectances."""
 
 from __future__ import annotations
 
@@ -49,27 +49,27 @@ BLUE = Band("blue", *RGB_BANDS_NM[2], (0.0, 0.0, 1.0))
 
 
 SRGB_FROM_BANDS = ((0.396, 0.983, -0.379), (-0.029, 1.031, -0.002), (0.001, -0.123, 1.122))
-"""Linear sRGB (rows) of light in red, green and blue times `sunlight_balance`, as the eye sees it; white stays white.
+"""Matrix to linear sRGB (rows) from red, green and blue radiance times `sunlight_balance`; white is preserved.
 Fitted to spectra of limb, twilight and grounds by `tools.validation.rendering.colours`."""
 
 
 def bands_of(bands: Bands) -> tuple[Band, ...]:
-    """The bands of a picture, in the order of its channels."""
+    """Return the bands of an image, in the order of its channels."""
     return (PANCHROMATIC,) if bands == "mono" else (RED, GREEN, BLUE)
 
 
 def sun_irradiance_w_m2(bands: Bands, distance_m: float) -> FloatArray:
-    """Solar irradiance per band at a distance from the Sun, normal incidence [W m-2]."""
+    """Return the solar irradiance per band at a distance from the Sun, normal incidence [W m-2]."""
     scale = (AU_M / distance_m) ** 2
     return np.array([band.sun_irradiance_w_m2 * scale for band in bands_of(bands)])
 
 
 def reflectance(bands: Bands, rgb: FloatArray) -> FloatArray:
-    """Reflectance per band (..., n) of linear RGB reflectances (..., 3)."""
+    """Return the reflectance per band (..., n) of linear RGB reflectances (..., 3)."""
     weights = np.array([band.rgb_weights for band in bands_of(bands)])
     return np.asarray(rgb, float) @ weights.T
 
 
 def sunlight_balance(bands: Bands) -> FloatArray:
-    """Gain per band that makes a white plate in sunlight as bright as in the panchromatic band [1]."""
+    """Return the gain per band that makes a white plate in sunlight as bright as in the panchromatic band [1]."""
     return np.array([PANCHROMATIC.sun_irradiance_w_m2 / band.sun_irradiance_w_m2 for band in bands_of(bands)])

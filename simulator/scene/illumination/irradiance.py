@@ -30,7 +30,7 @@ _GRADIENT = np.arange(3)
 
 @dataclass(frozen=True, eq=False)
 class IrradianceField:
-    """Irradiance of everything but the Sun on a plate of any normal, camera frame.
+    """Irradiance of all sources except the Sun on a plate of any normal, camera frame.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class IrradianceField:
 
 
 def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
-    """(..., 10) the polynomials of `IrradianceField.irradiance_w_m2`."""
+    """Return the (..., 10) basis polynomials of `IrradianceField.irradiance_w_m2`."""
     d = np.asarray(directions, float)
     x, y, z = np.moveaxis(d, -1, 0)
     return np.stack(
@@ -58,7 +58,7 @@ def basis(directions: FloatArray, axis: FloatArray) -> FloatArray:
 
 
 def _legendre_4(cosine: FloatArray) -> FloatArray:
-    """Fourth Legendre polynomial."""
+    """Return the fourth Legendre polynomial."""
     c2 = cosine * cosine
     return np.asarray((35 * c2 * c2 - 30 * c2 + 3) / 8)
 
@@ -68,19 +68,19 @@ _DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # its last column is the a
 
 
 def _fit_irradiance(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """(10, n) coefficients, least squares, of the irradiance (P, n) of plates of the normals ``_NORMALS``."""
+    """Fit (10, n) coefficients, by least squares, to the irradiance (P, n) of plates with normals ``_NORMALS``."""
     design = _DESIGN.copy()
     design[:, 9] = _legendre_4(_NORMALS @ axis)
     return np.asarray(np.linalg.solve(design.T @ design, design.T @ irradiance), float)
 
 
 def dark_field(bands: int) -> IrradianceField:
-    """Darkness."""
+    """Return a field without light."""
     return IrradianceField(np.zeros((10, bands)), np.zeros((bands, 4)), 2.0, np.array([0.0, 0.0, 1.0]))
 
 
 def uniform_field(radiance_w_m2_sr: FloatArray) -> IrradianceField:
-    """The same radiance per band from everywhere: the white furnace."""
+    """Return the field of uniform radiance from all directions: a white furnace."""
     radiance = np.asarray(radiance_w_m2_sr, float)
     irradiance = np.zeros((10, len(radiance)))
     irradiance[0] = np.pi * radiance
@@ -98,7 +98,7 @@ def field_of_samples(
     also_w_m2: FloatArray | None = None,
     disc: int | None = None,
 ) -> IrradianceField:
-    """The field of a disc, fitted to samples.
+    """Fit the field of a disc to samples.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def moon_shine(
     sun_w_m2: FloatArray,
     axis: FloatArray,
 ) -> FloatArray:
-    """(10, n) coefficients of the Moon's light, by its phase.
+    """Compute (10, n) coefficients of the Moon's light from its phase.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def moon_shine(
 def moon_plate_irradiance(
     r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
 ) -> FloatArray:
-    """(P, n) irradiance of the Moon on the plates that a field is fitted to; parameters as of `moon_shine`."""
+    """Return the (P, n) irradiance of the Moon on the plates of the fit; parameters as of `moon_shine`."""
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
     share = moonlight_share(r_moon_from_target_m, sun)
     return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))

@@ -1,4 +1,4 @@
-"""A lamp on the chaser: its beam, what it throws on a surface, per band. CPU twin of shaders/craft/lamp.glsl."""
+"""A lamp on the chaser: its beam and the irradiance on a surface, per band. CPU twin of shaders/craft/lamp.glsl."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FLAT_EDGE = 0.03  # of the half angle: over it a flat beam falls to nothing
 
 
 class Lamp(Section, frozen=True, kw_only=True):
-    """With this section the chaser carries a lit lamp that shines along the camera's boresight.
+    """A lamp of the chaser that shines along the camera's boresight.
 
     ``power_w`` is of the whole beam in the panchromatic band; the intensity falls to half at ``half_angle_deg`` (a
     ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
@@ -43,7 +43,7 @@ class Lamp(Section, frozen=True, kw_only=True):
         return float(np.log(0.5) / np.log(np.cos(half)) if self.profile == "led" else 1 / half)
 
     def beam(self, angle_rad: ArrayLike) -> FloatArray:
-        """Intensity off the axis over that on it, 0..1."""
+        """Return the intensity off the axis relative to that on it, 0..1."""
         angle = np.asarray(angle_rad, float)
         ahead = np.clip(np.cos(angle), 0, None)
         if self.profile == "led":
@@ -54,14 +54,14 @@ class Lamp(Section, frozen=True, kw_only=True):
         return np.asarray(np.clip((1 - share) / FLAT_EDGE + 0.5, 0, 1) * (ahead > 0))
 
     def intensity_w_sr(self, bands: Bands) -> FloatArray:
-        """(n,) radiant intensity on the axis, per band [W sr-1]."""
+        """Return the (n,) radiant intensity on the axis, per band [W sr-1]."""
         cosine = (np.arange(20_000) + 0.5) / 20_000
         solid_angle = 2 * np.pi * float(np.mean(self.beam(np.arccos(cosine))))
         colour = sun_irradiance_w_m2(bands, AU_M) / sun_irradiance_w_m2("mono", AU_M)
         return np.asarray(self.power_w / solid_angle * colour)
 
     def irradiance_w_m2(self, positions_m: FloatArray, normals: FloatArray, bands: Bands) -> FloatArray:
-        """(K, n) light that falls on surfaces.
+        """Return the (K, n) irradiance on surfaces.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How bright the Moon is: its albedo per band, its phase function, and the light that falls on it."""
+"""Brightness of the Moon: albedo per band, phase function, and moonlight."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SURGE, _SURGE_DEG = 0.33, 2.0  # of light at zero phase, over that without the 
 
 
 def moon_albedo(bands: Bands) -> FloatArray:
-    """Geometric albedo per band (n,)."""
+    """Return the geometric albedo per band (n,)."""
     return np.array([_ALBEDO[band.name] for band in bands_of(bands)])
 
 
 def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
-    """Light of the whole disc over that at phase angle zero, 0..1.
+    """Return the light of the whole disc relative to that at phase angle zero, 0..1.
 
     References
     ----------
@@ -37,7 +37,7 @@ def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
 
 
 def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
-    """Irradiance of the Moon's disc over the Sun's.
+    """Return the irradiance of the Moon's disc relative to the Sun's.
 
     Parameters
     ----------
@@ -49,13 +49,16 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
 
 
 def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:
-    """Disc-integrated Lommel-Seeliger reflection over that at zero phase: 1 - sin(a/2) tan(a/2) ln(cot(a/4))."""
+    """Return the disc-integrated Lommel-Seeliger reflection relative to zero phase: 1 - sin(a/2) tan(a/2)
+    ln(cot(a/4)).
+    """
     half = np.clip(np.abs(np.asarray(angle_rad, float)) / 2, 1e-6, np.pi / 2 - 1e-6)
     return np.asarray(1 - np.sin(half) * np.tan(half) * np.log(1 / np.tan(half / 2)))
 
 
 def surface_phase(angle_rad: FloatArray) -> FloatArray:
-    """Phase function with which the Lommel-Seeliger disc follows ``disc_phase``, times the ground's opposition surge.
+    """Return the surface phase function for which a Lommel-Seeliger disc follows ``disc_phase``, times the opposition
+    surge.
 
     The surge belongs to the phases that are not seen from the Earth but in eclipse.
 

@@ -1,4 +1,4 @@
-"""Light scattered twice or more, in double precision, as a table of two numbers: height and the Sun's zenith angle.
+"""Multiple scattering in double precision, as a table over height and the Sun's zenith angle.
 
 What arrives at a point after the first scattering is scattered on evenly, as in Hillaire (2020), A scalable and
 production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5; but order by order
@@ -34,7 +34,7 @@ _POLAR, _TURNS = 8, 6
 
 
 def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:
-    """The table of one atmosphere over ground that reflects evenly."""
+    """Compute the table of one atmosphere over ground of uniform albedo."""
     # the middle column lies on the horizon
     column = np.linspace(-1, 1, SUNS)
     mu_sun = np.sign(column) * column**2
@@ -48,7 +48,7 @@ def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) ->
 
 
 def _sphere() -> tuple[FloatArray, FloatArray]:
-    """Directions (K, 3) over the whole sphere, and weights that add up to one."""
+    """Return directions (K, 3) over the whole sphere, and weights that sum to one."""
     nodes, weights = np.polynomial.legendre.leggauss(_POLAR)
     c, a = (v.ravel() for v in np.meshgrid(nodes, (np.arange(_TURNS) + 0.5) / _TURNS * np.pi, indexing="ij"))
     s = np.sqrt(1 - c * c)
@@ -57,7 +57,7 @@ def _sphere() -> tuple[FloatArray, FloatArray]:
 
 
 class _SunTable:
-    """Transmittance to the Sun, from optical depths by height and cosine above the horizon; 1e-3 and faster."""
+    """Transmittance to the Sun from tabulated optical depths by height and cosine above the horizon, to 1e-3."""
 
     def __init__(self, air: Atmosphere) -> None:
         from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
@@ -84,7 +84,7 @@ class _SunTable:
 
 @dataclass(frozen=True, eq=False)
 class _Paths:
-    """Rays from each of H heights in K directions, for S Suns: what reaches their starts.
+    """Rays from each of H heights in K directions, for S Suns: the radiance that reaches their starts.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
 def _second_and_on(
     paths: _Paths, mu: FloatArray, weight: FloatArray, thickness_m: float, albedo: float
 ) -> MultipleScattering:
-    """Sum the mean radiance of all higher orders, order by order; rays have zenith cosines ``mu``."""
+    """Sum the mean radiance of all higher orders; rays have zenith cosines ``mu``."""
     up = np.clip(mu, 0, None) * weight * 4 * np.pi
     known = paths.first + albedo * paths.sunlit
     light = known

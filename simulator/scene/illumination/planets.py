@@ -1,4 +1,4 @@
-"""Mercury to Saturn as points of light: where they are and how bright."""
+"""Mercury to Saturn as point sources: positions and magnitudes."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class PlanetLight:
 
 
 def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
-    """The five bright planets, in the order of ``NAMES``.
+    """Return the five bright planets, in the order of ``NAMES``.
 
     Positions are SOFA's ``iauPlan94``: within half an arc minute, for Saturn one and a half, over 1900-2100; those of
     the whole minute, in which Mercury moves by 5 arc seconds.
@@ -69,7 +69,9 @@ def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
 
 
 def earth_velocity_c(epoch_utc: str) -> FloatArray:
-    """Velocity (3,) of the Earth about the barycentre over that of light, GCRS: it shifts every star by up to 20.5"."""
+    """Return the velocity (3,) of the Earth about the barycentre over that of light, GCRS; it shifts stars by up to
+    20.5".
+    """
     return _almanac(epoch_utc[: len("2026-01-01T00:00")]).earth_c
 
 

@@ -1,4 +1,4 @@
-"""Sunlight that grazes the Earth's air: dimmed, reddened, bent into the shadow; the limb darkening of the Sun's disc.
+"""Sunlight through the Earth's limb: dimmed, reddened and refracted into the shadow; the Sun's limb darkening.
 
 One model for the Sun seen past the Earth by a spacecraft, and for the light inside the Earth's shadow on the Moon.
 Geometry: a straight ray that would pass the centre at radius + y arrives where a bent one of perigee height h does,
@@ -27,14 +27,14 @@ _STRIPS = 96
 
 
 def limb_darkening(share_of_radius: FloatArray) -> FloatArray:
-    """Brightness of the Sun's disc over its mean, at a share 0..1 of its radius."""
+    """Return the radiance of the Sun's disc relative to its mean, at a share 0..1 of its radius."""
     mu = np.sqrt(np.clip(1 - np.asarray(share_of_radius, float) ** 2, 0, None))
     return (1 - LIMB_DARKENING * (1 - mu)) / (1 - LIMB_DARKENING / 3)
 
 
 @lru_cache(maxsize=4)
 def _grazing(bands: Bands) -> FloatArray:
-    """Transmittance (K, n) of the whole air along a ray of perigee height ``_HEIGHTS_M``."""
+    """Return the transmittance (K, n) of the whole air along rays of perigee height ``_HEIGHTS_M``."""
     air = earth_atmosphere(bands)
     depth = optical_depth_to_top(air, air.radius_m + _HEIGHTS_M, np.zeros_like(_HEIGHTS_M), steps=48)
     # clouds stand in the way of most of the lowest rays: open from a tenth at the ground to all at 12 km
@@ -44,7 +44,7 @@ def _grazing(bands: Bands) -> FloatArray:
 
 @lru_cache(maxsize=1)
 def _strips() -> tuple[FloatArray, FloatArray]:
-    """Strips of the disc: place -1..1 and share of the light."""
+    """Return the strips of the disc: position -1..1 and share of the light."""
     edges = -np.cos(np.linspace(0, np.pi, _STRIPS + 1))  # fine at both ends
     place = 0.5 * (edges[1:] + edges[:-1])
     half = np.sqrt(1 - place**2)
@@ -55,7 +55,7 @@ def _strips() -> tuple[FloatArray, FloatArray]:
 
 
 def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> FloatArray:
-    """Share (n,) of the Sun's light per band that reaches a place past the Earth and through its air.
+    """Return the share (n,) of sunlight per band that reaches a place past the Earth and through its air.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
 
 @lru_cache(maxsize=8)
 def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tuple[FloatArray, float]:
-    """Sunlight across the Earth's shadow far behind it, where light from all around the limb meets.
+    """Compute the sunlight across the Earth's shadow far behind it, including light refracted around the whole limb.
 
     Parameters
     ----------
