@@ -1,1 +1,1 @@
-"""Samplers, capture, writers and the checks that re-verify a data set."""
+"""Data sets: capture, formats, storage, and the verification of their labels."""

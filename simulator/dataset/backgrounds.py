@@ -1,4 +1,4 @@
-"""The pictures of a background library, and the table of where and how the camera was for each."""
+"""The images of a background library, and the table of camera positions and attitudes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Capture: draw frames of a plan, check each as it is written, and keep the card true at every moment."""
+"""Capture: draw frames of a plan, verify each as it is written, and keep the card consistent at every moment."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CaptureSummary:
-    """What a capture did; ``clipping`` is of the frames that it wrote, None where it wrote none with a target.
+    """Result of a capture; ``clipping`` covers the frames written, None if none shows a target.
 
     ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
     ``damaged``: frames that were there and were not what had been written, and so were drawn again.
@@ -131,7 +131,7 @@ def capture(
 
 @contextmanager
 def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
-    """The store of a new data set, or of one to go on with; a folder is this capture's alone."""
+    """Open the store of a new data set, or of one to resume; a folder is locked for this capture."""
     if is_url(place):
         with closing(UrlStore(str(place))) as remote:
             if not resume and not remote.is_empty():
@@ -165,7 +165,7 @@ def _capture(
     *,
     resume: bool,
 ) -> CaptureSummary:
-    """`capture` into a store that is this one's alone."""
+    """Run `capture` on a store that is locked for it."""
     labels, formats = planned.labels, planned.formats
     if not (
         resume and store.exists(CARD_NAME)
@@ -212,7 +212,9 @@ def _capture(
 def _open_producer(
     plan: FramePlan, card: DatasetCard, *, workers: int, device_index: int | None, cluster: RayCluster | None
 ) -> AbstractContextManager[FrameProducer[CheckedFrame]]:
-    """Open what draws, checks and encodes a plan's frames: this process, several, or a Ray cluster."""
+    """Open the producer that draws, verifies and encodes a plan's frames: in this process, in several, or on a Ray
+    cluster.
+    """
     first = plan.scene(0)
     if cluster is not None:
         stage = CheckAndEncode(card, plan.target)
@@ -236,7 +238,7 @@ def _refuse_without_room(
 
 
 def _possible(plan: DocumentPlan, labels: tuple[str, ...]) -> tuple[str, ...]:
-    """The layers that the plan's frames can have: of ``all``, optical flow is left out where there is none."""
+    """Return the layers that the plan's frames can have; ``all`` omits optical flow if there is none."""
     if "flow" not in labels:
         return labels
     reason = ""
@@ -250,7 +252,7 @@ def _possible(plan: DocumentPlan, labels: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _request(plan: DocumentPlan, k: int, labels: tuple[str, ...]) -> LabelRequest:
-    """What to label of frame k; the last frame of a flight leads nowhere."""
+    """Return the label request of frame k; the last frame of a flight has no optical flow."""
     following = plan.next_scene(k) if "flow" in labels else None
     if following is None:
         return LabelRequest(layers=labels)
@@ -269,7 +271,7 @@ def capture_card(
     split: Ratio | None,
     sensors: tuple[str, ...],
 ) -> DatasetCard:
-    """The card as planned, before it is known what draws."""
+    """Return the planned card, before the renderer is known."""
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,
@@ -290,6 +292,6 @@ def capture_card(
 
 
 def _own_split(plan: DocumentPlan) -> Ratio | None:
-    """The split that a recipe says."""
+    """Return the split of a recipe, or None."""
     counts = plan.scenario_document.get("split") or ()
     return lowest_terms([int(n) for n in counts]) if counts else None

@@ -60,7 +60,7 @@ LAYOUT = (
 
 
 class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
-    """Which model was drawn, with its keypoints in the model frame [m]; ``part_classes`` in the order of ``parts``."""
+    """The drawn model, with its keypoints in the model frame [m]; ``part_classes`` in the order of ``parts``."""
 
     name: str
     sha256: str
@@ -81,7 +81,7 @@ class CardTarget(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
-    """What drew the images: "same bytes" holds for the same renderer."""
+    """The machine that drew the images: "same bytes" holds for the same renderer."""
 
     flyaround: str
     python: str
@@ -94,7 +94,8 @@ class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
-    """A pair's geometry, in the cards of both cameras: ``second/`` of the first one's folder is the second's data set.
+    """Geometry of a stereo pair, in the cards of both cameras. The second's data set is ``second/`` in the first one's
+    folder.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CardQuarantine(msgspec.Struct, frozen=True, kw_only=True):
-    """A frame that is kept apart, in ``quarantine/``, and why."""
+    """A frame in ``quarantine/``, and the reason."""
 
     frame: int
     reason: str
@@ -150,7 +151,7 @@ class DatasetCard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def describe_machine(gl_vendor: str, gl_renderer: str, gl_version: str) -> CardMachine:
-    """The machine section of the card."""
+    """Return the machine section of the card."""
     cpu = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -191,7 +192,7 @@ def read_card(folder: Path) -> DatasetCard:
 
 
 def decode_card(data: bytes, where: str) -> DatasetCard:
-    """The card in a file's bytes.
+    """Return the card in a file's bytes.
 
     Raises
     ------
@@ -209,5 +210,5 @@ def decode_card(data: bytes, where: str) -> DatasetCard:
 
 
 def card_to_json(card: DatasetCard) -> bytes:
-    """The card as indented JSON."""
+    """Return the card as indented JSON."""
     return msgspec.json.format(msgspec.json.encode(card), indent=1) + b"\n"

@@ -1,4 +1,4 @@
-"""Share of the target that is burnt out or dark in the frames of a capture, and the exposure that would suit it."""
+"""Share of the target that is saturated or dark in the frames of a capture, and a suitable exposure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.frame import Frame
 
 NOTABLE_SHARE = 0.05
-"""More of the target's pixels than this at the top of the scale: an exposure is proposed."""
+"""Share of saturated target pixels above which an exposure is proposed."""
 
 # a frame is dark when the exposure that fits is longer by this factor: four fifths of its scale are not used
 _DARK = 5.0
@@ -30,7 +30,7 @@ _FAR_APART = 4.0
 
 @dataclass(frozen=True)
 class Clipping:
-    """One frame's pixels at the top of the scale.
+    """Saturated pixels of one frame.
 
     Parameters
     ----------
@@ -46,13 +46,13 @@ class Clipping:
 
     @property
     def is_dark(self) -> bool:
-        """True if a longer exposure would show more; an unlit target is dark by any."""
+        """True if a longer exposure would show more; an unlit target is dark at any exposure."""
         return self.fitting_s > _DARK * self.exposure_s
 
 
 @dataclass(frozen=True)
 class ClippingSummary:
-    """A capture's pixels at the top of the scale.
+    """Saturated pixels of a capture.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class ClippingSummary:
 
 
 def measure_clipping(frame: Frame) -> Clipping:
-    """The clipping of a labelled frame with its radiance, by the detector's scale and without its noise."""
+    """Measure the saturated pixels of a labelled frame from its radiance, without noise."""
     scene = frame.scene
     radiance = frame.radiance[frame.mask > 0] if frame.mask is not None else frame.radiance[:0].ravel()
     if not len(radiance):
@@ -85,7 +85,7 @@ def measure_clipping(frame: Frame) -> Clipping:
 
 
 def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> ClippingSummary | None:
-    """The clipping of some frames together; None of frames without a target.
+    """Summarise the clipping of several frames; None if none shows a target.
 
     Parameters
     ----------
@@ -127,6 +127,6 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
 
 
 def _two_digits(x: float) -> str:
-    """Rounded down to two digits: a proposal is no measurement, and longer would burn out."""
+    """Round down to two digits: a proposed exposure must not saturate."""
     step = 10.0 ** (np.floor(np.log10(x)) - 1)
     return f"{np.floor(x / step * (1 + 1e-9)) * step:.2g}"

@@ -1,4 +1,4 @@
-"""From one format of data sets to another: frames of a native or a foreign folder, into a native one or a format's."""
+"""Conversion between formats of data sets, native or foreign."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ImportSource:
-    """Where frames come from.
+    """A source of frames.
 
     Parameters
     ----------
@@ -48,18 +48,18 @@ class ImportSource:
 
 @dataclass(frozen=True)
 class NativeWriter:
-    """The native layout as a format like others."""
+    """The native layout as a format."""
 
     output: FolderOutput
     card: DatasetCard
 
     def write(self, frame: LabelledFrame) -> None:
-        """The frame's files, its record last: a record means a whole frame."""
+        """Write the frame's files, its record last: a record means a whole frame."""
         for ending, data in native_names(frame):
             self.output.write(f"images/{frame.number:06d}.{ending}", data)
 
     def finish(self) -> None:
-        """The card, which says that all is there."""
+        """Write the card, which marks the set complete."""
         card = msgspec.structs.replace(self.card, complete=True, formats=(NATIVE,))
         self.output.write(CARD_NAME, card_to_json(card))
 
@@ -67,7 +67,7 @@ class NativeWriter:
 def open_source(
     place: Path, form: str | None = None, *, target: str | None = None, camera: str | None = None
 ) -> ImportSource:
-    """The frames of a data set of ours or of others.
+    """Open the frames of a native or foreign data set.
 
     Parameters
     ----------

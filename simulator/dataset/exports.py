@@ -1,4 +1,4 @@
-"""The sink beside the native layout: each checked frame gets its split and goes into every format asked for."""
+"""The sink for exports: each verified frame gets its split and is written in every requested format."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class StoreOutput:
     folder: str
 
     def write(self, name: str, data: bytes) -> None:
-        """Put one file, whole or not at all."""
+        """Write one file atomically."""
         self.store.write([(f"{self.folder}/{name}" if self.folder else name, data)])
 
 
 def output_of(store: Store, folder: str = "") -> FormatOutput:
-    """Where a format's files go.
+    """Return the output of a format's files.
 
     In a folder nobody waits for the disk: what a loss of power takes of them is made again from the frames.
     """
@@ -45,7 +45,7 @@ def output_of(store: Store, folder: str = "") -> FormatOutput:
 
 
 class FrameExports:
-    """Feeds writers with labelled frames, in the order of their numbers.
+    """Feeds format writers with labelled frames, in the order of their numbers.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class FrameExports:
         self._writers = [find_format(name).open_writer(output_of(store, name), card) for name in names]
 
     def add(self, frame: LabelledFrame, *, is_kept: bool = True) -> None:
-        """Take one frame; one that is quarantined gets a split alone, so that the others' do not depend on it."""
+        """Add one frame; a quarantined one only gets a split, so that the others' do not depend on it."""
         if self._assigner is not None:
             split = self._assigner.assign(frame)
             frame = LabelledFrame(frame.number, frame.read, frame.where, split)
@@ -69,7 +69,7 @@ class FrameExports:
                 writer.write(frame)
 
     def finish(self) -> None:
-        """Finish every format; write which frame is of which split."""
+        """Finish every format, and write the splits."""
         for writer in self._writers:
             writer.finish()
         if self._assigner is not None:
@@ -77,14 +77,14 @@ class FrameExports:
 
 
 def _first_split(store: Store, card: DatasetCard) -> dict[int, str]:
-    """For a second camera the splits of the first one's frames: the two of a pair are not parted."""
+    """Return, for a second camera, the splits of the first one's frames, so that pairs stay together."""
     if card.stereo is None or card.stereo.camera != "second" or not isinstance(store, FolderStore):
         return {}
     return read_split(store.folder.parent)
 
 
 class ExportSink:
-    """`FrameExports` as a sink of a capture: frames that were there before are read again, in their turn.
+    """`FrameExports` as a sink of a capture; existing frames are read again in their turn.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class ExportSink:
         self._exports.add(frame_from_files(frame.number, frame.files), is_kept=not frame.reason)
 
     def finish(self) -> None:
-        """Take the last frames that were there, and finish."""
+        """Add the last existing frames, and finish."""
         if self._exports is not None:
             self._catch_up(None)
             self._exports.finish()
@@ -119,7 +119,7 @@ class ExportSink:
 
 
 def frame_from_store(store: Store, number: int) -> LabelledFrame:
-    """A frame that is written already; each file is read when it is asked for."""
+    """Return a frame that is already written; its files are read on access."""
     stem = f"images/{number:06d}"
 
     def read(ending: str) -> bytes:

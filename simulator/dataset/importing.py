@@ -1,4 +1,4 @@
-"""Pictures with poses that others took, made into a data set that the estimators can be evaluated on."""
+"""Import of images with poses that others took, as a data set to evaluate estimators on."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ MOST_PICTURE_BYTES = 500_000_000
 LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it
 COLOURED_SHARE, COLOURED_DN = 0.01, 16  # of the pixels, and how far bands of a coloured one are apart, of 255
 SCHEMA = "flyaround.imported"
-"""What the card's scenario calls itself where the pictures were not drawn here."""
+"""Schema name of the card's scenario for imported images."""
 
 
 def camera_of(found: PosedPictures, given: str | None) -> Camera:
-    """The camera of imported pictures: the one that is given, the set's own, or the one such sets are made with.
+    """Return the camera of imported images: the given one, the set's own, or the usual one of such sets.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
-    """Whether a picture (H, W) or (H, W, 3) is in colour: a mark of some pixels drawn into a grey one is none."""
+    """Return True if an image (H, W) or (H, W, 3) is in colour, ignoring a few coloured pixels in a grey one."""
     if image.ndim == 2:
         return False
     apart = image.max(axis=2).astype(np.int32) - image.min(axis=2)
@@ -84,7 +84,7 @@ def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
 
 
 def check_grey(found: PosedPictures) -> None:
-    """Look at some pictures of a set whose usual camera takes grey ones.
+    """Raise if images are in colour although the set's usual camera is monochrome; some are examined.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def check_grey(found: PosedPictures) -> None:
 
 
 def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
-    """The card of a data set of imported pictures, not complete yet."""
+    """Return the card of a data set of imported images, not complete yet."""
     source = f"{found.labels.resolve().parent.name}/{found.labels.name}"
     return DatasetCard(
         scenario_name=source,
@@ -125,7 +125,7 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
 def imported_frames(
     found: PosedPictures, camera: Camera, target: Target
 ) -> Iterator[tuple[int, EncodedFrame]]:
-    """The frames of imported pictures, in order, with their numbers.
+    """Yield the frames of imported images, in order, with their numbers.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def imported_frames(
 
 
 def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
-    """A picture of 8 or 16 bits: mono (H, W), also where three bands are alike, or RGB (H, W, 3).
+    """Read an image of 8 or 16 bits: mono (H, W), also if three bands are equal, or RGB (H, W, 3).
 
     Raises
     ------
@@ -161,7 +161,7 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
 def label_imported(
     k: int, picture: PosedPicture, image: NDArray[np.unsignedinteger], camera: Camera, target: Target
 ) -> tuple[ImportedTruth, ByteArray]:
-    """The record of picture k, and its mask (H, W): what follows of the pose, the camera and the model."""
+    """Return the record of image k and its mask (H, W), as they follow from pose, camera and model."""
     pose = picture.camera_from_target
     seen = silhouette(camera, pose, target)
     reason = infeasible_reason(seen.inside, 1.0, seen.box_amodal_px)

@@ -1,4 +1,4 @@
-"""A data set as a program reads it: its frames in order, each decoded when it is asked for."""
+"""Read access to a data set from a program: its frames in order, decoded on access."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LabelledDataset(Sequence[LabelledFrame]):
         return frame_from_folder(self.folder, number, self._splits.get(number, ""))
 
     def torch(self, transform: Callable[[dict[str, Any]], Any] | None = None) -> Any:  # noqa: ANN401 - torch is optional
-        """The same as a `torch.utils.data.Dataset`, for its `DataLoader`.
+        """Return the data set as a `torch.utils.data.Dataset`.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Copies of a data set's pictures with labels drawn over them, for people to look at."""
+"""Copies of a data set's images with labels drawn over them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 MARKS = ("axes", "wireframe", "keypoints", "box", "mask")
 _AXIS = 0.6
-"""Length of an arrow over the distance of the mesh's farthest vertex."""
+"""Length of an arrow relative to the distance of the mesh's farthest vertex."""
 
 
 def parse_marks(text: str) -> tuple[str, ...]:
-    """What to draw, from a comma-separated list.
+    """Parse a comma-separated list of marks to draw.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def write_overlays(
     n: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> int:
-    """Write ``NNNNNN.png`` of a data set's frames, with marks over the pictures; returns how many.
+    """Write ``NNNNNN.png`` of a data set's frames with marks. Return their number.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def write_overlays(
 
 
 def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> ByteArray:
-    """A frame's picture, (H, W, 3) RGB, with marks over it.
+    """Return a frame's image, (H, W, 3) RGB, with marks drawn over it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Frames drawn by a Ray cluster: shards of them as tasks, on whichever nodes there are; a node that is lost is no loss.
+"""Frames drawn by a Ray cluster: shards as tasks on any node; the loss of a node is tolerated.
 
 A task is a pure function of its shard, so Ray may run it anywhere and again. What comes back is written here, by
 the one writer that every capture has: the bytes are those of one process.
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MOST_IN_SHARD = 8
-"""Frames of a task: a varied craft's light is worked out once for its neighbours, and a lost node costs little."""
+"""Frames per task: neighbours share a varied craft's baked light, and a lost node costs little."""
 
 MOST_RETRIES = 3
 _ANSWER_S, _WAIT_S = 5.0, 120.0
@@ -40,7 +40,7 @@ Taken = TypeVar("Taken")
 
 @dataclass(frozen=True)
 class RayCluster:
-    """Where to draw.
+    """The cluster to draw on.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class RayCluster:
 
 @dataclass(frozen=True, eq=False)
 class _Kit(Generic[Taken]):
-    """What every task needs, sent to each node once."""
+    """Data that every task needs, sent to each node once."""
 
     stage: Callable[[Frame], Taken]
     first: SceneState
@@ -63,7 +63,7 @@ class _Kit(Generic[Taken]):
 
 @dataclass(frozen=True, eq=False)
 class _Shard(Generic[Taken]):
-    """What a task hands back, and who drew it."""
+    """Result of a task, with the node that drew it."""
 
     node: str
     info: GlInfo
@@ -71,7 +71,7 @@ class _Shard(Generic[Taken]):
 
 
 class RayFrames(FrameProducer[Taken]):
-    """Takes frames on a cluster's nodes. Every node needs the same version of Flyaround and the same GL renderer.
+    """Frame producer on a cluster. Every node needs the same version of Flyaround and the same GL renderer.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class RayFrames(FrameProducer[Taken]):
             raise
 
     def _slots(self) -> int:
-        """Tasks that the cluster can run at once, as it is now."""
+        """Return the number of tasks that the cluster can run at once now."""
         there = self._ray.cluster_resources()
         slots = there.get("CPU", 0.0)
         if self._cluster.gpu_share > 0:
@@ -136,7 +136,7 @@ class RayFrames(FrameProducer[Taken]):
 
     @property
     def info(self) -> GlInfo:
-        """What draws; waits until the first node is up."""
+        """The renderer's driver; waits until the first node is ready."""
         if self._info is None:
             self._sent.appendleft((self._send([]), 0))
             self._collect()
@@ -144,29 +144,29 @@ class RayFrames(FrameProducer[Taken]):
 
     @property
     def has_room(self) -> bool:
-        """Whether `submit` would be accepted."""
+        """True if `submit` would accept a request."""
         return len(self._sent) < 2 * self._slots()
 
     @property
     def in_flight(self) -> int:
-        """Frames asked for and not collected yet."""
+        """Number of frames requested and not yet collected."""
         return len(self._ready) + sum(n for _, n in self._sent)
 
     def submit(self, request: FrameRequest) -> bool:
-        """Ask for one frame, as a task of its own."""
+        """Request one frame, as a task of its own."""
         if not self.has_room:
             return False
         self._sent.append((self._send([request]), 1))
         return True
 
     def ready(self) -> bool:
-        """Whether `result` would return at once."""
+        """Return True if `result` would return at once."""
         return bool(self._ready) or (
             bool(self._sent) and bool(self._ray.wait([self._sent[0][0]], timeout=0)[0])
         )
 
     def result(self) -> Taken:
-        """The oldest frame under way; waits for it."""
+        """Return the oldest frame in flight; waits for it."""
         if not self.in_flight:
             raise RuntimeError("no frame is under way")
         while not self._ready:
@@ -174,7 +174,7 @@ class RayFrames(FrameProducer[Taken]):
         return self._ready.popleft()
 
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
-        """One frame for each request, in order, drawn by shards."""
+        """Yield one frame per request, in order, drawn by shards."""
         if self.in_flight > 0:
             raise RuntimeError("frames of a run that was broken off are under way; open another producer")
         coming = iter(requests)
@@ -219,7 +219,7 @@ class RayFrames(FrameProducer[Taken]):
         self._ready.extend(shard.taken)
 
     def _refuse(self, error: Exception) -> NoReturn:
-        """Say what a task or the cluster died of."""
+        """Raise the error of a failed task or cluster."""
         cause = getattr(error, "cause", None)
         if isinstance(cause, UserError):
             raise cause from error
@@ -237,7 +237,7 @@ class RayFrames(FrameProducer[Taken]):
         ) from error
 
     def close(self) -> None:
-        """Leave the cluster; tasks under way are given up."""
+        """Leave the cluster; tasks in flight are discarded."""
         for reference, _ in self._sent:
             self._ray.cancel(reference, force=False)
         self._sent.clear()
@@ -293,7 +293,7 @@ def _refuse_silent(address: str, advice: str) -> None:
 
 
 def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
-    """Draw a shard's frames: what a task does. Of no requests it opens the renderer and says what draws."""
+    """Draw a shard's frames: the body of a task. Without requests it opens the renderer and reports the driver."""
     import ray  # noqa: PLC0415 - of the process that Ray runs
 
     gpus = ray.get_runtime_context().get_accelerator_ids().get("GPU", [])
@@ -304,7 +304,7 @@ def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
 
 @lru_cache(maxsize=1)
 def _opened(kit: Any, device_index: int | None) -> tuple[_Kit[Any], Any, ExitStack]:  # noqa: ANN401 - Ray's reference
-    """The kit and a renderer, kept in a worker's process from one task to the next."""
+    """Return the kit and a renderer, kept in a worker process between tasks."""
     import ray  # noqa: PLC0415 - of the process that Ray runs
 
     keep_freed_memory()

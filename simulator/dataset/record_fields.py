@@ -1,4 +1,4 @@
-"""What every field of a frame's record is, in words: the card repeats it for whoever reads the records."""
+"""Descriptions of every field of a frame's record, which the card repeats."""
 
 RECORD_FIELDS = {
     "epoch_utc": "mid-exposure, ISO 8601, UTC",
@@ -29,4 +29,4 @@ RECORD_FIELDS = {
     "source": "of an imported picture: its name in the set that it comes from",
     "schema, version": "what kind of record it is: flyaround.truth, or flyaround.imported",
 }
-"""Names of fields, those of one kind together, and what they are."""
+"""Descriptions by field name; fields of one kind share one."""

@@ -1,4 +1,4 @@
-"""Going on with a data set: the same plan or refused, and which of its frames are there undamaged."""
+"""Resuming a data set: comparison of the plans, and the frames that are present and undamaged."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class WhatIsThere:
 
 
 def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, DatasetCard | None]:
-    """The card to go on with and the one that was there; None where nothing was.
+    """Return the card to continue with and the existing one; None if there was none.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
 
 
 def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:
-    """Which frames are there as they were written; of damaged ones the record is taken away, as of unfinished ones.
+    """Return the frames that are present and intact; records of damaged or unfinished ones are removed.
 
     By the manifest's hashes; frames that it does not name, by the hashes of pixels in their records.
 
@@ -120,12 +120,12 @@ def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThe
 
 
 def _name(k: int) -> str:
-    """Of frame k's record."""
+    """Return the name of frame k's record."""
     return f"images/{k:06d}.json"
 
 
 def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
-    """Whether frame k is what was written; None where it never was to the end."""
+    """Return True if frame k is intact, False if it is damaged, None if it is incomplete."""
     if not store.exists(_name(k)):
         # a record that was there once and is gone is damage too, but nothing is lost by calling it missing
         return None
@@ -142,7 +142,7 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
 
 
 def _agrees_with_its_record(folder: Path, k: int) -> bool:
-    """Return True if image, mask and layers have the hashes of the record, and there is no other file."""
+    """Return True if image, mask and layers have the record's hashes, and there is no other file."""
     if not is_whole(folder, k):
         return False
     paths = frame_paths(folder, k)
@@ -177,7 +177,7 @@ def _hashes(store: Store, k: int) -> dict[str, str]:
 
 
 def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
-    """A larger number must leave the frames that are there as they are: moments spread over a flight move."""
+    """Raise if a larger number of frames would change the existing ones, as when moments are spread over a flight."""
     for k in frames:
         where = f"{store.title}/{_name(k)}"
         try:

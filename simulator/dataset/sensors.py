@@ -1,4 +1,4 @@
-"""Sensors of other packages: what else is measured in a frame's instant, a file beside its picture."""
+"""Sensors of other packages: additional measurements of a frame, a file beside its image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def parse_sensors(text: str) -> tuple[str, ...]:
-    """Sensors of a comma-separated list, each imported.
+    """Parse a comma-separated list of sensors, and import each.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def parse_sensors(text: str) -> tuple[str, ...]:
 
 
 def measurements(frame: Frame, names: Iterable[str]) -> dict[str, bytes]:
-    """What each sensor says of a frame, as the bytes of an NPZ file.
+    """Return each sensor's measurements of a frame, as the bytes of an NPZ file.
 
     Its random numbers depend on the frame's seed and number and on the sensor's name alone.
 

@@ -1,4 +1,4 @@
-"""The silhouette of a target at a pose, its triangles filled by OpenCV on the CPU: for pictures drawn elsewhere."""
+"""Silhouette of a target at a pose, filled by OpenCV on the CPU: for images drawn elsewhere."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Silhouette:
 
 
 def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
-    """The silhouette of a target; what of it the lens does not see is left out."""
+    """Return the silhouette of a target; parts outside the lens's field of view are omitted."""
     mesh = mesh_of(target)
     empty = np.zeros((camera.height_px, camera.width_px), np.uint8)
     in_camera = pose.apply(mesh.positions_m)

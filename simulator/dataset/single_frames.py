@@ -1,4 +1,4 @@
-"""Single frames and their truth, without a data set around them."""
+"""Single frames and their truth, without a data set."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def render_scene(
 def time_passes(
     scene: SceneState, target: Target, *, repeats: int = 5, device_index: int | None = None
 ) -> dict[str, float]:
-    """Time of each stage and pass of a scene [ms]: medians of ``repeats`` frames after a first that fills caches."""
+    """Measure the time of each stage and pass of a scene [ms]: medians of ``repeats`` frames after a warm-up."""
     with open_frames(whole_frame, device_index=device_index, prefetched={}, target=target) as producer:
         requests = (FrameRequest(scene=scene, labels=False, timed=True) for _ in range(repeats + 1))
         ledgers = [frame.stage_ms for frame in producer.frames(requests)][1:]
@@ -75,7 +75,7 @@ def time_passes(
 
 
 def check_picture_path(path: str | Path) -> Path:
-    """A place that a picture and its truth can be written to; an earlier picture there is replaced.
+    """Return a path that an image and its truth can be written to; an earlier image there is replaced.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def check_picture_path(path: str | Path) -> Path:
 
 
 def _is_truth(path: Path) -> bool:
-    """Whether a file calls itself a truth record, whole or not."""
+    """Return True if a file looks like a truth record, even a truncated one."""
     try:
         with path.open("rb") as file:
             return b'"flyaround.truth"' in file.read(_HEAD_BYTES)
@@ -113,7 +113,7 @@ def _is_truth(path: Path) -> bool:
 
 
 def save_picture(frame: Frame, path: str | Path) -> Path:
-    """Write the image by its ending, the truth to ``.json`` and the layers beside it; returns the truth's path.
+    """Write the image by its suffix, the truth to ``.json`` and the layers beside it. Return the truth's path.
 
     Raises
     ------

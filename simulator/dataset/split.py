@@ -1,4 +1,4 @@
-"""Training, validation and test frames of a data set: stratified by range, and the same however many frames follow."""
+"""Training, validation and test split: stratified by range, and stable however many frames follow."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Ratio = tuple[int, int, int]
 
 
 def parse_split(text: str) -> Ratio:
-    """Shares of training, validation and test frames out of ``8:1:1``, in lowest terms.
+    """Parse shares of training, validation and test frames such as ``8:1:1``, in lowest terms.
 
     Raises
     ------
@@ -50,14 +50,14 @@ def parse_split(text: str) -> Ratio:
 
 
 def lowest_terms(numbers: list[int] | tuple[int, ...]) -> Ratio:
-    """A ratio without common factors; what is missing of three numbers is 0."""
+    """Return a ratio without common factors; missing numbers are 0."""
     a, b, c = (*numbers, 0, 0, 0)[:3]
     factor = math.gcd(a, b, c) or 1
     return a // factor, b // factor, c // factor
 
 
 class SplitAssigner:
-    """Gives each frame its split, in the order of their numbers.
+    """Assigns each frame its split, in the order of their numbers.
 
     A frame's split depends on the frames before it alone, so that a larger data set keeps it. Frames that show one
     moment or one flight (pairs, sequences) go together. Within each stratum of range and over all of them the shares
@@ -80,7 +80,7 @@ class SplitAssigner:
         """Frames of each split so far."""
 
     def assign(self, frame: LabelledFrame) -> str:
-        """The split of the next frame."""
+        """Return the split of the next frame."""
         if frame.number in self._given:
             name = self._given[frame.number]
             self.numbers[name].append(frame.number)
@@ -108,7 +108,7 @@ class SplitAssigner:
 
 
 def group_of(frame: LabelledFrame) -> tuple[str, int]:
-    """What a frame must not be parted from: its pair, its sequence, or itself alone."""
+    """Return the group that must stay in one split: a frame's pair, its sequence, or itself."""
     sample = getattr(getattr(frame.truth, "scene", None), "sample", None)
     pair, sequence = getattr(sample, "pair", None), getattr(sample, "sequence", None)
     if pair is not None:
@@ -144,13 +144,13 @@ class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def split_file(assigner: SplitAssigner) -> bytes:
-    """The text of ``split.json``."""
+    """Return the text of ``split.json``."""
     found = SplitFile(ratio=assigner.ratio, **{name: tuple(v) for name, v in assigner.numbers.items()})
     return msgspec.json.encode(found) + b"\n"
 
 
 def read_split(folder: Path) -> dict[int, str]:
-    """The split of each frame of a data set; nothing where it is not split.
+    """Read the split of each frame of a data set; empty if it is not split.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Stereo pairs: the second camera's pictures of a plan, a data set of their own in a folder of the first one's."""
+"""Stereo pairs: the second camera's images of a plan, a data set in a folder of the first one's."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SecondCameraPlan(DocumentPlan):
-    """Frames of a plan as its second camera sees them; the camera itself is of the same kind as the first."""
+    """Frames of a plan as its second camera, of the same kind, sees them."""
 
     plan: DocumentPlan
     second: SecondCamera
@@ -62,7 +62,7 @@ class SecondCameraPlan(DocumentPlan):
 
     @property
     def second_camera(self) -> SecondCamera | None:
-        """None: there is no third."""
+        """None: there is no third camera."""
         return None
 
     def planned_scene(self, k: int) -> SceneState:
@@ -76,7 +76,7 @@ class SecondCameraPlan(DocumentPlan):
 
 
 def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
-    """What a plan's second camera sees; None without one.
+    """Return the plan of a plan's second camera; None without one.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
 
 
 def stereo_card(plan: DocumentPlan) -> StereoCard | None:
-    """What the card of one of the two says of the pair."""
+    """Return the pair's geometry for the card of one of the two sets."""
     if isinstance(plan, SecondCameraPlan):
         return _card("second", plan.second)
     return None if plan.second_camera is None else _card("first", plan.second_camera)
@@ -107,7 +107,7 @@ def _card(which: str, second: SecondCamera) -> StereoCard:
 
 
 def second_folder(folder: Path, card: DatasetCard) -> Path | None:
-    """Where the second camera's data set of a first one's lies, whether it is there or not."""
+    """Return the folder of the second camera's data set, whether it exists or not."""
     if card.stereo is None or card.stereo.camera != "first":
         return None
     refuse_link_out(folder / FOLDER, folder)
@@ -115,7 +115,7 @@ def second_folder(folder: Path, card: DatasetCard) -> Path | None:
 
 
 def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, str]]:
-    """What of the two cameras' records does not belong together, by frame; each set is checked for itself besides."""
+    """Yield inconsistencies between the two cameras' records, by frame; each set is checked for itself besides."""
     place = second_folder(folder, card)
     if place is None or card.stereo is None:
         return

@@ -1,4 +1,4 @@
-"""A data set's frames as tensors; importing this needs torch."""
+"""Frames of a data set as tensors; importing this module needs torch."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked here
-    """Items as `flyaround.simulator.dataset.labelled_dataset.LabelledDataset.torch` says.
+    """Items as described in `flyaround.simulator.dataset.labelled_dataset.LabelledDataset.torch`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The sink that writes a data set, and the stage before it that checks and encodes each frame where it is drawn."""
+"""The sink that writes a data set, and the stage before it that verifies and encodes each frame where it is drawn."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, or nothing.
+    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, if anything.
 
     ``manifest`` : lines of its files' hashes. ``redraws`` : how often each constraint of a recipe had its pose drawn
     again.
@@ -45,7 +45,7 @@ class CheckedFrame:
 
 @dataclass(frozen=True, eq=False)
 class CheckAndEncode:
-    """The stage before a `DatasetWriter`: compares a frame's labels by other means, and encodes its files.
+    """The stage before a `DatasetWriter`: verifies a frame's labels independently, and encodes its files.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class CheckAndEncode:
     target: Target | None = None
 
     def __call__(self, frame: Frame) -> CheckedFrame:
-        """The frame's files, and what was found wrong."""
+        """Return the frame's files and the faults of its labels."""
         if frame.truth is None or frame.mask is None:
             raise RuntimeError("a captured frame needs labels")
         target = frame.scene.target.drawn(self.target)
@@ -82,7 +82,7 @@ class CheckAndEncode:
 
 
 class DatasetWriter:
-    """Writes checked frames into a store, those whose labels disagree apart, and keeps the card true meanwhile.
+    """Writes verified frames into a store, quarantines faulty ones, and keeps the card consistent.
 
     Use as a context manager: leaving it, for whatever reason, writes the frames that are still held.
 
@@ -101,7 +101,7 @@ class DatasetWriter:
         self._write_card()
 
     def write(self, frame: CheckedFrame) -> None:
-        """Write one frame, by the end of the `with` at the latest."""
+        """Write one frame, before the `with` block ends at the latest."""
         if frame.reason:
             self._quarantine(frame)
             return
@@ -112,11 +112,11 @@ class DatasetWriter:
         self.redraws.update(frame.redraws)
 
     def flush(self) -> None:
-        """Have all frames so far on the disk."""
+        """Flush all frames so far to the disk."""
         self._batches.flush()
 
     def finish(self) -> None:
-        """Have the card say that all is there, unless frames are kept apart."""
+        """Mark the card complete, unless frames are quarantined."""
         self.flush()
         sort_manifest(self._store)
         self.card = msgspec.structs.replace(self.card, complete=not self.quarantined)
@@ -133,7 +133,7 @@ class DatasetWriter:
         self._store.write([(CARD_NAME, card_to_json(self.card))])
 
     def _quarantine(self, frame: CheckedFrame) -> None:
-        """Write a frame whose labels disagree apart, with its reason."""
+        """Write a frame whose labels disagree to quarantine, with its reason."""
         reason = (f"{frame.number:06d}.txt", (frame.reason + "\n").encode())
         files = [reason, *frame_files(frame.number, frame.files)]
         self._store.write([(f"quarantine/{name}", data) for name, data in files])

@@ -1,1 +1,1 @@
-"""Verifies every label of a data set again, by other means than those that made it."""
+"""Verifies every label of a data set independently of the code that made it."""

@@ -1,4 +1,4 @@
-"""Check of the card against the target, the records, and the manifest against the files."""
+"""Check of the card against target and records, and of the manifest against the files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_NAMED = 5  # files of a kind
 def check_card(
     card: DatasetCard, target: Target | None, layers_of_frames: Sequence[tuple[str, ...]]
 ) -> Iterator[str]:
-    """Compare the card with the target model and with the layers that the records name.
+    """Compare the card with the target model and with the layers named in the records.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def check_frames_listed(
 def check_manifest(
     folder: Path, card: DatasetCard, frames: Sequence[int]
 ) -> Iterator[tuple[int | None, str]]:
-    """Compare the hashes in the manifest with the files of some frames; of a complete set every file has one."""
+    """Compare the manifest's hashes with the files of some frames; in a complete set every file has one."""
     store = FolderStore(folder)
     try:
         manifest = read_manifest(store)

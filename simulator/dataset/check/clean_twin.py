@@ -1,4 +1,4 @@
-"""Check of the clean twin: the image less it is the noise that the sensor says, on the craft and everywhere."""
+"""Check of the clean twin: the difference from the image has the sensor's noise, on the craft and everywhere."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ LEVELS = np.linspace(0, 1, 129) ** 2  # denser where the light is little: noise 
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
 DEMOSAICED_SPREAD = (0.2, 1.5)  # neighbours are averaged
 SHIFT = 0.5
-"""Sigmas by which the median of the noise may be off zero."""
+"""Tolerance of the median of the noise [sigma]."""
 QUIET_STEPS = 1.2
-"""Noise of so few steps of the image's numbers that rounding decides by how much the image differs from its twin."""
+"""Noise, in steps of the digital numbers, below which rounding dominates the difference from the twin."""
 FEWEST, ENOUGH = 200, 500_000
-"""Pixels that make a statistic, and that suffice for one of a whole picture."""
+"""Minimum number of pixels for a statistic, and the number that suffices for a whole image."""
 
 
 def balance_factors(truth: Truth) -> FloatArray:
-    """By how much white balance multiplies each band (3,) of a colour picture, and its noise; 1 without a detector."""
+    """Return the white-balance gain of each band (3,) of a colour image, also of its noise; 1 without a detector."""
     sensor = truth.scene.sensor
     if sensor.detector is None:
         return np.ones(3)
@@ -41,7 +41,7 @@ def balance_factors(truth: Truth) -> FloatArray:
 def check_clean(
     truth: Truth, image: NDArray[np.unsignedinteger], mask: ByteArray, clean: NDArray[np.unsignedinteger]
 ) -> list[str]:
-    """Check that each band of the image less its clean twin is the noise that the sensor says."""
+    """Check that the image minus its clean twin is the sensor's noise, band by band."""
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
     factors = balance_factors(truth) if image.ndim == 3 else np.ones(1)
@@ -64,7 +64,7 @@ def _check_band(
     on_craft: BoolArray,
     factor: float,
 ) -> str:
-    """Return how one band (H, W) differs from the sensor's noise, in words; empty if it does not.
+    """Return how one band (H, W) deviates from the sensor's noise; empty if it does not.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _check_band(
 
 
 def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
-    """Return True if the median of the noise is off zero by more than its law and rounding allow."""
+    """Return True if the median of the noise deviates from zero by more than its distribution and rounding allow."""
     # the image's own median is a whole number, too
     allowed = SHIFT + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
     return abs(float(np.median(residual[where] / sigma[where]))) > allowed

@@ -1,4 +1,4 @@
-"""Contents of an exported file, entry by entry, so that a file can be compared with another of other frames."""
+"""Contents of an exported file, entry by entry, for comparison with the file of another set of frames."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
-"""Bounds on how far two JPEG codecs of the same quality decode the same picture apart."""
+"""Bounds on the difference between two JPEG decoders of the same image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
-"""Rounding of numbers that were computed again by other versions of the libraries."""
+"""Tolerances of numbers recomputed with other versions of the libraries."""
 MOST_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
@@ -61,7 +61,7 @@ class JpegPixels:
 
 
 def entries(name: str, data: bytes) -> Iterator[Entry]:
-    """Yield the contents of a file; one of an unknown ending is a single entry, its bytes.
+    """Yield the contents of a file; an unknown file type is a single entry, its bytes.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def entries(name: str, data: bytes) -> Iterator[Entry]:
 
 
 def is_cut(name: str, last_bytes: bytes) -> bool:
-    """Return True if a file does not end as files of its kind do."""
+    """Return True if a file is truncated, judged by its type."""
     suffix = Path(name).suffix
     if not last_bytes:
         return suffix != ".txt"  # YOLO's label of an empty picture
@@ -162,7 +162,7 @@ def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def refuse_repeated_keys(data: bytes, where: str) -> None:
-    """Refuse JSON in which an object has a key twice: readers disagree on which value stands.
+    """Raise if a JSON object has a duplicate key, on which readers disagree.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def _number_in(name: str) -> int | None:
 
 
 def _lines(data: bytes) -> Iterator[Entry]:
-    """Lines of a table, numbers rounded."""
+    """Yield the lines of a table, with numbers rounded."""
     seen: dict[str, int] = {}
     for line in data.decode().splitlines():
         text = ",".join(_rounded(cell) for cell in line.split(","))

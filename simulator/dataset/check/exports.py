@@ -1,4 +1,4 @@
-"""Check of the exports beside the native layout: each is compared, file by file, with what the native frames give."""
+"""Check of the exports: each file is compared with what the native frames give."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SHARE = 0.05
 FEWEST, MOST_OF_SMALL, PICTURES = 4, 10, 24
-"""Frames that are compared at least, those of few formats, and frames times formats between the two."""
+"""Minimum number of compared frames, the number for few formats, and the product of frames and formats between."""
 MOST_BYTES = 2**30
 POSE_WITHIN = 1e-9
 LISTS = (".json", ".csv")
@@ -40,7 +40,7 @@ _SHARD = re.compile(r"(.*-)\d+(\.(?:tar|parquet|mcap))")
 
 @dataclass(frozen=True)
 class ExportCheck:
-    """Result of the comparison: how many frames of each export were compared, the faults, what was not compared."""
+    """Result of the comparison: number of compared frames of each export, faults, and what was not compared."""
 
     n_frames: int
     faults: tuple[tuple[int | None, str], ...] = ()
@@ -48,7 +48,7 @@ class ExportCheck:
 
 
 class ExportsCheck:
-    """Comparison of a data set's exports with its native frames, which are taken one at a time.
+    """Comparison of a data set's exports with its native frames, one frame at a time.
 
     Of each frame's own files it is checked that they are there and not cut off, of lists of poses every row. The
     contents are compared of a sample of the frames, or of all.
@@ -103,7 +103,7 @@ class ExportsCheck:
         self._sample = frozenset(numbers if whole else _sample(numbers, self.splits, seed, len(names)))
 
     def take(self, frame: LabelledFrame) -> None:
-        """Compare the files of a frame, if it is one of the sample."""
+        """Compare the files of a frame, if it is in the sample."""
         if frame.number in self._sample:
             for comparison in self._comparisons:
                 comparison.take(frame)
@@ -129,7 +129,7 @@ class ExportsCheck:
 
 
 def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
-    """Frames whose contents are compared, some of each split."""
+    """Select the frames whose contents are compared, some of each split."""
     order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
     fewest = min(MOST_OF_SMALL, max(FEWEST, PICTURES // n_formats))
     chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
@@ -139,7 +139,7 @@ def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_form
 
 
 class _Comparison:
-    """Output of a format's writer that compares each file with the one that is there.
+    """Format output that compares each file with the existing one.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class _Comparison:
             yield wanted[key] if wanted else None, f"{key} is missing"
 
     def _comparable(self, value: Any) -> Any:  # noqa: ANN401 - any value of a file
-        """Leave out the numbers of models, which depend on the frames before."""
+        """Return a name without the model numbers, which depend on earlier frames."""
         if self._is_whole or not self._is_varied or not isinstance(value, list):
             return value
         return [
@@ -249,7 +249,7 @@ class _Comparison:
 def _check_others(
     comparison: _Comparison, poses: Mapping[int, Pose], splits: Mapping[int, str]
 ) -> Iterator[tuple[int, str]]:
-    """Files of the frames that were not compared: there, and not cut off."""
+    """Check that the files of frames that were not compared exist and are not truncated."""
     templates: dict[str, set[str]] = {}
     for k, names in comparison.written.items():
         if k is not None:
@@ -279,7 +279,7 @@ def _template(name: str, number: int) -> str:
 
 
 def _check_poses(comparison: _Comparison, poses: Mapping[int, Pose]) -> Iterator[tuple[int | None, str]]:
-    """Every row of the lists that the format's own reader reads."""
+    """Check every row of the lists that the format's own reader reads."""
     read = comparison.form.read
     if read is None:
         return

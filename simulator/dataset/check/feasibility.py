@@ -1,4 +1,4 @@
-"""Checks of the two shares that decide whether a frame is feasible, each worked out once more by other means.
+"""Checks of the two shares that decide whether a frame is feasible, computed independently.
 
 The silhouette is filled by OpenCV on the CPU. Steps along the wireframe are taken in double precision, sample by
 sample, from the clean twin or from a picture that was drawn again; where that cannot tell on which side of the noise a
@@ -48,7 +48,7 @@ ROUNDING = 1e-5
 
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
-    """The share of the whole silhouette that falls on the image, from triangles filled on the CPU."""
+    """Check the share of the silhouette inside the image, from triangles filled on the CPU."""
     mesh, camera = mesh_of(target), truth.camera
     box = truth.box_amodal_px
     if (
@@ -107,7 +107,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
 
 
 def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) -> tuple[float, float]:
-    """Fine pixels of a filled silhouette, without half of its outline, and those of them that lie on the image."""
+    """Return the area of a filled silhouette without half of its outline, and the part of it inside the image."""
     inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
     share = (fine.astype(float) + inner) / 510
     x, y = ((np.arange(n) + 0.5) / scale + s for n, s in zip(fine.shape[::-1], start, strict=True))
@@ -118,7 +118,7 @@ def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) ->
 def check_step_share(
     truth: Truth, target: Target, signal: FloatArray, doubt: float, relative: float = 0.0
 ) -> list[str]:
-    """The share of the visible wireframe whose step reaches one sigma of the noise.
+    """Check the share of the visible wireframe whose step reaches one sigma of the noise.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def check_step_share(
 
 
 def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Pixels (S, 2) on the image of each visible stretch, and its normal (S, 2) at each."""
+    """Yield pixels (S, 2) of each visible stretch in the image, and the normal (S, 2) at each."""
     camera, pose = truth.camera, truth.scene.camera_from_target
     still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
     # what is seen of each edge is checked by rays elsewhere
@@ -185,7 +185,7 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
 
 
 def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: float) -> FloatArray:
-    """(2, S) an image's values on the two sides of an edge.
+    """Return the (2, S) values of an image on the two sides of an edge.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: f
 
 
 def _between_pixels(image: FloatArray, pixels: FloatArray) -> FloatArray:
-    """Bilinear values (S,) at pixels (S, 2), the border's own beyond it."""
+    """Interpolate values (S,) at pixels (S, 2) bilinearly, clamped to the border."""
     height, width = image.shape
     x, y = (np.clip(pixels[:, k], 0, n - 1) for k, n in enumerate((width, height)))
     x0, y0 = (np.minimum(c.astype(int), max(n - 2, 0)) for c, n in ((x, width), (y, height)))

@@ -1,4 +1,4 @@
-"""Checks of what is projected: keypoints, pose, boxes, silhouette; each by other means than made it."""
+"""Checks of projected labels: keypoints, pose, boxes, silhouette, computed independently."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 def project_with_opencv(
     camera: Camera, points_m: FloatArray, q_wxyz: tuple[float, ...], t_m: FloatArray
 ) -> FloatArray:
-    """Pixels (K, 2) of target points by OpenCV's own projection."""
+    """Project target points to pixels (K, 2) with OpenCV."""
     rotation = cv2.Rodrigues(matrix_from_quat(q_wxyz))[0]
     coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
     if camera.distortion.model == "kannala_brandt":
@@ -51,7 +51,7 @@ def project_with_opencv(
 
 
 def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
-    """Which points (K, 3) before the camera lie within what its lens is known for: beyond it, OpenCV's series folds."""
+    """Return which points (K, 3) lie within the lens model's valid radius; beyond it OpenCV's polynomial folds back."""
     if camera.distortion.is_none:
         return np.ones(len(points_camera_m), bool)
     xy = points_camera_m[:, :2] / points_camera_m[:, 2:]
@@ -59,7 +59,7 @@ def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
 
 
 def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
-    """(K, 2) x/z, y/z of what is seen at pixels (K, 2), by OpenCV's own inverse."""
+    """Return (K, 2) x/z, y/z at pixels (K, 2), with OpenCV's inverse distortion."""
     coefficients = np.array(camera.distortion.coefficients or [0.0] * 5)
     pixels = pixels_px.reshape(-1, 1, 2)
     if camera.distortion.model == "kannala_brandt":
@@ -70,7 +70,7 @@ def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
 
 
 def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
-    """Names, projections, the pose that they give, and who is out of the frame."""
+    """Check names, projections, the pose that they give, and which are out of the frame."""
     wrong = []
     variation = truth.scene.target.variation
     known = card.target.keypoints
@@ -123,7 +123,7 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
 
 
 def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
-    """The pose by PnP, from the label itself as the start: the pixels must agree with it to 1e-6."""
+    """Check the pose by PnP started from the label: the pixels must agree with it to 1e-6."""
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
@@ -151,7 +151,7 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
 
 
 def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
-    """Most keypoints that are seen lie within 3 px of the mask; a tip thinner than a pixel may lie off it."""
+    """Check that most visible keypoints lie within 3 px of the mask; a tip thinner than a pixel may not."""
     near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
     seen, off = 0, []
     for k in truth.keypoints:
@@ -166,7 +166,7 @@ def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
 
 
 def check_box_3d(truth: Truth, target: Target) -> list[str]:
-    """The box about the mesh in three dimensions, and where its corners are seen."""
+    """Check the box of the mesh in three dimensions, and the projection of its corners."""
     if not truth.box_3d_target_m:
         return []
     positions = np.concatenate([part.positions_m for part in target.parts]).astype(float)
@@ -198,7 +198,7 @@ def check_box_3d(truth: Truth, target: Target) -> list[str]:
 def doubtful_pixels(
     truth: Truth, mask: ByteArray, target: Target, origin_px: tuple[int, int] = (0, 0)
 ) -> IntArray:
-    """(K, 2) pixels x, y of a mask that the projected triangles, filled on the CPU, contradict by more than an outline.
+    """Return (K, 2) mask pixels x, y that differ from the triangles filled on the CPU by more than an outline.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def doubtful_pixels(
 
 
 def shown_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
-    """(M,) which projected triangles (M, 3, 2) a silhouette needs: of a closed shell those that face the camera.
+    """Return which projected triangles (M, 3, 2) a silhouette needs: in a closed shell those that face the camera.
 
     They cover all that the shell does.
     """
@@ -243,13 +243,13 @@ def shown_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
 
 
 def _twice_area(corners_px: FloatArray) -> FloatArray:
-    """(M,) twice the area of triangles (M, 3, 2), negative where the corners go against the clock on the image."""
+    """Return (M,) twice the area of triangles (M, 3, 2), negative if the corners are counter-clockwise in the image."""
     e1, e2 = corners_px[:, 1] - corners_px[:, 0], corners_px[:, 2] - corners_px[:, 0]
     return np.asarray(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0])
 
 
 def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: FloatArray) -> FloatArray:
-    """Triangles (M, 3, 3) of the target with those cut in four of which the lens bends an edge, until it bends none.
+    """Subdivide the target's triangles (M, 3, 3) until the lens bends none of their edges.
 
     Parameters
     ----------
@@ -275,7 +275,9 @@ def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: 
 
 
 def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:
-    """Where a rolling shutter has projected points: each moves on a straight line and is met by its own row."""
+    """Return the positions of points as a rolling shutter sees them: each moves on a line and is exposed by its own
+    row.
+    """
     if len(truth.row_poses) < 2:
         return pixels
     first, last = truth.row_poses[0], truth.row_poses[-1]
@@ -293,7 +295,8 @@ def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) ->
 
 
 def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[ByteArray, ByteArray]:
-    """Projected triangles (M, 3, 2) filled on a grid FILL_SCALE times finer: surely inside, and perhaps inside.
+    """Fill projected triangles (M, 3, 2) on a grid FILL_SCALE times finer. Return the surely and the possibly covered
+    part.
 
     OpenCV fills the pixels a border touches too, which closes slots narrower than a pixel: ``outer`` has them
     closed, ``inner`` has one fine pixel taken off every border, which opens them.

@@ -1,4 +1,4 @@
-"""Checks of an imported picture's labels: what follows of pose, camera and model, by OpenCV's projection."""
+"""Checks of an imported image's labels, which follow from pose, camera and model, by OpenCV's projection."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def check_imported(
     card: DatasetCard,
     target: Target | None,
 ) -> list[str]:
-    """Everything wrong with imported frame k, a sentence each."""
+    """Return everything wrong with imported frame k, one sentence each."""
     size = (truth.camera.height_px, truth.camera.width_px)
     if image.shape[:2] != size or mask.shape != size:
         return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
@@ -53,7 +53,7 @@ def check_imported(
 
 
 def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
-    """Keypoints, and the box about all vertices, where OpenCV projects them."""
+    """Check keypoints and the box of all vertices against OpenCV's projection."""
     q, t = truth.q_camera_from_target_wxyz, np.asarray(truth.t_camera_from_target_m)
     wrong = []
     ahead = [p for p in truth.keypoints if p.pixel_px is not None]

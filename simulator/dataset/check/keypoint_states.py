@@ -29,7 +29,7 @@ BY_PICTURE = ("visible", "saturated", "below_noise")
 
 
 class Triangles:
-    """All triangles of a craft, target frame, to be met by rays."""
+    """All triangles of a craft, target frame, for ray tests."""
 
     def __init__(self, target: Target) -> None:
         self.vertices_m = np.concatenate([part.positions_m for part in target.parts]).astype(float)
@@ -42,7 +42,7 @@ class Triangles:
         self._within = (middle**2).sum(axis=1) - self._reach**2
 
     def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
-        """Whether a triangle surely, and whether one perhaps stands on a ray.
+        """Return whether a triangle surely, and whether one possibly, intersects a ray.
 
         Parameters
         ----------
@@ -74,12 +74,12 @@ class Triangles:
 
 @cached_per_object
 def triangles_of(target: Target) -> Triangles:
-    """`Triangles`, kept for the targets in use."""
+    """Return `Triangles`, cached for the targets in use."""
     return Triangles(target)
 
 
 def check_states(truth: Truth, target: Target) -> list[str]:
-    """Keypoints that are called hidden, eclipsed, in shadow, or none of these, and a ray says otherwise."""
+    """Return the keypoints whose geometric state contradicts a ray."""
     mesh = triangles_of(target)
     to_sun = matrix_from_quat(truth.q_camera_from_target_wxyz).T @ np.asarray(truth.sun_direction_camera)
     wrong = []
@@ -98,7 +98,9 @@ def check_states(truth: Truth, target: Target) -> list[str]:
 def _possible(
     truth: Truth, keypoint: KeypointLabel, mesh: Triangles, to_sun: FloatArray
 ) -> list[KeypointState | str]:
-    """States that the geometry allows, the first that applies or, where a ray grazes something, the next as well."""
+    """Return the states that the geometry allows: the first that applies and, if a ray grazes something, the next
+    one too.
+    """
     point = np.array(keypoint.target_m)
     row = 0.0 if keypoint.pixel_px is None else keypoint.pixel_px[1]
     eye = np.asarray(pose_of_row(truth, row).inverse().t_m) - point
@@ -117,7 +119,7 @@ def _possible(
 
 
 def check_amodal_box(truth: Truth, target: Target) -> list[str]:
-    """The box of the whole craft: the bounds of all its vertices, projected by OpenCV where a lens bends."""
+    """Check the amodal box against the bounds of all vertices, projected by OpenCV if the lens distorts."""
     points = triangles_of(target).vertices_m
     t, R = np.asarray(truth.t_camera_from_target_m), matrix_from_quat(truth.q_camera_from_target_wxyz)
     depth = points @ R[2] + t[2]

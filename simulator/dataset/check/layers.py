@@ -1,4 +1,4 @@
-"""Checks of the label layers: whole images against each other, and sampled pixels against rays cast on the CPU."""
+"""Checks of the label layers: whole images against each other, and sampled pixels against rays on the CPU."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ FLOW_PX = 2e-3
 
 
 def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None = None) -> list[str]:
-    """Everything wrong with the layers of a frame, a sentence each.
+    """Return everything wrong with the layers of a frame, one sentence each.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
 
 def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
-    """One support for all, unit normals towards the camera, parts that are named, keypoints at their depth."""
+    """Check for one common support, unit normals towards the camera, named parts, and keypoints at their depth."""
     wrong, on = [], mask > 0
     if "depth" in layers:
         depth = layers["depth"]
@@ -104,7 +104,7 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
 
 
 def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
-    """(H, W) of (H, W, C): bits or truths that are set in any channel; numpy is slow along short axes."""
+    """Return (H, W) from (H, W, C): bits or flags that are set in any channel; NumPy is slow along short axes."""
     found = values[..., 0].copy()
     for k in range(1, values.shape[2]):
         found |= values[..., k]
@@ -112,7 +112,7 @@ def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[str]:
-    """Normals (K, 3) of the pixels that are ``on``, row by row, against the rays there."""
+    """Check normals (K, 3) of the pixels that are ``on``, row by row, against the viewing rays."""
     rows, columns = np.nonzero(on)
     if not len(rows):
         return []
@@ -123,7 +123,7 @@ def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[st
 
 
 def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np.float32]) -> bool:
-    """Whether a keypoint's label agrees with the depths of the 3 x 3 pixels about it: seen ones are not behind them."""
+    """Return True if a keypoint's label agrees with the depths of the 3 x 3 pixels around it."""
     if keypoint.pixel_px is None or keypoint.state == "out_of_frame":
         return True
     pose = pose_of_row(truth, keypoint.pixel_px[1])
@@ -142,7 +142,7 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
 
 
 def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
-    """Whether a ray to a keypoint meets something before it just when its label says that it is hidden.
+    """Return True if a ray to a keypoint is blocked exactly when its label says that it is hidden.
 
     What is thinner than a pixel, a wing seen edge-on, hides a point without any pixel's centre showing it.
     """
@@ -158,7 +158,7 @@ def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bo
 
 
 def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
-    """The whole silhouette holds the image, and is the mask there."""
+    """Check that the amodal mask contains the image and equals the mask there."""
     if "amodal" not in layers:
         return []
     amodal, origin = layers["amodal"], truth.amodal_origin_px
@@ -174,7 +174,7 @@ def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
 
 
 def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Target) -> list[str]:
-    """Mask, silhouette and sampled pixels of all layers against the mesh."""
+    """Check mask, amodal mask and sampled pixels of all layers against the mesh."""
     sampler = RaySampler(truth, target)
     if "amodal" in layers and truth.amodal_origin_px is not None:
         # which is the visible mask on the image
@@ -210,7 +210,7 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
 
 
 def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
-    """What is wrong, by its first pixels: a layer that is wrong all over need not be followed to its end."""
+    """Return what is wrong by its first pixels; a layer wrong everywhere is not evaluated to its end."""
     first = list(itertools.islice(bad, MOST_BAD))
     if not first:
         return []
@@ -223,7 +223,7 @@ def _mask_agrees(value: int, rays: SampledRays) -> bool:
 
 
 def _depth_in_a_band(truth: Truth) -> float:
-    """Share of the depth by which it may change while a rolling shutter's band is exposed."""
+    """Return the relative change of depth during the exposure of a rolling shutter's band."""
     return BAND_PX / 2 / min(truth.camera.fx_px, truth.camera.fy_px) if truth.row_poses else 0.0
 
 
@@ -239,7 +239,7 @@ def _part_agrees(part: int, rays: SampledRays) -> bool:
 
 
 def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRays) -> bool:
-    """Whether the normal is that of a surface there, turned towards the camera and not past its horizon."""
+    """Return True if the normal is that of a surface there, turned towards the camera and not past its horizon."""
     away = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
     both = np.concatenate([rays.normals, -rays.normals])
     both = both - np.maximum(both @ away, 0)[:, None] * away
@@ -251,7 +251,7 @@ def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRa
 
 
 def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampler: RaySampler) -> list[str]:
-    """Sampled pixels: the point that a ray meets, seen from the next frame's pose."""
+    """Check sampled pixels: the point that a ray hits, projected with the next frame's pose."""
     if truth.flow is None:
         return ["there is optical flow, and the record does not say to which frame"]
     here = pose_of_row(truth, 0)
@@ -288,7 +288,7 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
 def _check_mask(
     truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, sampler: RaySampler, name: str
 ) -> list[str]:
-    """A mask against the triangles filled on the CPU; single pixels that differ are asked of rays."""
+    """Check a mask against the triangles filled on the CPU; single differing pixels are resolved by rays."""
     doubts = doubtful_pixels(truth, mask, target, origin_px)
     if len(doubts) > MOST_DOUBTS:
         return [f"{name} differs from the projected craft at {len(doubts)} pixels"]

@@ -1,4 +1,4 @@
-"""Triangles about a pixel's centre: what a raster may show there once it has rounded their corners.
+"""Raster tolerance: the triangles that a rasteriser may show at a pixel's centre after rounding their vertices.
 
 A raster moves every corner by up to 1/512 px each way before it asks which centres a triangle covers, and then takes
 depth and normal from the unrounded plane. On rods, edges and cracks narrower than that, rays through and about the
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 SNAP_PX = 1 / 128
-"""A corner's rounding and the opposite edge's, together, with as much again for the raster's own arithmetic."""
+"""Rounding of a vertex and of the opposite edge together, doubled for the rasteriser's own arithmetic [px]."""
 MOST_BEYOND = 4.0
-"""How many of its own heights a triangle thinner than the rounding may be shown beyond itself."""
+"""Largest distance, in its own heights, that a triangle thinner than the rounding may be shown beyond itself."""
 ON_HORIZON = 0.01
-"""Cosine to the line of sight below which a normal may have been put back upon the horizon."""
+"""Cosine to the line of sight below which a normal may have been clamped to the horizon."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShowableTriangles:
-    """Triangles that a raster may show at one pixel's centre.
+    """Triangles that a rasteriser may show at one pixel's centre.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class ShowableTriangles:
     is_sure: bool
 
     def has_normal(self, normal: FloatArray, ray: FloatArray, within_rad: float) -> bool:
-        """Whether a normal turned towards the camera is one of a surface here.
+        """Return True if a normal turned towards the camera is that of a surface here.
 
         Parameters
         ----------
@@ -59,7 +59,7 @@ class ShowableTriangles:
 def triangles_near(
     corners_px: FloatArray, inverse_z: FloatArray, normals: FloatArray, parts: IntArray, doubt_px: float
 ) -> ShowableTriangles:
-    """What may be shown at the origin of the plane of ``corners_px``.
+    """Return the triangles that may be shown at the origin of the plane of ``corners_px``.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def triangles_near(
 def _inverse_range(
     corners: FloatArray, inverse: FloatArray, area2: FloatArray, beyond: FloatArray, doubt_px: float
 ) -> tuple[FloatArray, FloatArray]:
-    """(M,) least and greatest 1/z within ``doubt_px`` of the origin, no farther off a triangle than its rounding."""
+    """Return (M,) bounds of 1/z within ``doubt_px`` of the origin, no farther off a triangle than its rounding."""
     span = np.ptp(inverse, axis=1) * beyond
     low, high = inverse.min(axis=1) - span, inverse.max(axis=1) + span
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -101,7 +101,7 @@ def _inverse_range(
 
 
 def _inside_by(corners: FloatArray) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:
-    """Whether triangles (K, 3, 2) hold the origin, and how far it is from their borders [px]."""
+    """Return whether triangles (K, 3, 2) contain the origin, and its distance from their borders [px]."""
     following = np.roll(corners, -1, axis=1)
     way = following - corners
     side = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]

@@ -1,4 +1,4 @@
-"""Rays through sampled pixels: what the mesh shows there, in double precision, with the doubt of a raster's rounding.
+"""Rays through sampled pixels against the mesh, in double precision, with the tolerance of a rasteriser's rounding.
 
 An oracle of its own: nothing here is shared with the engine that makes the labels.
 """
@@ -66,7 +66,7 @@ def _normals(target: Target) -> FloatArray:
 
 
 class RayOracle:
-    """A target at a pose, ready to be asked along many rays."""
+    """A target at a pose, prepared for many rays."""
 
     def __init__(self, target: Target, camera_from_target: Pose) -> None:
         mesh = mesh_of(target)
@@ -94,7 +94,7 @@ class RayOracle:
         self._low, self._high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
 
     def largest_triangles(self) -> FloatArray:
-        """(K, 2) x/z, y/z of the middles of the three triangles of each part that look largest."""
+        """Return (K, 2) x/z, y/z of the centres of the three apparently largest triangles of each part."""
         e1, e2 = self._xy[:, 1] - self._xy[:, 0], self._xy[:, 2] - self._xy[:, 0]
         order = np.lexsort((-np.abs(_cross(e1, e2)), self._parts))
         _, first, count = np.unique(self._parts[order], return_index=True, return_counts=True)
@@ -102,7 +102,7 @@ class RayOracle:
         return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
 
     def triangles_near(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> ShowableTriangles:
-        """Triangles that a raster may show at the pixel of the ray through (x, y, 1), camera frame.
+        """Return the triangles that a rasteriser may show at the pixel of the ray through (x, y, 1), camera frame.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class RayOracle:
         )
 
     def hits(self, ray: FloatArray) -> Hits:
-        """What lies along the ray through (x, y, 1), camera frame."""
+        """Return the hits along the ray through (x, y, 1), camera frame."""
         low, high = self._low, self._high
         near = np.flatnonzero(
             (low[0] <= ray[0]) & (high[0] >= ray[0]) & (low[1] <= ray[1]) & (high[1] >= ray[1])
@@ -147,7 +147,9 @@ class RayOracle:
 def _ahead_of_camera(
     vertices: FloatArray, normals: FloatArray, triangle: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """What of a triangle is ahead of the camera: corners (3 or 4, 3) in order, and their normals."""
+    """Clip a triangle to the half-space in front of the camera. Return its corners (3 or 4, 3) in order, and their
+    normals.
+    """
     points, along = [], []
     for a, b in zip(triangle, np.roll(triangle, -1), strict=True):
         za, zb = vertices[a, 2], vertices[b, 2]
@@ -163,7 +165,7 @@ def _ahead_of_camera(
 
 @lru_cache(maxsize=2)
 def ray_oracle(target: Target, camera_from_target: Pose) -> RayOracle:
-    """A target at a pose, kept for the next check of the same frame."""
+    """Return a target at a pose, cached for the next check of the same frame."""
     return RayOracle(target, camera_from_target)
 
 
@@ -173,7 +175,7 @@ def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class SampledRays:
-    """What rays about one pixel's centre meet first: depths, parts and normals (N, 3); whether one meets nothing.
+    """First surfaces that rays around one pixel's centre hit: depths, parts and normals (N, 3); whether one misses.
 
     ``showable`` is what a raster's rounding may show there instead, when that was asked.
     """
@@ -186,7 +188,7 @@ class SampledRays:
 
     @staticmethod
     def of(along: list[Hits]) -> SampledRays:
-        """The first surfaces of some rays as one; at an outline every surface.
+        """Merge the first surfaces of several rays; at an outline, all surfaces.
 
         There a raster's rounding may leave out the first and show the edge of what lies behind it.
         """
@@ -202,7 +204,7 @@ class SampledRays:
 
 
 class RaySampler:
-    """Asks a target at a record's pose about pixels; each row of a rolling shutter has a pose of its own."""
+    """Tests labels of pixels against a target at a record's pose; each row of a rolling shutter has its own pose."""
 
     def __init__(self, truth: Truth, target: Target) -> None:
         self._truth, self._target = truth, target
@@ -218,8 +220,8 @@ class RaySampler:
         return self._casters[key]
 
     def agrees(self, pixel: IntArray, is_right: Callable[[SampledRays], bool]) -> bool:
-        """Whether a label is right by the ray through a pixel's centre, or with the rays just about it, or else with
-        what a raster's rounding may show of the triangles there.
+        """Return True if a label is right by the ray through a pixel's centre, by the rays around it, or by what a
+        rasteriser's rounding may show of the triangles there.
         """
         doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
         if self._truth.row_poses:
@@ -231,7 +233,7 @@ class RaySampler:
         )
 
     def _rounded(self, pixel: IntArray, doubt_px: float) -> SampledRays:
-        """What the triangles about a pixel's centre may show of themselves once their corners are rounded."""
+        """Return what the triangles around a pixel's centre may show after rounding their vertices."""
         key = (int(pixel[0]), int(pixel[1]))
         if key not in self._near:
             at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
@@ -254,7 +256,7 @@ class RaySampler:
         return known[key]
 
     def where_parts_should_be(self, margin_px: float = 1.0) -> IntArray:
-        """(K, 2) pixels on the image at the middles of the largest triangles of each part, seen or not."""
+        """Return (K, 2) pixels in the image at the centres of the largest triangles of each part, visible or not."""
         pixels = self._caster((self._truth.camera.height_px - 1) // 2).largest_triangles()
         pixels = np.rint(self._truth.camera.project(np.insert(pixels, 2, 1.0, axis=1)))
         c = self._truth.camera
@@ -263,7 +265,7 @@ class RaySampler:
 
 
 def _first(hits: Hits) -> Hits:
-    """The first surface along a ray, with those that lie on it."""
+    """Return the first surface along a ray, with those coplanar with it."""
     if not len(hits.z_m):
         return hits
     n = int(np.searchsorted(hits.z_m, hits.z_m[0] * (1 + DEPTH_RELATIVE) + COPLANAR_M, side="right"))
@@ -271,7 +273,7 @@ def _first(hits: Hits) -> Hits:
 
 
 def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySampler) -> IntArray:
-    """(K, 2) pixels x, y to ask about: at random on the mask and beside it, where a part is and where it should be."""
+    """Select (K, 2) pixels x, y to test: random ones on the mask and beside it, and some on every part."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
     on = lit_pixels(mask)

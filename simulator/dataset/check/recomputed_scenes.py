@@ -1,4 +1,4 @@
-"""Check of the records' scenes: the card's scenario or recipe is planned again, and must give them."""
+"""Check of the recorded scenes against those of the card's scenario or recipe, planned again."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 RELATIVE = 1e-7
-"""Rounding of a propagated state on another machine, as a share of the vector."""
+"""Relative tolerance of a propagated state on another machine."""
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
-"""The same [m, m/s], by the end of a field's name; differences of large ECI vectors carry it."""
+"""Absolute tolerance by the suffix of a field's name [m, m/s]; differences of large ECI vectors carry it."""
 ABSOLUTE_OF_OTHERS = 1e-9
 MOST_SAMPLES = 50  # of a recipe: a constrained pose takes as long as some labels do
 NOT_COMPARED = ("camera", "target")
-"""Fields that other checks compare."""
+"""Fields that other checks cover."""
 
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Wrong fields, by frame, and what was not computed again, and why."""
+    """Wrong fields by frame, and what was not recomputed, with the reason."""
 
     faults: tuple[tuple[int | None, str], ...] = ()
     not_checked: tuple[str, ...] = ()
@@ -122,7 +122,7 @@ def _read_document(card: DatasetCard) -> Recipe | Scenario:
 def _wrong_fields(
     card: DatasetCard, document: Recipe | Scenario, scenes: Mapping[int, SceneState], numbers: list[int]
 ) -> tuple[list[str], dict[int, list[str]]]:
-    """Return what was not compared, in words, and the names of each frame's wrong fields."""
+    """Return what was not compared, and the names of each frame's wrong fields."""
     left_out = set(NOT_COMPARED)
     if document.sensor.auto_exposure is not None:
         left_out.add("exposure_s")  # slow to compute
@@ -178,7 +178,7 @@ def _plan_again(
 
 
 def _usual(scenes: Mapping[int, SceneState], name: str) -> Any:  # noqa: ANN401 - the type of the field
-    """Return the value that a field has in most of the scenes."""
+    """Return the most frequent value of a field over the scenes."""
     return Counter(getattr(scene, name) for scene in scenes.values()).most_common(1)[0][0]
 
 

@@ -1,4 +1,4 @@
-"""Check of the images themselves: a sample is drawn again from its records, and must be the same picture.
+"""Check of the images: a sample is drawn again from its records and must be the same image.
 
 A record's hash tells of accidents only: who changes an image can change its hash. The same renderer draws the same
 bytes; another one may round otherwise, so pictures are compared blurred, each pixel to what the noise and a shift of a
@@ -49,16 +49,16 @@ MOST_OTHER, MOST_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the
 FEW = 4
 EXACT = 1e-6
 LAYER_RELATIVE = {"depth": 2e-5}
-"""Rounding of another renderer or processor, as a share of the value."""
+"""Relative tolerance for another renderer or processor."""
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
-"""The same in the layer's own unit: metres, 1, pixels, digital numbers."""
+"""Absolute tolerance in the layer's unit: metres, 1, pixels, digital numbers."""
 FEW_EDGE_PX = 6
-"""Pixels that rounding at an edge may leave to another surface, or `MOST_OF_MASK`."""
+"""Number of pixels that rounding at an edge may assign to another surface; or `MOST_OF_MASK`."""
 
 
 @dataclass(frozen=True)
 class Redrawn:
-    """What drawing again found: how many frames were drawn, what is wrong with which, and why none was, or nothing."""
+    """Result of drawing again: number of frames drawn, faults, and why none was drawn, if so."""
 
     n_frames: int
     faults: tuple[tuple[int, str], ...]
@@ -66,12 +66,12 @@ class Redrawn:
 
 
 def fresh_seed() -> int:
-    """A seed that nobody knows beforehand, short enough for any reader of JSON."""
+    """Return an unpredictable seed, short enough for any JSON reader."""
     return secrets.randbelow(2**53)
 
 
 def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
-    """Frames to draw again: a share of them, at least three; none for a share of zero.
+    """Select the frames to draw again: a share, at least three; none for a share of zero.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def check_drawn_again(
     target: Target,
     layers: Layers | None = None,
 ) -> list[str]:
-    """Everything by which a frame differs from what its record gives when it is drawn again.
+    """Return every difference between a frame and what its record gives when drawn again.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def check_same_picture(
     again: NDArray[np.unsignedinteger],
     mask: ByteArray,
 ) -> list[str]:
-    """Whether an image shows what was drawn again of its record, to the noise and a renderer's own rounding."""
+    """Check that an image equals the redrawn one, within the noise and a renderer's rounding."""
     if image.shape != again.shape or image.dtype != again.dtype:
         return [f"the image is {image.shape} {image.dtype}, drawn again {again.shape} {again.dtype}"]
     if np.array_equal(image, again):

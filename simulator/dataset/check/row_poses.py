@@ -1,4 +1,4 @@
-"""Row poses of a rolling shutter: the pose that a row was exposed at, and whether the record's are right."""
+"""Row poses of a rolling shutter: interpolation to a row, and their check."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def pose_of_row(truth: Truth, row: float) -> Pose:
-    """Pose of the craft at a row, between the record's row poses; that of the record for a global shutter."""
+    """Interpolate the pose of the craft at a row; the record's own for a global shutter."""
     poses = truth.row_poses
     if len(poses) < 2:
         return Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
@@ -36,7 +36,7 @@ def pose_of_row(truth: Truth, row: float) -> Pose:
 
 
 def check_rows(truth: Truth) -> list[str]:
-    """Row poses of a rolling shutter: in order of time, about the record's own pose, and turning as the scene says."""
+    """Check row poses: ordered in time, around the record's own pose, and rotating as the scene says."""
     scene, poses = truth.scene, truth.row_poses
     if scene.shutter.is_rolling != bool(poses):
         return ["row poses and the shutter's kind disagree"]

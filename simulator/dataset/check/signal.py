@@ -1,4 +1,4 @@
-"""Check of the keypoint states that the picture decides: visible, saturated, below the noise; from the clean twin."""
+"""Check of the keypoint states that depend on the image: visible, saturated, below the noise; from the clean twin."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 BY_SIGNAL = ("visible", "saturated", "below_noise")
 RELATIVE = 0.02
-"""How close to the noise a contrast must be for either side to be right."""
+"""Relative distance of a contrast from the noise within which either state is accepted."""
 
 
 def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> list[str]:
-    """Keypoints that are called visible, saturated or below the noise, and are not by the image without noise.
+    """Return the keypoints whose visible, saturated or below-noise state contradicts the noise-free image.
 
     Its digital numbers give the signal to half a step; where that leaves two answers, either is right. A colour that
     reaches full scale in one band alone, and a detector that blooms or mixes its pixels' colours, are not judged.
@@ -48,7 +48,7 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
 
 
 def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
-    """The share of the wireframe that stands out of the noise, from the clean twin where it tells the signal."""
+    """Check the share of the wireframe above the noise, if the clean twin gives the signal."""
     signal = _signal(truth, clean)
     if signal is None:
         return []
@@ -57,7 +57,7 @@ def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsign
 
 
 def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.float64] | None:
-    """Light of the clean twin's pixels, 1 at full scale; ``None`` where a number is not one pixel's signal."""
+    """Return the clean twin's signal, 1 at full scale; ``None`` if a number is not one pixel's signal."""
     detector = truth.scene.sensor.detector
     if detector is not None and (detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb"):
         return None
@@ -67,7 +67,7 @@ def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.floa
 
 
 def _step(truth: Truth, signal: NDArray[np.float64]) -> float:
-    """Largest step of the image's numbers where it has a signal, over full scale."""
+    """Return the largest quantisation step of the image at its signal, relative to full scale."""
     encoding = truth.camera.pixel_encoding
     if encoding == "linear":
         return 1.0 / truth.scene.sensor.scale_dn[0]
@@ -75,7 +75,7 @@ def _step(truth: Truth, signal: NDArray[np.float64]) -> float:
 
 
 def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> tuple[str, ...]:
-    """States that a patch (h, w) or (h, w, 3) of the signal, known to half a ``step``, may have."""
+    """Return the possible states of a patch (h, w) or (h, w, 3) of the signal, known to half a ``step``."""
     at_full = signal >= 1 - 0.51 * step
     if at_full.all():
         return ("saturated", "below_noise")  # half a step below full scale reads as full

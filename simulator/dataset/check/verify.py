@@ -1,4 +1,4 @@
-"""Re-verify every label of a data set from its files alone, by means that did not make them.
+"""Verify every label of a data set again from its files alone, independently of the code that made them.
 
 Pixels by ``cv2.projectPoints``, the pose by PnP on the exported keypoints, the mask against a silhouette
 filled by OpenCV on the CPU, boxes against the mask, images against the camera, exports against the records.
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Fault:
-    """One wrong label: which frame (None: the card), and what is wrong."""
+    """One wrong label: the frame (None: the card), and what is wrong."""
 
     frame: int | None
     what: str
@@ -67,7 +67,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Outcome of a check.
+    """Result of a check.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def check_dataset(
     redraw_seed: int | None = None,
     whole_exports: bool = False,
 ) -> CheckReport:
-    """Check every frame of a data set, and some images by drawing them again; of a stereo pair both cameras' sets.
+    """Check every frame of a data set, and draw some images again; a stereo pair's two sets are both checked.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def check_dataset(
 
 
 def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
-    """The frame that the one before says its flow leads to is this one."""
+    """Check that the previous frame's flow leads to this frame."""
     if previous is None or previous.flow is None or previous.frame_index != truth.frame_index - 1:
         return []
     flow = previous.flow
@@ -232,7 +232,7 @@ def _check_flow_to(k: int, truth: Truth, previous: Truth | None) -> list[Fault]:
 
 
 def _check_count(folder: Path, card: DatasetCard, n_whole: int) -> list[Fault]:
-    """The card's number of frames against the files."""
+    """Check the card's number of frames against the files."""
     faults = []
     numbers = [p.stem for p in (folder / "images").glob("*.json") if p.stem.isdecimal()]
     surplus = [number for number in numbers if int(number) >= card.n_frames]
@@ -252,7 +252,7 @@ def check_frame(
     target: Target | None,
     layers: Layers | None = None,
 ) -> list[str]:
-    """Everything wrong with frame k, a sentence each.
+    """Return everything wrong with frame k, one sentence each.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def check_frame(
 
 
 def _check_directions(truth: Truth) -> list[str]:
-    """Sun, Earth, eclipse and exposure, from the positions in the scene."""
+    """Check Sun, Earth, eclipse and exposure against the positions in the scene."""
     scene, wrong = truth.scene, []
     to_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     target, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
@@ -324,7 +324,7 @@ def _check_directions(truth: Truth) -> list[str]:
 
 
 def _check_bookkeeping(k: int, truth: Truth, card: DatasetCard) -> list[str]:
-    """What the record says twice, it says alike."""
+    """Check that fields recorded twice agree."""
     scene = truth.scene
     wrong: list[str] = []
     twice = ("epoch_utc", "t_s", "seed", "frame_index", "camera", "sun_visible_fraction")

@@ -1,4 +1,4 @@
-"""Check of the wireframe's visibility: edges by name and place, and what is seen of each against rays."""
+"""Check of the wireframe: edges by name and place, and their visibility against rays."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ LONG_PX = 6.0
 MOST_STRETCHES = 60
 CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
 OWN_RADII = 1.15
-"""Radii about a rod's axis within which a surface is the rod's own, however it tapers about its mean radius."""
+"""Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
 SHARPEST_COSINE = 0.985
-"""Of a rod to the line of sight; one that is seen from its end (within 10 degrees) is hidden by its own cap."""
+"""Cosine of a rod to the line of sight above which its own cap hides it (within 10 degrees)."""
 
 
 def check_wireframe(truth: Truth, target: Target) -> list[str]:
-    """Edges by name and place, and the middles of what is seen and of what is hidden against rays."""
+    """Check edges by name and place, and the middles of visible and hidden stretches against rays."""
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
     pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
@@ -65,7 +65,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
 
 
 def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
-    """Whether the point at a share of the projected edge is seen, or hidden, as the label has it."""
+    """Return True if the point at a share of the projected edge is visible or hidden as labelled."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]
     # shares of the projection are shares of the edge over depth
@@ -85,7 +85,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
 def _rod_agrees(
     hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, seen: bool
 ) -> bool:
-    """Whether a point of a rod's axis is seen, or hidden, as the label has it: its own surface hides it not.
+    """Return True if a point of a rod's axis is visible or hidden as labelled, ignoring the rod's own surface.
 
     What lies before the axis is told from the rod's own surface by its distance from the axis.
     """

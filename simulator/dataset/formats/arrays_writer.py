@@ -41,11 +41,11 @@ class NpzWriter:
         self._output = output
 
     def write(self, frame: LabelledFrame) -> None:
-        """One file."""
+        """Write one file."""
         _put(self._output, f"{frame.split or 'train'}/{frame.number:06d}.npz", arrays_of(frame), encode_npz)
 
     def finish(self) -> None:
-        """Nothing is known of all frames alone."""
+        """Do nothing: the format has no file for all frames."""
 
 
 def _put(output: FormatOutput, name: str, arrays: Arrays, encode: Callable[[Arrays], bytes]) -> None:
@@ -63,7 +63,7 @@ def encode_npz(arrays: Arrays) -> bytes:
 
 
 def arrays_of(frame: LabelledFrame) -> Arrays:
-    """Everything of a frame that is numbers or names, by name."""
+    """Return every number and name of a frame, by name."""
     truth, camera = frame.truth, frame.camera
     nan = (np.nan, np.nan)
     known: dict[str, Any] = {
@@ -95,18 +95,18 @@ class ExrWriter:
         self._output = output
 
     def write(self, frame: LabelledFrame) -> None:
-        """One picture of many channels, and the record."""
+        """Write one image of many channels, and the record."""
         stem = f"{frame.split or 'train'}/{frame.number:06d}"
         channels = {name: np.asarray(plane, np.float32) for name, plane in channels_of(frame).items()}
         _put(self._output, f"{stem}.exr", channels, encode_channels)
         self._output.write(f"{stem}.json", frame.read("json"))
 
     def finish(self) -> None:
-        """Nothing is known of all frames alone."""
+        """Do nothing: the format has no file for all frames."""
 
 
 def channels_of(frame: LabelledFrame) -> Arrays:
-    """Image, mask and layers by channel: Y or R G B in digital numbers, ``mask`` 0 or 1, ``depth.Z``."""
+    """Return image, mask and layers by channel: Y or R G B in digital numbers, ``mask`` 0 or 1, ``depth.Z``."""
     image = frame.image
     planes: dict[str, NDArray[Any]] = {"mask": frame.mask > 0}
     planes |= {"Y": image} if image.ndim == 2 else {c: image[..., k] for k, c in enumerate("RGB")}

@@ -1,4 +1,4 @@
-"""What a format of data sets is: what it carries, and what reads and writes it."""
+"""The definition of a data-set format: what it holds, its reader and its writer."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
 
 
 class FormatOutput(Protocol):
-    """Where a writer puts its files: whole ones, by their names with ``/`` between folders."""
+    """Output of a writer: whole files by name, with ``/`` between folders."""
 
     def write(self, name: str, data: bytes) -> None:
-        """Put one file; a file of that name is replaced."""
+        """Write one file; replaces a file of that name."""
 
 
 @runtime_checkable
 class ArraysOutput(FormatOutput, Protocol):
-    """Output that takes a file's arrays before they are encoded, to compare them."""
+    """Output that receives a file's arrays before encoding, for comparison."""
 
     def write_arrays(self, name: str, arrays: dict[str, NDArray[Any]]) -> None:
         """Take the arrays of one file, by name."""
 
 
 class FormatWriter(Protocol):
-    """Takes labelled frames in the order of their numbers, in the end writes what is known of all of them."""
+    """Writer that takes labelled frames in the order of their numbers, and finally writes what concerns all of them."""
 
     def write(self, frame: LabelledFrame) -> None:
         """Take one frame."""
@@ -54,7 +54,7 @@ class FolderOutput:
     folder: Path
 
     def write(self, name: str, data: bytes) -> None:
-        """Put one file, whole or not at all.
+        """Write one file atomically.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class FolderOutput:
 
 
 class EightBitWriter:
-    """A writer that hands on frames with images of eight bits, and says in ``README.md`` how they were scaled."""
+    """Writer that passes on frames with 8-bit images, and documents the scaling in ``README.md``."""
 
     def __init__(self, writer: FormatWriter, output: FormatOutput) -> None:
         self._writer, self._output = writer, output
@@ -79,7 +79,7 @@ class EightBitWriter:
         self._writer.write(with_eight_bits(frame))
 
     def finish(self) -> None:
-        """Finish the format; one with a README of its own says the scale there."""
+        """Finish the format, and write the scaling to its README."""
         deep = sorted(bits for bits in self._depths if bits > 8)
         if deep:
             text = "".join(f"The {scale_sentence(bits)}.\n" for bits in deep)
@@ -88,7 +88,7 @@ class EightBitWriter:
 
 
 def encoding_key(camera: Camera) -> dict[str, str]:
-    """Return the key that names the transfer function of a camera's images; nothing if they are linear."""
+    """Return the key that names the transfer function of a camera's images; empty if they are linear."""
     encoding = camera.pixel_encoding
     return {} if encoding == "linear" else {"encoding": encoding}
 
@@ -120,7 +120,7 @@ class DatasetFormat:
     deep_images: bool = False
 
     def sentence(self, card: DatasetCard) -> str:
-        """Say what the format holds of a data set, and what it leaves out."""
+        """Return what the format holds of a data set, and what it omits."""
         without = f", without {self.lacks}" if self.lacks else ""
         bits = card.image_bits or 8
         scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
@@ -129,7 +129,7 @@ class DatasetFormat:
         return f"{self.name} holds {self.carries}{without}{scaled}{encoded}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
-        """What writes a data set.
+        """Open the writer of a data set.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class DatasetFormat:
         return writer if self.deep_images else EightBitWriter(writer, output)
 
     def check(self, card: DatasetCard) -> None:
-        """Refuse a data set that this format cannot hold.
+        """Raise if this format cannot hold a data set.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class DatasetFormat:
 
 
 def import_needed(module: str, extra: str, name: str) -> Any:  # noqa: ANN401 - a module has what it has
-    """A library that a format needs.
+    """Import a library that a format needs.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def import_needed(module: str, extra: str, name: str) -> Any:  # noqa: ANN401 - 
 
 
 def lens_problem(card: DatasetCard) -> str | None:
-    """Why a format of pinhole cameras cannot hold a data set."""
+    """Return why a format of pinhole cameras cannot hold a data set, or None."""
     model = card.camera.distortion.model
     if card.camera.distortion.is_none:
         return None
@@ -182,12 +182,12 @@ def lens_problem(card: DatasetCard) -> str | None:
 
 
 def fisheye_problem(card: DatasetCard) -> str | None:
-    """Why a format of Brown-Conrady lenses cannot hold a data set."""
+    """Return why a format of Brown-Conrady lenses cannot hold a data set, or None."""
     if card.camera.distortion.model != "kannala_brandt":
         return None
     return "its lenses are Brown-Conrady's, and this one is a fish-eye (kannala_brandt)"
 
 
 def keypoint_problem(card: DatasetCard) -> str | None:
-    """Why a format of keypoints cannot hold a data set."""
+    """Return why a format of keypoints cannot hold a data set, or None."""
     return None if card.target.keypoints else f"target {card.target.name} has no keypoints"

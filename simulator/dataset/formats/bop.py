@@ -52,7 +52,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
 class BopWriter:
-    """Writes BOP: one scene in each split, and a model for each shape that was drawn."""
+    """Writes BOP: one scene per split, and a model for each drawn shape."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
@@ -68,7 +68,7 @@ class BopWriter:
         self._infos: dict[str, dict[str, Any]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
-        """Picture, masks and depth; the rest is kept for the scene's files."""
+        """Write image, masks and depth; the rest is collected for the scene's files."""
         scene = f"{FOLDERS[frame.split]}/000000"
         k, truth = frame.number, frame.truth
         kind = "gray" if frame.image.ndim == 2 else "rgb"
@@ -97,7 +97,7 @@ class BopWriter:
         files["scene_camera"][str(k)] = {"cam_K": frame.camera.K.ravel().tolist(), "depth_scale": scale}
 
     def _model_of(self, frame: LabelledFrame, target: Target) -> int:
-        """Return the number of the shape that a frame shows; a new one is written."""
+        """Return the number of the shape in a frame; a new one is written."""
         truth = frame.truth
         varied = truth.scene.target.variation if isinstance(truth, Truth) else msgspec.UNSET
         stretch = () if isinstance(varied, msgspec.UnsetType) else tuple(np.ravel(varied.stretch).tolist())
@@ -109,7 +109,7 @@ class BopWriter:
         return self._models[shape]
 
     def finish(self) -> None:
-        """The scenes' files, the models' sizes and the camera."""
+        """Write the scenes' files, the models' sizes and the camera."""
         for scene, files in self._scenes.items():
             for name, value in files.items():
                 self._output.write(f"{scene}/{name}.json", json_bytes(value))
@@ -159,7 +159,7 @@ def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
 
 
 def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, FloatArray] | None:
-    """Find the silhouette's pixels beside the image of a pinhole, as far from it as its own size.
+    """Return the silhouette's pixels outside a pinhole's image, up to its own size beyond each edge.
 
     Returns
     -------
@@ -183,7 +183,7 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
 
 
 def _way(first: NDArray[Any], last: NDArray[Any]) -> list[int]:
-    """Return x, y, width and height from the first pixel to the last."""
+    """Return x, y, width and height as the toolkit does: the differences between first and last pixel."""
     return [round(float(v)) for v in (*first, *(last - first))]
 
 
@@ -202,7 +202,7 @@ def mesh_ply(target: Target) -> bytes:
 
 
 def model_info(target: Target) -> dict[str, Any]:
-    """Size and symmetries of a target as ``models_info.json`` has them, millimetres."""
+    """Return size and symmetries of a target for ``models_info.json``, millimetres."""
     mesh = mesh_of(target)
     low, high = mesh.positions_m.min(axis=0) * MM, mesh.positions_m.max(axis=0) * MM
     info: dict[str, Any] = {"diameter": float(pdist(mesh.hull_m).max()) * MM}

@@ -1,4 +1,4 @@
-"""COCO: keypoints, boxes and segmentation of the craft, as run lengths and as polygons; parts by class where there are.
+"""COCO: keypoints, boxes and segmentation of the craft, as run lengths and polygons; parts by class if available.
 
 ``images/SPLIT/NNNNNN.png``; ``annotations/SPLIT.json`` with run lengths, which are the mask exactly;
 ``annotations/SPLIT_polygons.json`` with outlines, for loaders that take no others (holes are filled);
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 CORNER_PX = 0.5
-"""From a position where (0, 0) is the first pixel's centre to one where it is its corner."""
+"""Offset from positions with (0, 0) at the first pixel's centre to those at its corner."""
 CRAFT_ID, FIRST_CLASS_ID = 1, 2
 NOT_LABELLED, HIDDEN, SEEN = 0, 1, 2
 
 
 def visibility(state: KeypointState) -> int:
-    """COCO's v: 0 outside the image, 1 in it and not to be seen (hidden, without light or contrast), 2 visible."""
+    """Return COCO's v: 0 outside the image, 1 inside but not visible (hidden, unlit or without contrast), 2 visible."""
     return {"out_of_frame": NOT_LABELLED, "visible": SEEN}.get(state, HIDDEN)
 
 
 def keypoint_triples(frame: LabelledFrame) -> list[tuple[float, float, int]]:
-    """x, y at pixel corners and v of each keypoint; zeros where v is 0."""
+    """Return x, y at pixel corners and v of each keypoint; zeros if v is 0."""
     triples = []
     for k in frame.truth.keypoints:
         v = visibility(k.state)
@@ -53,7 +53,7 @@ def keypoint_triples(frame: LabelledFrame) -> list[tuple[float, float, int]]:
 
 
 def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
-    """COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
+    """Return COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
     height, width = mask.shape
     _, columns = craft_window(mask)
     flat = (mask[:, columns] > 0).T.ravel()  # columns without any of it are part of the first and last run
@@ -66,7 +66,7 @@ def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
 
 
 def polygons(mask: ByteArray) -> list[list[float]]:
-    """Outlines of a mask's pieces, x y at pixel corners, a quarter pixel within their border; holes are filled."""
+    """Return outlines of a mask's pieces, x y at pixel corners, a quarter pixel inside; holes are filled."""
     rows, columns = craft_window(mask)
     part = (mask[rows, columns] > 0).astype(np.uint8)
     if not part.size:
@@ -78,7 +78,7 @@ def polygons(mask: ByteArray) -> list[list[float]]:
 
 
 def box_xywh(box: tuple[float, float, float, float]) -> list[float]:
-    """A box of ours at pixel edges as COCO has it."""
+    """Convert a box at pixel edges to COCO's x, y, width, height."""
     x0, y0, x1, y1 = (v + CORNER_PX for v in box)
     return [x0, y0, x1 - x0, y1 - y0]
 
@@ -93,7 +93,7 @@ class CocoWriter:
         self._parts: dict[str, list[dict[str, Any]]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
-        """The picture; its annotations are kept for the lists."""
+        """Write the image; its annotations are collected for the lists."""
         split = frame.split or "train"
         name = f"{frame.number:06d}.png"
         self._output.write(f"images/{split}/{name}", frame.read("png"))
@@ -154,7 +154,7 @@ class CocoWriter:
         return found
 
     def finish(self) -> None:
-        """The lists of each split."""
+        """Write the lists of each split."""
         target = self._card.target
         craft = {
             "id": CRAFT_ID,

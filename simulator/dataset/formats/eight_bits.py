@@ -1,4 +1,4 @@
-"""Images of eight bits out of deeper ones: what readers of most formats take every picture for."""
+"""Images of 8 bits from deeper ones, for formats whose readers expect 8 bits."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 IMAGES = ("png", "clean.png")
-"""Endings of the files that hold digital numbers."""
+"""Suffixes of the files that hold digital numbers."""
 
 
 def image_bits(frame: LabelledFrame) -> int:
-    """Return the depth of a frame's digital numbers; of imported pictures that of their files."""
+    """Return the bit depth of a frame's digital numbers; of imported images that of their files."""
     truth = frame.truth
     return truth.scene.sensor.bits if isinstance(truth, Truth) else 8 * frame.image.itemsize
 
 
 def scale_sentence(bits: int) -> str:
-    """Say how the values of eight bits come from digital numbers of ``bits``."""
+    """Return how 8-bit values follow from digital numbers of ``bits``."""
     return f"images have 8 bits: digital numbers of {bits} bits times 255 / {2**bits - 1}, rounded"
 
 
 def with_eight_bits(frame: LabelledFrame) -> LabelledFrame:
-    """Return a frame whose images have eight bits, full scale 255; the frame itself if they have no more."""
+    """Return a frame with 8-bit images, full scale 255; the frame itself if they have no more."""
     bits = image_bits(frame)
     if bits <= 8:
         return frame

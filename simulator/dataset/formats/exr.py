@@ -1,4 +1,4 @@
-"""OpenEXR files: numbers in metres, pixels or radiance as 32-bit floats, normals as 16-bit ones."""
+"""OpenEXR files: metres, pixels or radiance as 32-bit floats, normals as 16-bit ones."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def encode_channels(planes: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
-    """Values of an OpenEXR file's channels out of its bytes, as `read_exr` gives them; ``where`` names it.
+    """Decode an OpenEXR file's channels from its bytes, as `read_exr` does; ``where`` names it in errors.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
 
 
 def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
-    """(H, W) or (H, W, C) values of an OpenEXR file's channels.
+    """Read (H, W) or (H, W, C) values of an OpenEXR file's channels.
 
     Raises
     ------

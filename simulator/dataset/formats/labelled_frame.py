@@ -1,4 +1,4 @@
-"""One frame of a data set as a reader or a writer of another format sees it: files as bytes, decoded when asked for."""
+"""One frame of a data set for readers and writers of formats: files as bytes, decoded on access."""
 
 from __future__ import annotations
 
@@ -85,11 +85,11 @@ class LabelledFrame:
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of the label layers that the frame has a file of."""
+        """Names of the label layers that have a file."""
         return tuple(getattr(self.truth, "layer_sha256", {}))
 
     def layer(self, name: str) -> NDArray[Any]:
-        """A label layer: depth (H, W) float32 [m], normals (H, W, 3), flow (H, W, 2), parts, amodal, clean.
+        """Return a label layer: depth (H, W) float32 [m], normals (H, W, 3), flow (H, W, 2), parts, amodal, clean.
 
         Raises
         ------
@@ -110,24 +110,24 @@ class LabelledFrame:
         return image.astype(np.uint16) if name == "parts" else image
 
     def layer_bytes(self, name: str) -> bytes:
-        """The file of a layer."""
+        """Return the file of a layer."""
         return self.read(f"{name}.{layer_ending(name)}")
 
 
 def layer_ending(name: str) -> str:
-    """How the file of a layer ends."""
+    """Return the suffix of a layer's file."""
     return "png" if name in PNG_LAYERS else "exr"
 
 
 def frame_from_files(number: int, files: EncodedFrame, split: str = "") -> LabelledFrame:
-    """A frame that was just encoded."""
+    """Return a frame from its encoded files."""
     known = {"png": files.image, "mask.png": files.mask, "json": files.truth}
     known |= {f"{name}.{layer_ending(name)}": data for name, data in files.layers.items()}
     return LabelledFrame(number, known.__getitem__, f"frame {number:06d}", split)
 
 
 def frame_from_folder(folder: Path, number: int, split: str = "") -> LabelledFrame:
-    """Frame ``number`` of a native data set; each file is read when it is asked for."""
+    """Return frame ``number`` of a native data set; its files are read on access."""
     stem = frame_paths(folder, number).truth.with_suffix("")
 
     def read(ending: str) -> bytes:
@@ -139,6 +139,6 @@ def frame_from_folder(folder: Path, number: int, split: str = "") -> LabelledFra
 
 
 def native_names(frame: LabelledFrame) -> list[tuple[str, bytes]]:
-    """Endings and bytes of all files of a frame, as the native layout has them."""
+    """Return suffixes and bytes of all files of a frame, as in the native layout."""
     endings = ["png", "mask.png", *(f"{name}.{layer_ending(name)}" for name in frame.layers), "json"]
     return [(ending, frame.read(ending)) for ending in endings]

@@ -35,7 +35,7 @@ TOPICS = {
     "/truth/mask/compressed": "sensor_msgs/msg/CompressedImage",
     "/truth/record": "std_msgs/msg/String",
 }
-"""What is written, and as what."""
+"""Message types by topic."""
 _NO_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -48,7 +48,7 @@ class McapWriter:
         self._shards: Shards[tuple[int, int, dict[str, Any]]] = Shards(self._shard)
 
     def write(self, frame: LabelledFrame) -> None:
-        """The frame's messages, into a shard of its split."""
+        """Write the frame's messages into a shard of its split."""
         messages, time_ns = messages_of(frame)
         size = sum(len(message["data"]) for message in messages.values() if "data" in message)
         self._shards.add(frame.split or "train", (frame.number, time_ns, messages), size)
@@ -64,17 +64,17 @@ class McapWriter:
         self._output.write(f"{split}-{number:05d}.mcap", place.getvalue())
 
     def finish(self) -> None:
-        """The last shards."""
+        """Write the last shards."""
         self._shards.finish()
 
 
 def _once(names: Iterable[str]) -> list[str]:
-    """Each name once, in order."""
+    """Return the names without duplicates, in order."""
     return list(dict.fromkeys(names))
 
 
 def messages_of(frame: LabelledFrame) -> tuple[dict[str, dict[str, Any]], int]:
-    """Messages of a frame by topic, and their time [ns]."""
+    """Return the messages of a frame by topic, and their time [ns]."""
     truth = frame.truth
     stamp = getattr(truth, "epoch_utc", "") or (_NO_EPOCH + timedelta(seconds=truth.t_s)).isoformat()
     q, t = truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m

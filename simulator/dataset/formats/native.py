@@ -44,7 +44,7 @@ class FramePaths:
 
 
 def frame_paths(folder: Path, k: int) -> FramePaths:
-    """Where frame k of a data set lies."""
+    """Return the paths of frame k of a data set."""
     stem = folder / "images" / f"{k:06d}"
     return FramePaths(stem.with_suffix(".png"), stem.with_suffix(".mask.png"), stem.with_suffix(".json"))
 
@@ -63,7 +63,7 @@ def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
 
 
 def read_png(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read a PNG as written: mono (H, W) or RGB (H, W, 3); transparency, which none of ours has, is left out.
+    """Read a PNG as written: mono (H, W) or RGB (H, W, 3); an alpha channel is dropped.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of one of a frame's files.
+    """Read the bytes of one of a frame's files.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
-    """An image out of a PNG's bytes, as `read_png` gives it; ``where`` is what errors call it.
+    """Decode a PNG from its bytes, as `read_png` does; ``where`` names it in errors.
 
     Raises
     ------
@@ -122,12 +122,12 @@ def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
 
 
 def layer_path(folder: Path, stem: str, name: str) -> Path:
-    """Where a layer of the frame called ``stem`` lies."""
+    """Return the path of a layer of the frame called ``stem``."""
     return folder / f"{stem}.{name}.{'png' if name in PNG_LAYERS else 'exr'}"
 
 
 def encode_layers(frame: Frame) -> dict[str, bytes]:
-    """Files of a frame's layers by name; ids of parts take 8 bits where they fit."""
+    """Return the files of a frame's layers by name; part numbers take 8 bits if they fit."""
     files = {}
     for name, layer in frame.layers.items():
         if name in EXR_CHANNELS:
@@ -146,7 +146,7 @@ def write_layers(folder: Path, stem: str, frame: Frame) -> None:
 
 
 def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
-    """A layer as it was drawn, of the type and shape that the record's hash is of.
+    """Read a layer as drawn, with the type and shape that the record's hash is of.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class EncodedFrame:
-    """A frame as the bytes of its files: image, mask and record, layers by name, and what other sensors say."""
+    """A frame as the bytes of its files: image, mask, record, layers by name, and measurements of other sensors."""
 
     image: bytes
     mask: bytes
@@ -172,7 +172,7 @@ class EncodedFrame:
 
 
 def encode_frame(frame: Frame) -> EncodedFrame:
-    """The files of a labelled frame."""
+    """Encode the files of a labelled frame."""
     if frame.truth is None or frame.mask is None:
         raise RuntimeError("a data set frame needs labels")
     mask: ByteArray = frame.mask
@@ -187,7 +187,7 @@ def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
 
 
 def frame_files(k: int, files: EncodedFrame) -> list[tuple[str, bytes]]:
-    """Names within the data set and bytes of frame k's files; its truth record last: a record means a whole frame."""
+    """Return names and bytes of frame k's files, its truth record last: a record means a whole frame."""
     paths = frame_paths(Path(), k)
     layers = {layer_path(Path("images"), f"{k:06d}", name): data for name, data in files.layers.items()}
     beside = {Path("images") / f"{k:06d}.{name}": data for name, data in files.sensors.items()}

@@ -1,4 +1,4 @@
-"""Parquet as the library `datasets` of Hugging Face reads it: ``data/SPLIT-NNNNN.parquet`` and ``README.md``, the card.
+"""Parquet for the Hugging Face library `datasets`: ``data/SPLIT-NNNNN.parquet`` and the card ``README.md``.
 
 Images are PNG bytes that the library decodes; ``truth_json`` is the whole record, layers are the native files' bytes.
 
@@ -35,7 +35,7 @@ class ParquetWriter:
         self._shards: Shards[Row] = Shards(self._shard)
 
     def write(self, frame: LabelledFrame) -> None:
-        """The frame's row, into a shard of its split."""
+        """Write the frame's row into a shard of its split."""
         row = row_of(frame, self._layers)
         size = sum(len(v) for v in row.values() if isinstance(v, bytes))
         size += len(row["image"]["bytes"]) + len(row["mask"]["bytes"]) + len(row["truth_json"])
@@ -68,14 +68,14 @@ class ParquetWriter:
         return a.schema([(n, types[k]) for n, k in fields.items()], metadata={"huggingface": known})
 
     def finish(self) -> None:
-        """The last shards, and the card."""
+        """Write the last shards, and the card."""
         self._shards.finish()
         text = readme(self._card, self._shards.counts, columns(self._layers))
         self._output.write("README.md", text.encode())
 
 
 def columns(layers: tuple[str, ...]) -> dict[str, str]:
-    """Names and kinds of the columns."""
+    """Return the names and kinds of the columns."""
     return {
         "number": "int64",
         "image": "Image",
@@ -96,7 +96,7 @@ def columns(layers: tuple[str, ...]) -> dict[str, str]:
 
 
 def row_of(frame: LabelledFrame, layers: tuple[str, ...]) -> Row:
-    """One frame as a row; a keypoint behind the camera has no pixel but an empty list."""
+    """Return one frame as a row; a keypoint behind the camera has an empty list as pixel."""
     truth, stem = frame.truth, f"{frame.number:06d}"
     return {
         "number": frame.number,
@@ -118,7 +118,7 @@ def row_of(frame: LabelledFrame, layers: tuple[str, ...]) -> Row:
 
 
 def _feature(kind: str) -> dict[str, Any]:
-    """A column as `datasets` describes it."""
+    """Return the `datasets` feature of a column."""
     if kind == "Image":
         return {"_type": "Image"}
     if kind in ("numbers", "strings"):
@@ -129,7 +129,7 @@ def _feature(kind: str) -> dict[str, Any]:
 
 
 def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) -> str:
-    """The card of the hub: YAML for programs, then words."""
+    """Return the hub's dataset card: YAML metadata, then text."""
     title = f"{card.scenario_name}: {card.target.name}"
     lines = [
         "---",

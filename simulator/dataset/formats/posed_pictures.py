@@ -1,4 +1,4 @@
-"""Pictures with poses out of the data sets of others: what every reader gives, and how it reads their text files."""
+"""Images with poses from data sets of others: the common result of every reader, and its text-file helpers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class PosedPicture:
 
 @dataclass(frozen=True, eq=False)
 class PosedPictures:
-    """The pictures of a folder of others.
+    """The images of a foreign data set.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class PosedPictures:
 
 
 def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN401 - any JSON value
-    """A JSON file of others.
+    """Read a foreign JSON file.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN4
 
 
 def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    """The rows of a CSV file of others with a header line, blanks about names and cells taken off.
+    """Read the rows of a foreign CSV file with a header line, stripping blanks.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
 
 
 def find_camera(folder: Path, levels: int = 2) -> Camera | None:
-    """The camera of the nearest ``camera.json``, in a folder or up to so many levels above it; None without one.
+    """Return the camera of the nearest ``camera.json``, in a folder or some levels above it; None without one.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def find_camera(folder: Path, levels: int = 2) -> Camera | None:
 
 
 def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # noqa: ANN401 - a cell of a file
-    """Where a picture lies that a list names.
+    """Return the path of an image that a list names.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
 
 def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
-    """The target's pose in the camera out of a file of others.
+    """Return the target's pose in the camera from values of a foreign file. Raise if they are no pose.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The formats of data sets: which there are, by name; a package may add its own."""
+"""Registry of data-set formats by name; packages may add their own."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, P
 
 
 def formats() -> dict[str, DatasetFormat]:
-    """All formats besides the native layout, by name."""
+    """Return all formats except the native layout, by name."""
     added = {name: _added(plugin) for name, plugin in plugins("format").items()}
     return {**added, **{form.name: form for form in BUILT_IN}}
 
@@ -52,12 +52,12 @@ def _added(plugin: Plugin) -> DatasetFormat:
 
 
 def readable() -> tuple[str, ...]:
-    """Names of the formats that are read."""
+    """Return the names of the formats that can be read."""
     return tuple(form.name for form in formats().values() if form.read is not None)
 
 
 def writable() -> tuple[str, ...]:
-    """Names of the formats that are written, the native layout first."""
+    """Return the names of the formats that can be written, the native layout first."""
     return (NATIVE, *(form.name for form in formats().values() if form.writer is not None))
 
 
@@ -78,7 +78,7 @@ def find_format(name: str) -> DatasetFormat:
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Formats to write, from a comma-separated list.
+    """Parse a comma-separated list of formats to write.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
 
 
 def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
-    """A sentence for each format of what it will hold of a data set, and what it leaves out.
+    """Return a sentence per format: what it will hold of a data set, and what it omits.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
 
 
 def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, str]:
-    """The pictures with poses of somebody else's data set, and the name of its format.
+    """Read the images with poses of a foreign data set. Return them with the name of its format.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Images, cameras and poses as ROS 2 messages: definitions and values of their fields.
+"""Images, cameras and poses as ROS 2 messages: definitions and field values.
 
 Poses are those of the target in the camera's optical frame (x right, y down, z forward: REP 103's ``_optical``), the
 model's axes for the target. Quaternions are x, y, z, w here, as in ROS.
@@ -28,7 +28,7 @@ _PARTS = {"builtin_interfaces/Time": _TIME, "std_msgs/Header": _HEADER}
 
 
 def ros_definition(fields: str, **parts: str) -> str:
-    """A message's definition with those of what it is made of, as rosbag2 keeps it."""
+    """Return a message's definition with those of its parts, as rosbag2 stores it."""
     named = {name.replace("__", "/"): text for name, text in parts.items()} | _PARTS
     rule = "=" * 80
     return fields + "".join(f"{rule}\nMSG: {name}\n{text}" for name, text in named.items())
@@ -75,13 +75,13 @@ LEAST_COEFFICIENTS = {"none": 5, "brown_conrady": 8, "kannala_brandt": 4}
 
 
 def header(epoch_utc: str, frame_id: str = CAMERA_FRAME) -> dict[str, Any]:
-    """std_msgs/Header at a time in UTC."""
+    """Return a std_msgs/Header at a time in UTC."""
     sec, nanosec = divmod(nanoseconds_utc(epoch_utc), 1_000_000_000)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame_id}
 
 
 def image(pixels: NDArray[np.unsignedinteger], epoch_utc: str) -> dict[str, Any]:
-    """sensor_msgs/Image of digital numbers: mono8, mono16 or rgb8, rgb16."""
+    """Return a sensor_msgs/Image of digital numbers: mono8, mono16 or rgb8, rgb16."""
     pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)
     height, width = pixels.shape[:2]
     channels = 1 if pixels.ndim == 2 else pixels.shape[2]
@@ -98,7 +98,7 @@ def image(pixels: NDArray[np.unsignedinteger], epoch_utc: str) -> dict[str, Any]
 
 
 def camera_info(camera: Camera, epoch_utc: str) -> dict[str, Any]:
-    """sensor_msgs/CameraInfo; ``d`` in OpenCV's order."""
+    """Return a sensor_msgs/CameraInfo; ``d`` in OpenCV's order."""
     model = camera.distortion.model
     d = [float(x) for x in camera.distortion.coefficients]
     fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
@@ -129,7 +129,7 @@ def _xyzw(q_wxyz: Quat) -> dict[str, float]:
 def pose_stamped(
     q_camera_from_target_wxyz: Quat, t_camera_from_target_m: Vec3, epoch_utc: str
 ) -> dict[str, Any]:
-    """geometry_msgs/PoseStamped of the target in the camera."""
+    """Return a geometry_msgs/PoseStamped of the target in the camera."""
     return {
         "header": header(epoch_utc),
         "pose": {"position": _xyz(t_camera_from_target_m), "orientation": _xyzw(q_camera_from_target_wxyz)},
@@ -139,7 +139,7 @@ def pose_stamped(
 def transform(
     q_camera_from_target_wxyz: Quat, t_camera_from_target_m: Vec3, epoch_utc: str, child: str
 ) -> dict[str, Any]:
-    """tf2_msgs/TFMessage with one transform, from ``child`` to the camera."""
+    """Return a tf2_msgs/TFMessage with one transform, from ``child`` to the camera."""
     return {
         "transforms": [
             {

@@ -9,11 +9,11 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 MOST_BYTES, MOST_FRAMES = 128_000_000, 1000
-"""Of a shard: what is gathered in memory before it is written."""
+"""Limits of a shard, which is gathered in memory before it is written."""
 
 
 class Shards(Generic[Item]):
-    """Gathers items by split and hands each full shard on.
+    """Gathers items by split and passes each full shard on.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ class Shards(Generic[Item]):
         self._items: dict[str, list[Item]] = {}
         self._bytes: dict[str, int] = {}
         self.counts: dict[str, int] = {}
-        """Items of each split so far."""
+        """Number of items of each split."""
         self.written: dict[str, int] = {}
-        """Shards of each split so far."""
+        """Number of shards written of each split."""
 
     def add(self, split: str, item: Item, size_bytes: int) -> None:
-        """One more item of a split."""
+        """Add one item of a split."""
         if self._items.get(split) and self._bytes[split] + size_bytes > MOST_BYTES:
             self._flush(split)
         self._items.setdefault(split, []).append(item)
@@ -40,7 +40,7 @@ class Shards(Generic[Item]):
             self._flush(split)
 
     def finish(self) -> None:
-        """Hand the last ones on."""
+        """Pass the last shards on."""
         for split in list(self._items):
             if self._items[split]:
                 self._flush(split)

@@ -49,7 +49,7 @@ class SparkWriter:
         self._rows: dict[str, list[list[str]]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
-        """The picture; its row is kept for the list."""
+        """Write the image; its row is collected for the list."""
         split = FOLDERS[frame.split]
         name = f"img{frame.number:06d}.png"
         self._output.write(f"images/{split}/{name}", frame.read("png"))
@@ -61,7 +61,7 @@ class SparkWriter:
         self._rows.setdefault(split, []).append([sequence, name, *(repr(v) for v in numbers)])
 
     def finish(self) -> None:
-        """The lists and the camera."""
+        """Write the lists and the camera."""
         for split, rows in self._rows.items():
             text = io.StringIO()
             table = csv.writer(text, lineterminator="\n")
@@ -72,7 +72,7 @@ class SparkWriter:
 
 
 def read_spark(place: Path) -> PosedPictures | None:
-    """The pictures of a folder like SPARK or of one of its lists; None of a folder of another kind.
+    """Read a folder like SPARK or one of its lists; None for a folder of another kind.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Reading folders like SPEED, SPEED+ and SHIRT: a JSON list of file names, quaternions and positions.
+"""Readers of folders like SPEED, SPEED+ and SHIRT: a JSON list of file names, quaternions and positions.
 
 SPEED: ``train.json`` beside ``images/train/``. SPEED+: ``camera.json``, and in each of ``synthetic``, ``lightbox`` and
 ``sunlamp`` its lists beside ``images/``. SHIRT: ``roe1/roe1.json`` beside ``roe1/lightbox/images/`` and
@@ -34,12 +34,12 @@ SHIRT_LISTS = ("roe1.json", "roe2.json")
 
 
 def read_speed(place: Path) -> PosedPictures | None:
-    """The pictures of a folder like SPEED; None of another kind. Errors as of `read_speedplus`."""
+    """Read a folder like SPEED; None for another kind. Errors as of `read_speedplus`."""
     return _read(place, "speed")
 
 
 def read_speedplus(place: Path) -> PosedPictures | None:
-    """The pictures of a domain's folder of SPEED+ or of one of its lists; None of a folder of another kind.
+    """Read a domain's folder of SPEED+ or one of its lists; None for a folder of another kind.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def read_speedplus(place: Path) -> PosedPictures | None:
 
 
 def read_shirt(place: Path) -> PosedPictures | None:
-    """The pictures of a trajectory's folder of SHIRT, `lightbox` or `synthetic`; None of a folder of another kind.
+    """Read a trajectory's folder of SHIRT, `lightbox` or `synthetic`; None for a folder of another kind.
 
     Errors as of `read_speedplus`.
     """
@@ -91,7 +91,7 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
 
 
 def _lists(folder: Path, kind: str) -> list[Path]:
-    """Lists of a folder, or of the sets that lie in it; for one of SHIRT's picture folders the list above it."""
+    """Return the lists of a folder or its subfolders; for a SHIRT image folder the list above it."""
     levels = [folder.glob("*.json"), folder.glob("*/*.json")]
     if kind == "shirt":
         levels.insert(0, folder.parent.glob("*.json"))
@@ -108,7 +108,7 @@ def _rows(path: Path) -> list[Any]:
 
 
 def _kind(rows: list[Any]) -> str | None:
-    """Whose list it is by the first entry: empty for one without poses, None for none of them."""
+    """Return the kind of a list by its first entry: empty for one without poses, None for an unknown one."""
     first = rows[0]
     if not isinstance(first, dict) or "filename" not in first:
         return None

@@ -1,4 +1,4 @@
-"""Writing SPEED and SPEED+: a JSON list of file names, quaternions and positions beside the images.
+"""Writers of SPEED and SPEED+: a JSON list of file names, quaternions and positions beside the images.
 
 SPEED: ``images/SPLIT/imgNNNNNN.jpg``, ``SPLIT.json`` with ``filename q_vbs2tango r_Vo2To_vbs_true``, and the other
 lists that its public loader opens, empty. SPEED+: ``synthetic/images/imgNNNNNN.jpg``, ``synthetic/SPLIT.json`` with
@@ -40,12 +40,12 @@ _LISTS = {"speed": ("train", "test", "real", "real_test"), "speedplus": ("train"
 
 
 def json_bytes(value: Any) -> bytes:  # noqa: ANN401 - any JSON value
-    """JSON text, indented, floats at full precision."""
+    """Return indented JSON, with floats at full precision."""
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
 def jpeg(frame: LabelledFrame) -> bytes:
-    """Return a frame's image of 8 bits as JPEG, grey or in colour."""
+    """Encode a frame's 8-bit image as JPEG, grey or in colour."""
     image = frame.image
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     ok, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
@@ -67,7 +67,7 @@ class SpeedWriter:
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _LISTS[kind]}
 
     def write(self, frame: LabelledFrame) -> None:
-        """The picture; its row is kept for the list."""
+        """Write the image; its row is collected for the list."""
         split = frame.split or "train"
         name = f"img{frame.number:06d}.jpg"
         folder = "synthetic/images" if self._kind == "speedplus" else f"images/{split}"
@@ -81,7 +81,7 @@ class SpeedWriter:
         )
 
     def finish(self) -> None:
-        """The lists and the camera."""
+        """Write the lists and the camera."""
         folder = "synthetic/" if self._kind == "speedplus" else ""
         for name, rows in self._rows.items():
             self._output.write(f"{folder}{name}.json", json_bytes(rows))
@@ -89,7 +89,7 @@ class SpeedWriter:
 
 
 def speed_camera(camera: Camera) -> dict[str, Any]:
-    """``camera.json`` of SPEED+, and of SPEED with its focal lengths in pixels beside."""
+    """Return ``camera.json`` of SPEED+, and of SPEED with its focal lengths in pixels added."""
     known = msgspec.convert(msgspec.to_builtins(camera), CameraFile)
     table: dict[str, Any] = json.loads(camera_text(known, "speed", "camera"))
     return table | {"fx_px": camera.fx_px, "fy_px": camera.fy_px}

@@ -47,7 +47,7 @@ MOST_BYTES = 100_000_000
 
 
 def urso_pose(q_wxyz: tuple[float, ...], t_m: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Position (3,) and quaternion (4,), scalar last, as URSO has a pose of ours."""
+    """Convert a pose to URSO's position (3,) and quaternion (4,), scalar last."""
     w, x, y, z = quat_from_matrix(URSO_FROM_CAMERA @ matrix_from_quat(q_wxyz) @ MIRROR)
     return URSO_FROM_CAMERA @ np.asarray(t_m), np.array([x, y, z, w])
 
@@ -60,7 +60,7 @@ class UrsoWriter:
         self._rows: dict[str, list[tuple[str, list[str]]]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
-        """The picture; its rows are kept for the lists."""
+        """Write the image; its rows are collected for the lists."""
         name = f"{frame.number}_rgb.png"
         self._output.write(name, frame.read("png"))
         t, q = urso_pose(frame.truth.q_camera_from_target_wxyz, frame.truth.t_camera_from_target_m)
@@ -68,7 +68,7 @@ class UrsoWriter:
         self._rows.setdefault(FOLDERS[frame.split], []).append((name, row))
 
     def finish(self) -> None:
-        """The lists, and the camera, which URSO's own loader has in its code."""
+        """Write the lists and the camera; URSO's own loader has the camera in its code."""
         for split, rows in self._rows.items():
             self._output.write(f"{split}_images.csv", "".join(f"{name}\n" for name, _ in rows).encode())
             text = io.StringIO()
@@ -80,7 +80,7 @@ class UrsoWriter:
 
 
 def read_urso(place: Path) -> PosedPictures | None:
-    """The pictures of a folder like URSO, or of one of its ``SPLIT_poses_gt.csv``; None of a folder of another kind.
+    """Read a folder like URSO, or one of its ``SPLIT_poses_gt.csv``; None for a folder of another kind.
 
     Raises
     ------

@@ -33,7 +33,7 @@ class WebWriter:
         self._shards: Shards[Files] = Shards(self._shard)
 
     def write(self, frame: LabelledFrame) -> None:
-        """The frame's files, into a shard of its split."""
+        """Write the frame's files into a shard of its split."""
         files = [(f"{frame.number:06d}.{ending}", data) for ending, data in native_names(frame)]
         self._shards.add(frame.split or "train", files, sum(len(data) for _, data in files))
 
@@ -48,7 +48,7 @@ class WebWriter:
         self._output.write(f"{split}-{number:06d}.tar", place.getvalue())
 
     def finish(self) -> None:
-        """The last shards, and the card."""
+        """Write the last shards, and the card."""
         self._shards.finish()
         self._output.write(CARD_NAME, card_to_json(self._card))
 

@@ -34,7 +34,7 @@ class YoloWriter:
         self._splits: set[str] = set()
 
     def write(self, frame: LabelledFrame) -> None:
-        """The picture and its line; an empty file where nothing of the craft is to be seen."""
+        """Write the image and its line; an empty file if the craft is not visible."""
         split = FOLDERS[frame.split]
         self._splits.add(split)
         self._output.write(f"images/{split}/{frame.number:06d}.png", frame.read("png"))
@@ -53,7 +53,7 @@ class YoloWriter:
         return " ".join(words) + "\n"
 
     def finish(self) -> None:
-        """Write ``data.yaml``; a trainer wants a validation list, which without a split is the training one.
+        """Write ``data.yaml``. Trainers require a validation list; without a split it is the training one.
 
         Ultralytics takes a relative ``path`` from its own settings' folder or the working directory, and the folder of
         the file where there is none: so there is none.

@@ -1,1 +1,1 @@
-"""Where a data set's files go: a folder or an object store, in batches that outlast a loss of power, with hashes."""
+"""Storage of a data set: a folder or an object store, in batches that survive a loss of power, with hashes."""

@@ -1,4 +1,4 @@
-"""Frames written behind the drawing, in batches: one wait for the disk serves many files."""
+"""Background writer of frames in batches, so that one disk flush serves many files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 64_000_000
 MOST_S = 2.0
-"""Frames that a loss of power may cost: those of so many bytes, or of so long."""
+"""Largest amount of frames that a loss of power may cost, in bytes or seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class FrameFiles:
 
     @property
     def n_bytes(self) -> int:
-        """Of all files."""
+        """Total size of the files."""
         return sum(len(data) for _, data in (*self.parts, self.record))
 
 
@@ -56,7 +56,7 @@ class FrameBatches:
         self._under_way: Future[None] | None = None
 
     def add(self, frame: FrameFiles) -> None:
-        """Take one frame; waits while the batch before is still being written and this one is full."""
+        """Add one frame; waits if the current batch is full and the previous one is still being written."""
         if not self._held:
             self._since_s = time.monotonic()
         self._held.append(frame)
@@ -69,7 +69,7 @@ class FrameBatches:
             self._send()
 
     def flush(self) -> None:
-        """Wait until all that was added is on the disk."""
+        """Wait until everything added is on the disk."""
         if self._held:
             self._send()
         self._wait()

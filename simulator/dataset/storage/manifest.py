@@ -1,4 +1,4 @@
-"""manifest.sha256: the hash of every file of the native layout, as ``sha256sum -c`` reads it; so resume knows damage.
+"""manifest.sha256: the hash of every file of the native layout, for ``sha256sum -c`` and for resuming.
 
 Lines are added before the files have their names, so that no frame is without them; of a capture that was broken off
 the last lines may name files that are not there, which resume takes away. A frame's record comes last.
@@ -23,17 +23,17 @@ _LINE = re.compile(r"([0-9a-f]{64})  (images/(\d{6,8})\.[\w.]+)")
 
 
 def file_hash(data: bytes) -> str:
-    """SHA-256 of a file's bytes."""
+    """Return the SHA-256 of a file's bytes."""
     return hashlib.sha256(data).hexdigest()
 
 
 def manifest_lines(files: Files) -> bytes:
-    """Lines of some files, in their order."""
+    """Return the lines of some files, in order."""
     return _text((name, file_hash(data)) for name, data in files)
 
 
 def read_manifest(store: Store) -> dict[int, dict[str, str]]:
-    """Hashes by name, of each frame; the last line of a name counts. None of a store that has no manifest.
+    """Return hashes by name for each frame; the last line of a name counts. Empty without a manifest.
 
     What is no line, as the last one of a writer that lost power, is left out: its file is verified by other means.
 
@@ -60,13 +60,13 @@ def read_manifest(store: Store) -> dict[int, dict[str, str]]:
 
 
 def rewrite_manifest(store: Store, frames: Mapping[int, Mapping[str, str]]) -> None:
-    """Write the manifest of some frames anew, in order of their numbers, the files of each as they were written."""
+    """Rewrite the manifest for some frames, in the order of their numbers."""
     text = b"".join(_text(frames[k].items()) for k in sorted(frames))
     store.write([(MANIFEST_NAME, text)])
 
 
 def sort_manifest(store: Store) -> None:
-    """Put the lines of a finished data set in order, so that resumed and undisturbed ones are alike."""
+    """Sort the lines of a finished data set, so that resumed and uninterrupted sets are equal."""
     frames = read_manifest(store)
     if list(frames) != sorted(frames):
         rewrite_manifest(store, frames)

@@ -1,4 +1,4 @@
-"""How much room a capture takes, said before it begins."""
+"""Disk space of a capture, estimated before it begins."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _LAYER_PER_PIXEL = {
     "wireframe": 0.0,
 }
 _EXPORT = 1.0
-"""An export takes about as much as the native images."""
+"""Size of an export relative to the native images."""
 
 
 def frame_bytes(scene: SceneState, labels: tuple[str, ...], n_exports: int) -> int:
-    """About what a frame takes on the disk."""
+    """Return the approximate size of a frame on the disk."""
     camera, colours = scene.camera, 1 if scene.bands == "mono" else 3
     pixels = camera.width_px * camera.height_px
     image = pixels * colours * (1 if scene.sensor.bits <= 8 else 2) * _IMAGE
@@ -40,7 +40,7 @@ def frame_bytes(scene: SceneState, labels: tuple[str, ...], n_exports: int) -> i
 
 
 def refuse_without_room(store: Store, n_frames: int, each_bytes: int) -> None:
-    """Refuse a capture that the disk has no room for, before anything is written.
+    """Raise if the disk has no room for a capture, before anything is written.
 
     Raises
     ------

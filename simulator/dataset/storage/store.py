@@ -1,4 +1,4 @@
-"""A store: the files of a data set by their names within it, in a folder or anywhere that fsspec knows."""
+"""Stores: the files of a data set by name, in a folder or any fsspec file system."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Store(Protocol):
-    """What a data set is written to. Names are relative, with ``/`` between folders."""
+    """A place to write a data set to. Names are relative, with ``/`` between folders."""
 
     @property
     def title(self) -> str:
-        """What messages call it."""
+        """Name for messages."""
 
     def write(self, *waves: Files) -> None:
-        """Write files that outlast a loss of power; one has its name once it and all of the waves before are whole.
+        """Write files durably; a file gets its name only after it and all earlier waves are whole.
 
         Raises
         ------
@@ -35,10 +35,10 @@ class Store(Protocol):
         """
 
     def append(self, name: str, text: bytes) -> None:
-        """Add to the end of a file of text; lasting by the end of `close` at the latest."""
+        """Append to a text file; durable after `close` at the latest."""
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """The bytes of a file.
+        """Read the bytes of a file.
 
         Raises
         ------
@@ -47,22 +47,22 @@ class Store(Protocol):
         """
 
     def exists(self, name: str) -> bool:
-        """Whether there is a file of that name."""
+        """Return True if there is a file of that name."""
 
     def is_empty(self) -> bool:
-        """Whether there is no file at all."""
+        """Return True if there is no file at all."""
 
     def remove(self, name: str) -> None:
-        """Take a file away; none of that name is no mistake."""
+        """Remove a file, if it exists."""
 
     def remove_unfinished(self) -> None:
-        """Take away what a writer that was killed left half-written."""
+        """Remove partly written files of a writer that was killed."""
 
     def free_bytes(self) -> int | None:
-        """Room that is left; None where nobody knows."""
+        """Return the free space; None if unknown."""
 
     def close(self) -> None:
-        """Finish what is under way."""
+        """Finish pending work."""
 
 
 class FolderStore:
@@ -79,11 +79,11 @@ class FolderStore:
 
     @property
     def title(self) -> str:
-        """What messages call it."""
+        """Name for messages."""
         return str(self.folder)
 
     def write(self, *waves: Files) -> None:
-        """Write files, all of them on the disk before the first has its name; they get their names in order."""
+        """Write files; all are on the disk before the first gets its name, and they get their names in order."""
         self._refuse_if_moved()
         files = [(self.folder / name, data) for wave in waves for name, data in wave]
         for parent in {path.parent for path, _ in files}:
@@ -94,7 +94,7 @@ class FolderStore:
         write_lasting(files)
 
     def _refuse_if_moved(self) -> None:
-        """A folder made anew in place of one that was moved away would hold half a data set that calls itself whole."""
+        """Raise if the folder was moved: one made again in its place would hold half a data set that looks whole."""
         with contextlib.suppress(OSError):
             if os.path.samestat(self._place, self.folder.stat()):
                 return
@@ -104,7 +104,7 @@ class FolderStore:
         )
 
     def append(self, name: str, text: bytes) -> None:
-        """Add to the end of a file of text."""
+        """Append to a text file."""
         self._refuse_if_moved()
         path = self.folder / name
         try:
@@ -116,37 +116,37 @@ class FolderStore:
             raise write_error(path, error) from error
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """The bytes of a file."""
+        """Read the bytes of a file."""
         return read_regular(self.folder / name, most_bytes)
 
     def exists(self, name: str) -> bool:
-        """Whether there is a file of that name."""
+        """Return True if there is a file of that name."""
         return (self.folder / name).is_file()
 
     def is_empty(self) -> bool:
-        """Whether nothing is there."""
+        """Return True if the folder is empty."""
         return not any(path.name not in self._others for path in self.folder.iterdir())
 
     def remove(self, name: str) -> None:
-        """Take a file away."""
+        """Remove a file."""
         try:
             (self.folder / name).unlink(missing_ok=True)
         except OSError as error:
             raise write_error(self.folder / name, error) from error
 
     def remove_unfinished(self) -> None:
-        """Take away temporary files."""
+        """Remove temporary files."""
         for place in (self.folder, self.folder / "images"):
             for path in place.glob(PART_FILES):
                 with contextlib.suppress(OSError):
                     path.unlink()
 
     def free_bytes(self) -> int | None:
-        """Room on the folder's disk."""
+        """Return the free space of the folder's disk."""
         try:
             return shutil.disk_usage(self.folder).free
         except OSError:
             return None
 
     def close(self) -> None:
-        """Nothing is under way."""
+        """Do nothing: no work is pending."""

@@ -1,4 +1,4 @@
-"""A store that fsspec knows: an object store, a server, or this process's memory."""
+"""A store on any fsspec file system: an object store, a server, or memory."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files
 
 _APPENDED_EVERY_S = 30.0
-"""Objects have no end to add to: what is appended is kept, and the whole object written again that often."""
+"""Objects cannot be appended to, so the appended text is kept and the whole object is rewritten at this interval."""
 
 
 def is_url(place: str | Path) -> bool:
-    """Whether a place to write to is a URL and no folder."""
+    """Return True if a place to write to is a URL rather than a folder."""
     return isinstance(place, str) and "://" in place
 
 
 class UrlStore:
-    """A folder at a URL, as ``s3://bucket/set`` or ``memory://set``; an object is whole or is not there.
+    """A folder at a URL such as ``s3://bucket/set`` or ``memory://set``; objects are written whole.
 
     Who signs in, and where the server is, fsspec's own ways tell: ``FSSPEC_S3_ENDPOINT_URL``, a configuration file, ...
 
@@ -64,7 +64,7 @@ class UrlStore:
         return self._title
 
     def write(self, *waves: Files) -> None:
-        """Write files, those of a wave at once where the store can."""
+        """Write files, those of a wave in parallel if the store can."""
         for name, _ in (file for wave in waves for file in wave):
             self._ends.pop(name, None)  # what was appended before is replaced
         for wave in waves:
@@ -76,7 +76,7 @@ class UrlStore:
                 self._fs.pipe({self._path(name): data for name, data in wave})
 
     def append(self, name: str, text: bytes) -> None:
-        """Add to the end of a file of text; written now and then, and by `close`."""
+        """Append to a text file; written periodically, and by `close`."""
         if name not in self._ends:
             before = self.read(name, 2**32) if self.exists(name) else b""
             self._ends[name] = (bytearray(before), time.monotonic())
@@ -87,7 +87,7 @@ class UrlStore:
             self._ends[name] = (whole, time.monotonic())
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """The bytes of a file, with what was appended."""
+        """Read the bytes of a file, including appended text."""
         if name in self._ends:
             return bytes(self._ends[name][0])
         try:
@@ -106,33 +106,33 @@ class UrlStore:
         return data
 
     def exists(self, name: str) -> bool:
-        """Whether there is a file of that name."""
+        """Return True if there is a file of that name."""
         if name in self._ends:
             return True
         with self._refusals("read"):
             return bool(self._fs.isfile(self._path(name)))
 
     def is_empty(self) -> bool:
-        """Whether no object lies below the URL."""
+        """Return True if no object lies below the URL."""
         with self._refusals("read"):
             return not self._fs.find(self._root, maxdepth=1) and not self._fs.find(self._root)
 
     def remove(self, name: str) -> None:
-        """Take a file away."""
+        """Remove a file."""
         self._ends.pop(name, None)
         with self._refusals("write to"):
             if self._fs.exists(self._path(name)):
                 self._fs.rm_file(self._path(name))
 
     def remove_unfinished(self) -> None:
-        """There is nothing half-written."""
+        """Do nothing: there are no partly written objects."""
 
     def free_bytes(self) -> int | None:
-        """Nobody knows."""
+        """Return None: the free space is unknown."""
         return None
 
     def close(self) -> None:
-        """Write what was appended."""
+        """Write the appended text."""
         for name in list(self._ends):
             self._write_end(name)
         self._ends.clear()
@@ -145,7 +145,7 @@ class UrlStore:
 
     @contextmanager
     def _refusals(self, what: str) -> Iterator[None]:
-        """Every store has errors of its own: all are said as one sentence."""
+        """Convert the store's errors to one sentence."""
         try:
             yield
         except UserError:
