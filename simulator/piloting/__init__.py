@@ -1,4 +1,5 @@
-"""Piloted flight: a session stepped by commands, with clock, steering, guidance, autopilot, docking, burns, recording.
+"""Piloted flight: a session stepped by commands, with clock, manual control, guidance, autopilot, docking, burns,
+recording.
 
 Commands and states are values. Names of keys, devices, windows and drawn pictures do not belong here; laws of motion
 that a planned flight uses too stand in `flyaround.simulator.world.guidance`.

@@ -1,4 +1,4 @@
-"""A pilot that docks by switches of translation alone, from the docking figures."""
+"""A docking autopilot that uses the translation switches alone, on the docking figures."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 PUSHES: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "up"), ("forward", "back"))
-"""Switches of the positive and of the negative direction along each camera axis."""
+"""Switches of the positive and negative direction along each camera axis."""
 
 ROUND_ABOVE_DEG = 25.0
-"""Farther off the axis than this the chaser goes round the target first."""
+"""Angle off the axis above which the chaser first flies around the target [deg]."""
 ROUND_M_S = 0.25
 CLEAR_M = 3.0
-"""Between the target's sphere and the chaser's docking point on the way round."""
+"""Clearance between the target's sphere and the chaser's docking point on the way around [m]."""
 CONTACT_M_S = 0.08
 SLOW_WITHIN_M = 4.0
-"""From here to the port the chaser closes at `CONTACT_M_S`."""
+"""Distance to the port within which the chaser closes at `CONTACT_M_S` [m]."""
 LIMIT_SHARE = 0.8
-"""Of the closing speed that is allowed at a distance."""
+"""Share of the allowed closing speed that the autopilot uses."""
 BRAKE_M_S2 = 0.012
-"""Deceleration that the pilot plans with, along the axis and across it."""
+"""Deceleration that the autopilot plans with, along and across the axis [m s-2]."""
 ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
 ACROSS_M_S = 0.3
 DEAD_M_S, DEAD_PER_M = 0.002, 5e-5
-"""Dead band, and its growth with the distance: switches that chatter cost most."""
+"""Dead band and its growth with the distance, which prevents chattering of the switches."""
 COARSE_ABOVE_M_S = 0.3
-"""Velocity errors beyond this are corrected with `COARSE_GAIN`."""
+"""Velocity error above which `COARSE_GAIN` applies [m s-1]."""
 
 
 class Autopilot:
-    """Flies the docking point to a distance before the port, or into it.
+    """Flies the docking point to a distance from the port, or into it.
 
     It sees what the pilot sees, the docking figures, and closes the switches that a pilot closes. Attitude is left to
     the mode that keeps the docked one.
@@ -88,7 +88,7 @@ class Autopilot:
         return Demand(switches=frozenset(closed), gain=gain) if closed else Demand()
 
     def wanted_velocity(self, figures: DockingFigures, goal_m: float | None) -> FloatArray:
-        """(3,) velocity along the port's axes, right, down, in, that the pilot wants [m s-1]."""
+        """Return the wanted (3,) velocity along the port's axes, right, down, in [m s-1]."""
         f = figures
         on_axis = f.lateral_m <= self._limits.lateral_m and f.axial_m > 0
         if f.off_axis_deg > ROUND_ABOVE_DEG and not on_axis:
@@ -123,7 +123,7 @@ class Autopilot:
         return f.lateral_m < 0.5 * limits.lateral_m and turned < 0.7 * limits.attitude_deg
 
     def _round(self, f: DockingFigures) -> FloatArray:
-        """Along a sphere about the target towards the axis."""
+        """Return the velocity along a sphere around the target towards the axis."""
         p = np.array([f.right_m, f.down_m, -f.axial_m]) + self._origin
         away = float(np.linalg.norm(p))
         out = p / away

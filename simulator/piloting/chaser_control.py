@@ -1,4 +1,4 @@
-"""Steering: thrust and turn of the chaser at each step, from demands by hand, modes, planned burns and autopilot."""
+"""Chaser control: thrust and rotation at each step, from manual demands, modes, planned burns and autopilot."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ ATTITUDE_MODES: tuple[AttitudeMode, ...] = get_args(AttitudeMode)
 
 BORESIGHT: Vec3 = (0.0, 0.0, 1.0)
 ACTIVE_STEP_S = 0.2
-"""Longest step while hand, brake or autopilot push, or contact is possible."""
+"""Longest step while manual control, brake or autopilot thrust, or while contact is possible [s]."""
 PILOT_S = 0.1
-"""The autopilot looks at the figures so often."""
+"""Period of the autopilot's decisions [s]."""
 COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
-"""With which an abort turns the chaser round."""
+"""Acceleration of an abort [m s-2]."""
 PLUME_AGAIN_S = 300.0
-"""Between two cautions of it."""
+"""Least time between two cautions about the plume [s]."""
 # radial, along-track, cross-track of thrust to the right, down, forward: up is radial, forward along the flight
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
 NOT_KEPT = frozenset({"docking", "keep_out", "news", "_demand"})
-"""Attributes that a seek does not restore: the rest of the world, news, and the demand by hand."""
+"""Attributes that a seek does not restore: the rest of the world, news, and the manual demand."""
 
 
 class Steering:
-    """All that acts on a chaser that the scenario's guidance does not fly.
+    """Thrust and rotation of a chaser that the scenario's guidance does not fly.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Steering:
         self.let_go()
 
     def let_go(self) -> None:
-        """Nothing pushes or turns any more; burns and what was spent stay."""
+        """Stop thrust and rotation; planned burns and the propellant used stay."""
         self.attitude: AttitudeMode = "hold"
         self.aim: Vec3 = BORESIGHT
         self.braking = False
@@ -91,17 +91,17 @@ class Steering:
         self._pilot_until_s = -np.inf
 
     def kept(self) -> dict[str, Any]:
-        """All that must come back with a place of the flight; what hands hold does not."""
+        """Return the state that a seek must restore, without the manual demand."""
         return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
 
     def bring_back(self, kept: dict[str, Any]) -> None:
-        """Be as it was when `kept` was asked."""
+        """Restore a state that `kept` returned."""
         vars(self).update(kept)
 
     # --- the pilot's demand
 
     def hold(self, demand: Demand) -> None:
-        """Hold a demand from now on; in pulses each switch that closes gives one pulse."""
+        """Hold a demand from now on; in pulse mode each switch that closes gives one pulse."""
         if self.thrust == "pulse":
             closed = demand.switches - self._demand.switches
             self._add_pulse(closed, demand.gain)
@@ -114,7 +114,7 @@ class Steering:
         self._pulse_rad = self._pulse_rad + laws.PULSE_RAD * gain * laws.direction(TURN, switches)
 
     def _drop_demand(self) -> None:
-        """Drop what is demanded, until the next `hold`."""
+        """Discard the demand, until the next `hold`."""
         self._demand = Demand()
         self._pulse_m_s = np.zeros(3)
 
@@ -125,37 +125,37 @@ class Steering:
         self._end_modes()
 
     def pulse(self, switch: Switch) -> None:
-        """Give one pulse of a switch's direction, however thrust is given."""
+        """Give one pulse in a switch's direction, in any thrust mode."""
         self._add_pulse(frozenset({switch}), 1.0)
         if switch in THRUST:
             self._end_for_hand()
 
     @property
     def takes_over(self) -> bool:
-        """True if something is demanded that the scenario's guidance cannot give."""
+        """True if the demand needs a take-over from the scenario's guidance."""
         return not self._demand.idle
 
     def brake(self) -> None:
-        """To rest beside the target."""
+        """Brake to rest beside the target."""
         self._end_modes()
         self._drop_demand()
         self.braking = True
 
     def guide(self, guided: Guided | None) -> None:
-        """A mode of the world's guidance, or none."""
+        """Start a guidance mode, or end it."""
         self._end_modes()
         self.braking = False
         self.guided = guided
 
     def engage_autopilot(self) -> None:
-        """Fly to the next hold point and, once all are passed, into the port; with the attitude of docking."""
+        """Fly to the next hold point and, after the last, into the port, with the docking attitude."""
         self._end_modes()
         self.braking = False
         self.autopilot = True
         self.attitude = "dock"
 
     def abort(self) -> None:
-        """Turn away from the target in the next step: straight outward, which keeps to a corridor's cone."""
+        """Retreat from the target in the next step: straight outward, which stays in a corridor's cone."""
         self._end_modes()
         self.braking = False
         self.burns = BurnPlan()
@@ -170,7 +170,7 @@ class Steering:
 
     @property
     def doing(self) -> str:
-        """What flies the chaser, for people; nothing where it coasts by hand."""
+        """The controller that flies the chaser, for display; empty if it coasts under manual control."""
         if self.docking.docked:
             return "docked"
         if self.aborting:
@@ -180,14 +180,14 @@ class Steering:
         return "" if self.guided is None else self.guided.title
 
     def take_news(self) -> list[News]:
-        """What is to be told since the last call."""
+        """Return the news since the last call."""
         news, self.news = self.news, []
         return news
 
     # --- a step
 
     def step_s(self, chaser: ChaserState, wanted_s: float) -> float:
-        """How long the next step may be.
+        """Return the length of the next step [s].
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class Steering:
         return max(ACTIVE_STEP_S, min(COAST_STEP_S, arrives))
 
     def command(self, chaser: ChaserState, flight: Flight, h: float) -> SteeringCommand:
-        """What holds over a step of length ``h``; what it costs is noted."""
+        """Return the command over a step of length ``h``, and book its propellant."""
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
         in_camera, in_lvlh = self._push(chaser, flight, frame, h)
@@ -243,7 +243,7 @@ class Steering:
     def _push(
         self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float
     ) -> tuple[FloatArray, FloatArray]:
-        """(3,) thrust per mass along camera axes, and (3,) along LVLH axes [m s-2]."""
+        """Return (3,) thrust per mass along camera axes, and (3,) along LVLH axes [m s-2]."""
         in_lvlh = self.burns.acceleration_lvlh_m_s2(chaser.t_s, chaser.t_s + h)
         by_hand = self._by_hand(h)
         if self.axes == "lvlh":
@@ -263,7 +263,7 @@ class Steering:
         return in_camera, in_lvlh
 
     def _by_hand(self, h: float) -> FloatArray:
-        """(3,) demanded thrust and pulses: right, down, forward [m s-2]."""
+        """Return the (3,) demanded thrust with pulses: right, down, forward [m s-2]."""
         demand = self._demand
         push = laws.ACCELERATION_M_S2 * demand.gain * np.array(demand.thrust)
         if self.thrust == "continuous":
@@ -307,7 +307,7 @@ class Steering:
     # --- turns
 
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
-        """(3,) rate relative to ECI that is wanted, camera axes [rad s-1]."""
+        """Return the (3,) wanted rate relative to ECI, camera axes [rad s-1]."""
         demand = self._demand
         asked = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":

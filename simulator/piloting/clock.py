@@ -1,4 +1,4 @@
-"""The clock of a flight: pause, rate, and time that is hurried to a moment."""
+"""The clock of a flight: pause, rate, and jumps ahead."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Literal
 RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 JUMP_RATE = 1000.0
 STEP_S = 0.02
-"""Integration step at 1x; it grows with the rate as far as `Steering.step_s` allows."""
+"""Integration step at 1x [s]; it grows with the rate as far as `Steering.step_s` allows."""
 MOST_STEPS_PER_S = 1000.0
-"""Steps per second of the pilot's time. Where steps must be short, time runs slower than its rate."""
+"""Most steps per second of the pilot's time; if steps must be short, time runs slower than its rate."""
 _ROUNDING = 1e-9
-"""Relative: sums of equal parts count as the whole."""
+"""Relative tolerance for sums of equal parts."""
 
 Jump = Literal["", "event", "hold-point"]
 
@@ -36,13 +36,13 @@ class FlightClock:
         self.reset()
 
     def reset(self) -> None:
-        """End a jump without a change of rate, and drop time that was not flown yet."""
+        """End a jump without changing the rate, and discard time that is not flown yet."""
         self._owed_s = 0.0
         self.jump: Jump = ""
         self.jump_until_s = 0.0
 
     def toggle_pause(self) -> None:
-        """Pause, or go on."""
+        """Pause or resume."""
         self.paused = not self.paused
 
     def set_rate(self, rate: float) -> None:
@@ -58,16 +58,16 @@ class FlightClock:
         self.jump, self.rate = "", rate
 
     def shift_rate(self, places: int) -> None:
-        """Change to a rate some places up or down in ``RATES``; a jump ends at 1x first."""
+        """Change to a rate some places up or down in ``RATES``; a jump first ends at 1x."""
         self.end_jump()
         self.rate = RATES[min(max(RATES.index(self.rate) + places, 0), len(RATES) - 1)]
 
     def hurry(self, jump: Jump, until_s: float) -> None:
-        """Run at `JUMP_RATE` until `end_jump`, at the latest until ``until_s``."""
+        """Run at `JUMP_RATE` until `end_jump`, or at the latest until ``until_s``."""
         self.jump, self.jump_until_s, self.paused = jump, until_s, False
 
     def end_jump(self) -> None:
-        """Go back to 1x if time is hurried."""
+        """Return to 1x if a jump is under way."""
         if self.jump:
             self.jump, self.rate = "", 1.0
 
@@ -83,15 +83,15 @@ class FlightClock:
 
     @property
     def step_s(self) -> float:
-        """Step that the rate asks for [s]."""
+        """Step at the present rate [s]."""
         return STEP_S * self._current_rate
 
     def add(self, dt_s: float) -> None:
-        """Add the pilot's time that is to be flown [s]."""
+        """Add pilot's time to be flown [s]."""
         self._owed_s += dt_s
 
     def pay(self, step_s: float) -> bool:
-        """Take the pilot's time that a step stands for; False if too little is left."""
+        """Consume the pilot's time of a step. Return False if too little is left."""
         costs = max(step_s / self._current_rate, 1 / MOST_STEPS_PER_S)
         if self._owed_s < costs * (1 - _ROUNDING):
             return False

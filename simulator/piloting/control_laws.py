@@ -47,31 +47,31 @@ SWITCHES: tuple[Switch, ...] = (*THRUST, *TURN)
 STILL: Vec3 = (0.0, 0.0, 0.0)
 
 ACCELERATION_M_S2 = 0.05
-"""Whole thrust per mass: two seconds of it make 0.1 m/s, an inspection's pace."""
+"""Full thrust per mass: two seconds of it make 0.1 m/s, the pace of an inspection [m s-2]."""
 RATE_RAD_S = np.radians(2.0)
 SLEW_RAD_S2 = np.radians(10.0)
-"""How quickly the attitude control reaches a commanded rate, so that pictures do not jerk."""
+"""Slew acceleration of the attitude control [rad s-2]; it keeps the picture from jerking."""
 BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2
 PULSE_M_S = 0.01
 """Delta-v of one pulse."""
 PULSE_RAD = np.radians(0.2)
-"""Turn of one pulse."""
+"""Rotation of one pulse [rad]."""
 PULSE_RAD_S = np.radians(0.2)
-"""Rate of a turn by pulses, which the slew reaches in a step."""
+"""Rate of a rotation by pulses, which the slew reaches in one step [rad s-1]."""
 RATE_TIME_S = 1.0
-"""Where the rate is held, a turn reaches the demanded rate in this time."""
+"""Time in which a rotation reaches the demanded rate in rate-hold mode [s]."""
 ALIGN_RAD_S = np.radians(5.0)
-"""Largest rate with which the docked attitude is taken."""
+"""Largest rate on the way to the docked attitude [rad s-1]."""
 AT_REST_M_S = 1e-6
 BRAKED_M_S = 1e-4
-"""Below this the brake has done its work and lets go."""
+"""Speed below which the brake releases [m s-1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Thrust and turn that a pilot demands by hand.
+    """Manual demand of thrust and rotation.
 
     Parameters
     ----------
@@ -110,20 +110,20 @@ class Demand:
 
     @property
     def idle(self) -> bool:
-        """True if neither thrust nor turn is demanded."""
+        """True if neither thrust nor rotation is demanded."""
         return not self.switches and not any(self.thrust) and not any(self.turn)
 
     def switched_thrust_m_s2(self) -> FloatArray:
-        """(3,) acceleration that the switches demand, camera axes [m s-2]."""
+        """Return the (3,) acceleration that the switches demand, camera axes [m s-2]."""
         return ACCELERATION_M_S2 * self.gain * direction(THRUST, self.switches)
 
     def switched_turn_rad_s(self) -> FloatArray:
-        """(3,) rate relative to ECI that the switches demand, camera axes [rad s-1]."""
+        """Return the (3,) rate relative to ECI that the switches demand, camera axes [rad s-1]."""
         return RATE_RAD_S * self.gain * direction(TURN, self.switches)
 
 
 def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> FloatArray:
-    """Rate that keeps the target in a direction of the camera frame [rad s-1].
+    """Return the rate that keeps the target in a direction of the camera frame [rad s-1].
 
     The line of sight's own rate, plus a turn that takes out what is left of the error.
 
@@ -145,7 +145,7 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> F
 def docked_rate_rad_s(
     chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort, dt_s: float
 ) -> FloatArray:
-    """Rate that takes and keeps the attitude of a docked chaser [rad s-1].
+    """Return the rate that takes up and keeps the attitude of a docked chaser [rad s-1].
 
     Parameters
     ----------
@@ -163,13 +163,13 @@ def docked_rate_rad_s(
 
 
 def turned_aim(aim_camera: Vec3, rate_camera_rad_s: FloatArray, dt_s: float) -> Vec3:
-    """Where a direction is in the camera once it has turned at a rate for ``dt_s``."""
+    """Return a direction in the camera frame after rotation at a rate for ``dt_s``."""
     turn = matrix_from_quat(quat_from_rotvec(-np.asarray(rate_camera_rad_s) * dt_s))
     return vec3(turn @ np.array(aim_camera))
 
 
 def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[FloatArray, float]:
-    """Acceleration that takes the chaser to rest in LVLH, bounded, and the speed that is left [m s-1]."""
+    """Return the bounded acceleration that brings the chaser to rest in LVLH, and the remaining speed [m s-1]."""
     _, v_lvlh = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
     v_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh @ v_lvlh
     speed = float(np.linalg.norm(v_camera))
@@ -181,7 +181,7 @@ def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[Fl
 def slewed_command(
     acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float
 ) -> SteeringCommand:
-    """The command of one step: the rate moves towards the wanted one no quicker than the slew allows."""
+    """Return the command of one step, with the rate slewed towards the wanted one."""
     change = wanted_rate - np.array(chaser.omega_camera_rad_s)
     size = float(np.linalg.norm(change))
     most = SLEW_RAD_S2 * dt_s
@@ -194,5 +194,5 @@ def slewed_command(
 
 
 def direction(directions: dict[Switch, Vec3], switches: AbstractSet[Switch]) -> FloatArray:
-    """(3,) sum of the directions of the closed switches."""
+    """Return the (3,) sum of the directions of the closed switches."""
     return np.sum([directions[s] for s in directions if s in switches] or [STILL], axis=0)

@@ -1,4 +1,4 @@
-"""Docking in figures: where the chaser is before the port, how that compares with limits, and contact judged."""
+"""Docking figures: the chaser's state relative to the port, compared with limits; contact judged."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 State = Literal["within", "near", "outside"]
 
 PROBE_M: Vec3 = (0.0, 0.0, 1.0)
-"""The chaser's docking point in camera axes: on the boresight, a metre before the camera."""
+"""The chaser's docking point in camera axes: on the boresight, a metre in front of the camera."""
 CAPTURE_M = 0.5
-"""The docking point touches the port if it comes into its plane nearer than this to its middle."""
+"""Largest distance from the port's centre at which the docking point makes contact in its plane [m]."""
 CORRIDOR_DEG = 10.0
-"""Half angle of the corridor before the port, where the scenario has none."""
+"""Half angle of the corridor in front of the port, if the scenario has none [deg]."""
 NEAR = 2.0
-"""Up to so many times its limit a figure is near it."""
+"""Multiple of its limit up to which a figure counts as near it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DockingFigures:
-    """The chaser's docking point before the port, and its attitude against the docked one.
+    """State of the chaser's docking point relative to the port, and its attitude relative to the docked one.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class DockingFigures:
 
     @property
     def range_m(self) -> float:
-        """From the docking point to the middle of the port."""
+        """Distance from the docking point to the centre of the port [m]."""
         return float(np.sqrt(self.axial_m**2 + self.lateral_m**2))
 
     @property
@@ -77,7 +77,7 @@ class DockingFigures:
 
     @property
     def R_port_from_camera(self) -> FloatArray:
-        """(3, 3) the attitude that the three angles say."""
+        """(3, 3) rotation matrix of the three angles."""
         r, p, y = np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
         cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
         about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
@@ -86,14 +86,16 @@ class DockingFigures:
         return np.asarray(about_y @ about_x @ about_z)
 
     def in_camera_m(self, points_port_m: FloatArray) -> FloatArray:
-        """Points (N, 3) of the port's axes, from its middle, in the camera's [m]."""
+        """Convert points (N, 3) from the port's axes, origin at its centre, to the camera's [m]."""
         R = self.R_port_from_camera
         tip = np.array([self.right_m, self.down_m, -self.axial_m])
         return np.asarray((points_port_m - (tip - R @ np.array(PROBE_M))) @ R)
 
     @property
     def aimed_at_m(self) -> tuple[float, float] | None:
-        """Where the docking point will meet the plane of the port, right and down, unless it does not close in."""
+        """Predicted position of the docking point in the plane of the port, right and down; None if it does not
+        close in.
+        """
         if self.closing_m_s < 1e-3 or self.axial_m <= 0:
             return None
         left_s = self.axial_m / self.closing_m_s
@@ -108,7 +110,7 @@ class DockingFigures:
 def docking_figures(
     chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort
 ) -> DockingFigures:
-    """The figures of a moment.
+    """Compute the docking figures of a moment.
 
     Parameters
     ----------
@@ -146,7 +148,7 @@ def docking_figures(
 
 
 def docking_point_target_m(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> FloatArray:
-    """(3,) the chaser's docking point from the target's centre of mass, target axes [m]."""
+    """Return the chaser's docking point (3,) from the target's centre of mass, target axes [m]."""
     R_eci_from_camera = matrix_from_quat(chaser.q_camera_from_eci_wxyz).T
     reach = np.array(chaser.position_eci_m) + R_eci_from_camera @ np.array(PROBE_M)
     return np.asarray(matrix_from_quat(q_eci_from_target_wxyz).T @ reach)
@@ -154,7 +156,7 @@ def docking_point_target_m(chaser: ChaserState, q_eci_from_target_wxyz: FloatArr
 
 @dataclass(frozen=True, kw_only=True)
 class DockingLimits:
-    """What figures may be at contact; closing speed and offset may be larger farther away.
+    """Limits of the figures at contact; closing speed and offset may be larger farther away.
 
     Parameters
     ----------
@@ -178,7 +180,7 @@ class DockingLimits:
     lateral_per_m: float = 0.02
 
     def lateral_at_m(self, axial_m: float) -> float:
-        """Offset allowed at a distance before the port, along each of the two directions."""
+        """Return the offset allowed at a distance from the port, along each of the two directions."""
         return self.lateral_m + self.lateral_per_m * axial_m
 
 
@@ -208,7 +210,7 @@ PRESETS: dict[str, DockingLimits] = {p.name: p for p in (TWO_TENTHS, IDSS)}
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A figure beside its limit.
+    """A figure with its limit.
 
     Parameters
     ----------
@@ -222,7 +224,7 @@ class Judged:
 
     @property
     def text(self) -> str:
-        """The value with its sign and two places; nothing is minus zero."""
+        """The value with its sign and two decimals, without minus zero."""
         return f"{round(self.value, 2) + 0.0:+.2f}"
 
     @property
@@ -239,7 +241,7 @@ class Judged:
 def judge(
     figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
 ) -> tuple[Judged, ...]:
-    """Each figure beside its limit at the distance where the chaser is."""
+    """Return each figure with its limit at the chaser's distance."""
     f, away = figures, max(figures.axial_m, 0.0)
     closing = max(limits.closing_m_s, limits.closing_per_m * away)
     across = limits.lateral_at_m(away)
@@ -265,7 +267,7 @@ def judge(
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A touch, judged.
+    """A contact, judged.
 
     Parameters
     ----------
@@ -281,11 +283,11 @@ class Contact:
 
     @property
     def docked(self) -> bool:
-        """Whether it was a docking within all limits."""
+        """True if it was a docking within all limits."""
         return not self.misses
 
     def document(self) -> dict[str, Any]:
-        """As a JSON-able object."""
+        """Return a JSON-able object."""
         return {
             "t_s": self.t_s,
             "docked": self.docked,
@@ -296,7 +298,7 @@ class Contact:
 
 
 def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bool) -> Contact:
-    """What a touch is worth.
+    """Judge a contact.
 
     Each figure gives 100 points at zero, 50 at its limit, none from twice that on; the score is their mean, and 0 for
     a touch elsewhere than at the port. The corridor has no part in it.
@@ -318,7 +320,7 @@ def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bo
 
 
 def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
-    """Whether the docking point came into the plane of the port from outside, near its middle."""
+    """Return True if the docking point crossed the plane of the port from outside, near its centre."""
     if not before.axial_m > 0.0 >= after.axial_m:
         return False
     # where the straight line between the two meets the plane
@@ -331,7 +333,7 @@ def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
 def docked_state(
     attitude: tuple[FloatArray, FloatArray], port: DockingPort
 ) -> tuple[Vec3, Vec3, FloatArray, Vec3]:
-    """The chaser held by the port: position and velocity along GCRS axes, ``R_camera_from_eci`` and its rate.
+    """Return the state of the docked chaser: position and velocity along GCRS axes, ``R_camera_from_eci`` and its rate.
 
     Parameters
     ----------

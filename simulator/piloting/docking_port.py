@@ -1,4 +1,4 @@
-"""The target's docking port: the one that its model names, or the approach axis through its body."""
+"""The target's docking port: the one named in its model, or the approach axis through its body."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.chaser import Chaser
 
 FRAME = "docking"
-"""Name of the frame of a target's model that is a port."""
+"""Name of the frame of a target's model that is the port."""
 VBAR: Vec3 = (0.0, 1.0, 0.0)
 _LEAST_SINE = 0.2
-"""A reference nearer than this to the port's axis is no side of the port."""
+"""Sine of the angle to the port's axis below which a reference direction is rejected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DockingPort:
-    """A port fixed in the target, with the axes that a docked camera has: x right, y down, z into the target.
+    """A port fixed in the target, with the axes of a docked camera: x right, y down, z into the target.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class DockingPort:
 
 
 def docking_port(target: Target, flight: Flight) -> DockingPort:
-    """The port of a target at the start of a flight.
+    """Return the port of a target at the start of a flight.
 
     It is the frame ``docking`` of the model, or the tip of the probe that stands out of it. A target without one is
     docked with where the axis of approach, which goes through its centre of mass, leaves the body: the corridor's axis
@@ -78,7 +78,7 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
 def port_along(
     target: Target, axis_target: FloatArray, R_target_from_lvlh: FloatArray, flight: Flight
 ) -> DockingPort:
-    """A port where an axis through the centre of mass leaves the body.
+    """Return the port where an axis through the centre of mass leaves the body.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def port_along(
 
 
 def approach_axis_lvlh(chaser: Chaser) -> Vec3:
-    """Unit vector from the target outward to where its scenario approaches from, LVLH."""
+    """Return the unit vector from the target outward to the direction of approach, LVLH."""
     keep_out = chaser.keep_out
     given: Vec3 | None = None if keep_out is None else keep_out.corridor_axis_lvlh
     if given is None:
@@ -114,20 +114,20 @@ def approach_axis_lvlh(chaser: Chaser) -> Vec3:
 
 
 def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:
-    """(3, 3) rotation from LVLH to the target's axes."""
+    """Return the (3, 3) rotation from LVLH to the target's axes."""
     q, _ = flight.attitude(t_s)
     return matrix_from_quat(q).T @ flight.orbit.frame(t_s).R_eci_from_lvlh
 
 
 @cached_per_object
 def radius_m(target: Target) -> float:
-    """Radius of the sphere about the centre of mass that holds the target [m]."""
+    """Return the radius of the target's bounding sphere about the centre of mass [m]."""
     com = np.array(target.mass.com_m)
     return max(float(np.linalg.norm(part.positions_m - com, axis=1).max()) for part in target.parts)
 
 
 def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray) -> float | None:
-    """Length of the ray from a point to the surface [m], or None if it misses.
+    """Return the length of the ray from a point to the surface [m], or None if it misses.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Docking over a flight: port, limits, hold points, contacts, and what the body does that is touched."""
+"""Docking during a flight: port, limits, hold points, contacts, and the reaction to a contact."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ if TYPE_CHECKING:
     News = tuple[Literal["note", "caution", "warning"], str]
 
 WATCHED_M = 1.5
-"""Contact is looked for when the docking point is within this of the target's sphere."""
+"""Distance from the target's sphere within which contact is checked [m]."""
 REBOUND = 0.3
-"""Share of the closing speed that a touch which is no docking sends back."""
+"""Restitution: share of the closing speed after a contact that is no docking."""
 JUDGED_AGAIN_M = 0.5
-"""A second touch counts once the docking point has been so far from the port."""
+"""Distance from the port that the docking point must reach before another contact counts [m]."""
 
 KEPT = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
-"""Attributes that a seek restores; hold points once they are known."""
+"""Attributes that a seek restores; hold points only once they exist."""
 
 
 class Docking:
-    """Watches one flight's approach to one port.
+    """Watches a flight's approach to one port.
 
     Parameters
     ----------
@@ -75,66 +75,66 @@ class Docking:
 
     @property
     def port(self) -> DockingPort:
-        """The port; found at the first question."""
+        """The port, computed on first access."""
         if self._port is None:
             self._port = docking_port(self._target, self._start)
         return self._port
 
     @cached_property
     def hold_points(self) -> HoldPoints:
-        """From where the scenario's chaser begins."""
+        """The hold points ahead of the scenario's start."""
         return HoldPoints(self.figures(self._start.chaser(0.0), self._start).range_m)
 
     @property
     def contact(self) -> Contact | None:
-        """The last one."""
+        """The last contact."""
         return self.contacts[-1] if self.contacts else None
 
     @cached_property
     def radius_m(self) -> float:
-        """Of the sphere about the target's centre of mass."""
+        """Radius of the target's bounding sphere about its centre of mass [m]."""
         return radius_m(self._target)
 
     def figures(self, chaser: ChaserState, flight: Flight) -> DockingFigures:
-        """Of a state of the chaser."""
+        """Return the figures of a state of the chaser."""
         return docking_figures(chaser, flight.attitude(chaser.t_s), self.port)
 
     def take_axis_here(self, chaser: ChaserState, flight: Flight) -> None:
-        """Dock along the axis on which the chaser is now: a port where it enters the body."""
+        """Define the port where the line from the chaser to the centre of mass enters the body."""
         to_target = matrix_from_quat(flight.attitude(chaser.t_s)[0]).T
         axis = to_target @ np.array(chaser.position_eci_m)
         self._port = port_along(self._target, axis, target_from_lvlh(flight, chaser.t_s), flight)
         self.hold_points = HoldPoints(self.figures(chaser, flight).range_m)
 
     def not_ready(self, chaser: ChaserState, flight: Flight) -> tuple[str, ...]:
-        """What is against leaving the next hold point; nothing where there is none."""
+        """Return the reasons against leaving the next hold point; empty if there are none."""
         point = self.hold_points.next
         if point is None:
             return ()
         return not_ready(point, self.figures(chaser, flight), self.limits, self.corridor_deg)
 
     def kept(self) -> dict[str, Any]:
-        """All that must come back with a place of the flight."""
+        """Return the state that a seek must restore."""
         return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
 
     def bring_back(self, kept: dict[str, Any]) -> None:
-        """Be as it was when `kept` was asked."""
+        """Restore a state that `kept` returned."""
         vars(self).update(kept)
 
     # --- touch
 
     def is_near(self, chaser: ChaserState) -> bool:
-        """Whether contact is possible soon."""
+        """Return True if contact is possible soon."""
         return self.gap_m(chaser) < WATCHED_M
 
     def gap_m(self, chaser: ChaserState) -> float:
-        """From the target's sphere to the nearest that the docking point can be."""
+        """Return the least possible distance between the target's sphere and the docking point [m]."""
         return float(np.linalg.norm(chaser.position_eci_m)) - self.radius_m - 1.0
 
     def after_step(
         self, before: ChaserState, after: ChaserState, flight: Flight
     ) -> tuple[ChaserState, tuple[News, ...]]:
-        """The state after a step that may have touched the target, and what is to be told."""
+        """Return the state after a step that may have touched the target, and the news."""
         if not self.is_near(after):
             self._armed = True
             return after, ()
@@ -159,7 +159,7 @@ class Docking:
         return self._rebound(before, after, flight), news
 
     def held_at(self, t_s: float, flight: Flight) -> ChaserState:
-        """The docked chaser."""
+        """Return the docked chaser."""
         p, v, R_camera_from_eci, turn = docked_state(flight.attitude(t_s), self.port)
         q = quat(quat_from_matrix(R_camera_from_eci))
         return replace(
@@ -171,7 +171,7 @@ class Docking:
         )
 
     def _strikes(self, before: ChaserState, after: ChaserState, flight: Flight) -> bool:
-        """Whether the way of the docking point, or of the camera, went through the surface."""
+        """Return True if the path of the docking point, or of the camera, crossed the surface."""
         com = np.array(self._target.mass.com_m)
         for point in (docking_point_target_m, _camera_point):
             a, b = (com + point(s, flight.attitude(s.t_s)[0]) for s in (before, after))
@@ -185,7 +185,7 @@ class Docking:
         return False
 
     def _rebound(self, before: ChaserState, after: ChaserState, flight: Flight) -> ChaserState:
-        """Back where it was before the step, sent away from the target with a part of its closing speed."""
+        """Return the state before the step, moving away from the target with part of its closing speed."""
         _, omega = flight.attitude(before.t_s)
         R_eci_from_target = matrix_from_quat(flight.attitude(before.t_s)[0])
         p = np.array(before.position_eci_m)

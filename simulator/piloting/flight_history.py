@@ -1,4 +1,4 @@
-"""The states of a flight, kept compactly while it is flown: any place of it can be gone back to and flown on from.
+"""Compact history of a flight's states, from which any time can be restored and flown on.
 
 A sample is the clock, the steered chaser's 13 numbers and what steered it (one packed text, shared by neighbours that
 are alike): an hour in tenths of a second takes a few megabytes.
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 EVERY_S = 0.1
-"""Simulated time between samples; at higher rates each step of the session is one."""
+"""Simulated time between samples [s]; at higher rates each step is a sample."""
 WIDTH = 15
-"""Numbers of a sample: time, the chaser's 13 (NaN while guided), which controls."""
+"""Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
 MOST_SAMPLES = 400_000
-"""Eleven hours in tenths of a second; beyond it every second sample is dropped."""
+"""Largest number of samples: eleven hours in tenths of a second; beyond it every second sample is dropped."""
 MOST_CONTROLS_BYTES = 40_000_000
 LONGEST_NOTE = 200
 MOST_BOOKMARKS = 500
 ROUNDING_S = 5e-4
-"""Of sums of steps."""
+"""Tolerance for sums of steps [s]."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,14 @@ class FlownPlace:
 
 @dataclass(frozen=True)
 class Bookmark:
-    """A place with a note."""
+    """A time with a note."""
 
     t_s: float
     note: str
 
 
 class FlownRows:
-    """Rows of numbers in the order of time, which is the first of each, and the future that was left last.
+    """Rows of numbers ordered by time, the first of each, and the future discarded last.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class FlownRows:
 
     @property
     def end_s(self) -> float:
-        """Time of the last row [s]; 0 where there is none."""
+        """Time of the last row [s]; 0 if there is none."""
         return self.numbers[-self._width] if self.numbers else 0.0
 
     def wants(self, t_s: float, every_s: float) -> bool:
@@ -105,11 +105,11 @@ class FlownRows:
         return self.numbers[self._width * k : self._width * (k + count)]
 
     def leave_after(self, k: int) -> None:
-        """Leave all that comes after row k, or everything for -1."""
+        """Move all rows after row k, or all rows for -1, to the discarded future."""
         self.left = k + 1, self._cut(k + 1)
 
     def swap_future(self) -> int:
-        """Exchange the future with the one that was left, and return how many rows both share."""
+        """Exchange the future with the discarded one. Return the number of rows that both share."""
         if self.left is None:
             return len(self)
         shared, future = self.left
@@ -124,7 +124,7 @@ class FlownRows:
 
 
 class Timeline:
-    """Samples of one flight in the order of time, its bookmarks, and the future that was left last.
+    """Samples of a flight ordered by time, its bookmarks, and the future discarded last.
 
     To fly on from an earlier place leaves what came after it. That is kept until another future is left, and
     `swap_future` brings it back.
@@ -145,7 +145,7 @@ class Timeline:
         return self._rows.wants(t_s, self._every_s)
 
     def add(self, t_s: float, steered: ChaserState | None, controls: object) -> None:
-        """Keep a state; one that is not later than the last is kept already."""
+        """Add a state, unless it is not later than the last."""
         if len(self) and t_s <= self.end_s:
             return
         self._rows.numbers.extend((t_s, *_numbers(steered), self._pack(controls)))
@@ -164,7 +164,7 @@ class Timeline:
         return len(self._packed) - 1
 
     def _thin(self) -> None:
-        """The whole flight stays, at half the density; a future that was left is forgotten."""
+        """Halve the density over the whole flight; a discarded future is dropped."""
         table = np.array(self._rows.numbers).reshape(-1, WIDTH)[::2]
         kept, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
         self._packed = [self._packed[int(k)] for k in kept]
@@ -177,26 +177,26 @@ class Timeline:
 
     @property
     def end_s(self) -> float:
-        """Time of the last sample [s]; 0 where there is none."""
+        """Time of the last sample [s]; 0 if there is none."""
         return self._rows.end_s
 
     @property
     def bytes_kept(self) -> int:
-        """Of memory, about."""
+        """Approximate memory use [bytes]."""
         return len(self) * 8 * WIDTH + self._packed_bytes + 40 * len(self._packed)
 
     # --- to look back
 
     def at(self, t_s: float) -> int:
-        """Number of the sample at or before a time."""
+        """Return the number of the sample at or before a time."""
         return max(self._rows.at(t_s + ROUNDING_S), 0)
 
     def time_of(self, k: int) -> float:
-        """Of a sample [s]."""
+        """Return the time of a sample [s]."""
         return self._rows.time_of(k)
 
     def place(self, k: int) -> FlownPlace:
-        """A sample."""
+        """Return a sample."""
         t_s, *numbers, packed = self._rows.rows(k)
         plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
         # what was packed here, not what came from outside
@@ -204,7 +204,7 @@ class Timeline:
         return FlownPlace(t_s, _chaser(t_s, numbers), controls)
 
     def chaser_between(self, t_s: float) -> ChaserState | None:
-        """The steered chaser at any time, by a cubic between two samples; None where guidance flies it."""
+        """Interpolate the manually controlled chaser between samples by a cubic; None if guidance flies it."""
         table = np.array(self._rows.rows(self.at(t_s), 2)).reshape(-1, WIDTH)
         here = _chaser(float(table[0, 0]), table[0, 1:-1].tolist())
         if here is None or len(table) < 2 or np.isnan(table[1, 1]):
@@ -219,20 +219,20 @@ class Timeline:
         return Recording(pair).chaser(t_s)
 
     def leave_after(self, k: int) -> None:
-        """Leave all that comes after sample k, or everything for -1; see `swap_future`."""
+        """Move all samples after sample k, or all for -1, to the discarded future; see `swap_future`."""
         if k + 1 < len(self):
             self._rows.leave_after(k)
 
     @property
     def left_s(self) -> tuple[float, float] | None:
-        """From when to when the future goes that was left last [s]."""
+        """Start and end of the future discarded last [s]."""
         if self._rows.left is None:
             return None
         shared, future = self._rows.left
         return self.time_of(shared - 1) if shared else 0.0, future[-WIDTH]
 
     def swap_future(self) -> int:
-        """The future that was left comes back, and the one flown since is left for it; the last sample of both.
+        """Restore the discarded future in exchange for the present one. Return the last common sample.
 
         Raises
         ------
@@ -249,7 +249,7 @@ class Timeline:
     # --- bookmarks
 
     def bookmark(self, t_s: float, note: str) -> Bookmark:
-        """Keep a place by a note, in the order of time.
+        """Add a bookmark, in order of time.
 
         Raises
         ------
@@ -266,7 +266,7 @@ class Timeline:
         return mark
 
     def unbookmark(self, t_s: float) -> None:
-        """Take away the bookmark nearest to a time."""
+        """Remove the bookmark nearest to a time."""
         gone = min(self.bookmarks, key=lambda b: abs(b.t_s - t_s), default=None)
         self.bookmarks = tuple(b for b in self.bookmarks if b is not gone)
 

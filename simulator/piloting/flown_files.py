@@ -1,4 +1,4 @@
-"""What was flown so far as files: the recording, and the scenario that replays it; made a few states at a time."""
+"""Export of the flight so far: the recording, and the scenario that replays it; written in small portions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_FOLDERS = 10_000
 
 
 class FlownFiles:
-    """Writes a flight as the timeline has it, up to its last sample; call `go_on` until it is done.
+    """Writes a flight from the timeline, up to its last sample; call `go_on` until it is done.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class FlownFiles:
 
     @property
     def share(self) -> float:
-        """How much of it is done."""
+        """Share that is done."""
         return self._next / self._count
 
     def go_on(self, longest_s: float) -> Path | None:
-        """Some more of it, for about ``longest_s``; the scenario's path once it is whole.
+        """Continue for about ``longest_s``. Return the scenario's path once it is complete.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class FlownFiles:
 
 
 def free_folder(parent: Path, name: str) -> Path:
-    """A folder of this name and a number that is not there yet.
+    """Return the path of a new folder with this name and a number.
 
     Raises
     ------

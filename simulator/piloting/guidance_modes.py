@@ -1,4 +1,4 @@
-"""Flying a guidance mode from where the chaser is: a path to the mode's start, then the mode's own."""
+"""Guidance modes flown from the present state: a path to the mode's start, then the mode's own."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     LvlhState = tuple[FloatArray, FloatArray]
 
 CONTROL_S = 1.0
-"""Period of control; thrust is constant over it."""
+"""Period of control with constant thrust [s]."""
 LARGEST_M_S2 = 0.05
-"""Thrust per mass along each LVLH axis."""
+"""Largest thrust per mass along each LVLH axis [m s-2]."""
 JOIN_M_S = 0.2
-"""Mean speed of the way to where a mode begins."""
+"""Mean speed on the way to a mode's start [m s-1]."""
 LEAST_JOIN_S = 10.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Guided:
-    """A mode that was begun.
+    """A guidance mode under way.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class Guided:
 
     @property
     def coasts_from_s(self) -> float:
-        """When its control ends and gravity alone is left; never for a path."""
+        """Time at which control ends and gravity alone acts; infinity for a path."""
         return self.start_s + self.join_s if self.mode.ballistic else float("inf")
 
     def aim(self, t_s: float) -> LvlhState:
-        """Where the chaser should be at a time, and how fast."""
+        """Return the reference position and velocity at a time."""
         since = t_s - self.start_s
         if since >= self.join_s:
             if not self.mode.ballistic:
@@ -63,12 +63,12 @@ class Guided:
         return cubic_between(*self.join, self.join_s, since)
 
     def phase(self, t_s: float) -> str:
-        """What it does at a time, in a word or two."""
+        """Return the phase at a time."""
         since = t_s - self.start_s
         return "on the way to its start" if since < self.join_s else self.mode.phase(since - self.join_s)
 
     def acceleration_lvlh(self, t_s: float, state: LvlhState) -> FloatArray:
-        """(3,) thrust per mass to hold for the next period of control [m s-2].
+        """Return the (3,) thrust per mass for the next period of control [m s-2].
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class Guided:
 def begin_mode(
     title: str, mode: Chaser, state: LvlhState, n_rad_s: float, t_s: float, orbit: OrbitTrack | None = None
 ) -> Guided:
-    """A mode begun now; the chaser first flies to its start on a curve that suits both velocities.
+    """Start a mode now; the chaser first flies to its start on a curve that matches both velocities.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def begin_mode(
 
 
 def _join_s(start: LvlhState, end: LvlhState) -> float:
-    """Long enough for the speed and for half the thrust there is."""
+    """Return a duration that suits the speed and half of the available thrust."""
     way = float(np.linalg.norm(end[0] - start[0]))
     speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
     most = LARGEST_M_S2 / 2
@@ -112,7 +112,7 @@ def _join_s(start: LvlhState, end: LvlhState) -> float:
 
 
 def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: float) -> LvlhState:
-    """Position and velocity on the cubic of Hermite between two states.
+    """Return position and velocity on the Hermite cubic between two states.
 
     Parameters
     ----------

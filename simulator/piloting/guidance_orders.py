@@ -1,4 +1,4 @@
-"""Orders to fly a guidance mode from where the chaser is."""
+"""Orders to fly a guidance mode from the present state."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.chaser import Chaser
 
 CLEAR_RADII = 1.5
-"""No mode may lead nearer to the centre of mass than so many radii of the target."""
+"""Least distance of a mode from the centre of mass, in radii of the target."""
 NEAR_M = 10.0
-"""Default distance of a hold point from the centre of mass; farther from a large target."""
+"""Default distance of a hold point from the centre of mass [m]; farther from a large target."""
 APPROACH_M_S = 0.1
 TURN_S = 900.0
-"""Default period of a fly-around."""
+"""Default period of a fly-around [s]."""
 KEPT_M = 5.0
-"""Default swing of range keeping to both sides."""
+"""Default amplitude of range keeping to both sides [m]."""
 LEAST_SWING_M = 4.0
 
 
 @dataclass(frozen=True)
 class GuidanceOrder(Order):
-    """An order to fly a guidance mode of the world."""
+    """Base of orders to fly a guidance mode."""
 
     title: ClassVar[str]
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Take over, and begin the mode."""
+        """Take over, and start the mode."""
         craft.take_over()
         state, flight = craft.state_lvlh(), craft.flight
         mode = self.mode(state, craft.docking.radius_m)
@@ -56,7 +56,7 @@ class GuidanceOrder(Order):
 
     @abstractmethod
     def mode(self, state: LvlhState, radius_m: float) -> Chaser:
-        """Return the mode that begins at a state of the chaser, about a target of a radius.
+        """Return the mode for a state of the chaser and a target's radius.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class GuidanceOrder(Order):
 
 @dataclass(frozen=True)
 class KeepStation(GuidanceOrder):
-    """Keep a place of LVLH [m], or the one where the chaser is."""
+    """Keep a position in LVLH [m], or the present one."""
 
     title = "station keeping"
     place_lvlh_m: Vec3 | None = None
@@ -82,7 +82,7 @@ class KeepStation(GuidanceOrder):
 
 @dataclass(frozen=True)
 class ApproachVbar(GuidanceOrder):
-    """Approach along the velocity axis to a hold point, on the side where the chaser is."""
+    """Approach along V-bar to a hold point, on the chaser's side."""
 
     title = "V-bar"
     path: ClassVar[type[VbarApproach | RbarApproach]] = VbarApproach
@@ -101,7 +101,7 @@ class ApproachVbar(GuidanceOrder):
 
 @dataclass(frozen=True)
 class ApproachRbar(ApproachVbar):
-    """Approach along the radius to a hold point, on the side where the chaser is."""
+    """Approach along R-bar to a hold point, on the chaser's side."""
 
     title = "R-bar"
     path = RbarApproach
@@ -110,7 +110,7 @@ class ApproachRbar(ApproachVbar):
 
 @dataclass(frozen=True)
 class FlyGlideslope(GuidanceOrder):
-    """Fly straight in to a distance; a hundredth of the way left a second, at last 1 cm/s."""
+    """Fly straight in to a distance; at a hundredth of the remaining distance per second, finally 1 cm/s."""
 
     title = "glideslope"
     end_m: float | None = None
@@ -135,14 +135,14 @@ class FlyGlideslope(GuidanceOrder):
 
 @dataclass(frozen=True)
 class FlyTo(GuidanceOrder):
-    """Fly along a straight line to a place of LVLH [m], and hold there."""
+    """Fly along a straight line to a position in LVLH [m], and hold there."""
 
     title = "waypoint"
     place_lvlh_m: Vec3
     speed_m_s: float = APPROACH_M_S
 
     def mode(self, state: LvlhState, radius_m: float) -> Waypoints:
-        """Return the line."""
+        """Return the straight path."""
         a, b = state[0], np.array(self.place_lvlh_m, float)
         along = b - a
         share = float(np.clip(-(a @ along) / max(float(along @ along), 1e-12), 0.0, 1.0))
@@ -152,14 +152,14 @@ class FlyTo(GuidanceOrder):
 
 @dataclass(frozen=True)
 class FlyAround(GuidanceOrder):
-    """Fly a forced circle through the chaser's direction, in the plane nearest to that of the orbit."""
+    """Fly a forced circle through the chaser's direction, in the plane nearest to the orbit's."""
 
     title = "fly-around"
     circle_m: float | None = None
     period_s: float = TURN_S
 
     def mode(self, state: LvlhState, radius_m: float) -> ForcedFlyaround:
-        """Return the circle, through where the chaser is unless its radius is given."""
+        """Return the circle, through the chaser unless its radius is given."""
         p = state[0]
         circle_m = float((p @ p) ** 0.5) if self.circle_m is None else self.circle_m
         _check_clear(circle_m, radius_m, "the circle")
@@ -179,7 +179,7 @@ class FlyAround(GuidanceOrder):
 
 @dataclass(frozen=True)
 class Circumnavigate(GuidanceOrder):
-    """Fly the natural 2:1 ellipse about the target, through the chaser's place unless a size is given."""
+    """Fly the natural 2:1 ellipse around the target, through the chaser unless a size is given."""
 
     title = "natural circumnavigation"
     radial_m: float | None = None
@@ -199,7 +199,7 @@ class Circumnavigate(GuidanceOrder):
 
 @dataclass(frozen=True)
 class FlySafeEllipse(Circumnavigate):
-    """Fly the natural ellipse with an equal swing out of plane that keeps clear of the velocity axis."""
+    """Fly the natural ellipse with an equal out-of-plane amplitude, clear of the velocity axis."""
 
     title = "safe ellipse"
 
@@ -211,7 +211,7 @@ class FlySafeEllipse(Circumnavigate):
 
 @dataclass(frozen=True)
 class KeepRange(GuidanceOrder):
-    """Drift, turned back at two distances."""
+    """Drift, reversed at two distances."""
 
     title = "range keeping"
     near_m: float | None = None

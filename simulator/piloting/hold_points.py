@@ -1,4 +1,4 @@
-"""Hold points on the axis of approach: where the chaser waits, what must be right there, go or no-go."""
+"""Hold points on the approach axis: distances, conditions, and go or no-go."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ if TYPE_CHECKING:
 Decision = Literal["open", "go", "no-go", "passed"]
 
 DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
-"""Before the port; those that the chaser starts beyond count."""
+"""Distances from the port [m]; those beyond the chaser's start are left out."""
 AT_SHARE, AT_LEAST_M = 0.03, 0.2
-"""The chaser is at a hold point within this share of its distance, or this far."""
+"""Tolerance of being at a hold point: a share of its distance, or this distance [m]."""
 RESTS_BELOW_M_S = 0.02
-"""At a hold point the chaser rests; the distance adds a thousandth of itself a second, for the orbit's pull."""
+"""Speed below which the chaser rests at a hold point [m s-1]; a thousandth of the distance per second is added for
+orbital acceleration."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HoldPoint:
-    """One of them.
+    """One hold point.
 
     Parameters
     ----------
@@ -35,12 +36,12 @@ class HoldPoint:
 
     @property
     def within_m(self) -> float:
-        """How near counts as there."""
+        """Tolerance of its position [m]."""
         return max(AT_LEAST_M, AT_SHARE * self.axial_m)
 
 
 class HoldPoints:
-    """The list, from far to near, and what was decided at each.
+    """The hold points from far to near, with the decision at each.
 
     Parameters
     ----------
@@ -52,17 +53,17 @@ class HoldPoints:
         self.begin(start_m)
 
     def begin(self, start_m: float) -> None:
-        """All open again, from a distance on."""
+        """Open all hold points within a distance."""
         ahead = sorted((d for d in self._distances_m if d < start_m), reverse=True)
         self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(ahead, start=1))
 
     @property
     def next(self) -> HoldPoint | None:
-        """The first that the operator has not let the chaser pass; None when contact is next."""
+        """The first hold point without a go; None if contact is next."""
         return next((p for p in self.points if p.decision in ("open", "no-go")), None)
 
     def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
-        """Note the next point as passed if the chaser is in the corridor beyond it without a go; return it then."""
+        """Mark the next point as passed if the chaser is in the corridor beyond it without a go. Return it then."""
         point = self.next
         beyond = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
         if point is None or not beyond or figures.off_axis_deg > corridor_deg:
@@ -71,7 +72,7 @@ class HoldPoints:
         return point
 
     def rearm(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> None:
-        """Open the points ahead of an approach that begins outside the corridor; at least the nearest one."""
+        """Open the points ahead of an approach that begins outside the corridor, at least the nearest one."""
         if figures.off_axis_deg > corridor_deg:
             nearest_m = min(self._distances_m)
             self.begin(max(figures.range_m, nearest_m * (1 + AT_SHARE)))
@@ -79,7 +80,7 @@ class HoldPoints:
     def go(
         self, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
     ) -> tuple[str, ...]:
-        """Let the chaser pass the next point; what is against it, in words, in which case it stays."""
+        """Let the chaser pass the next point. Return the reasons against it, in which case it stays."""
         point = self.next
         if point is None:
             return ("there is no hold point left",)
@@ -89,7 +90,7 @@ class HoldPoints:
         return against
 
     def no_go(self) -> HoldPoint | None:
-        """Keep the chaser at the next point; which, if there is one."""
+        """Keep the chaser at the next point. Return the point, if there is one."""
         point = self.next
         if point is not None:
             self._decide(point, "no-go")
@@ -102,7 +103,7 @@ class HoldPoints:
 def not_ready(
     point: HoldPoint, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
 ) -> tuple[str, ...]:
-    """Why the chaser may not leave a hold point for the next; nothing if it may."""
+    """Return the reasons why the chaser may not leave a hold point; empty if it may."""
     against = []
     away = figures.axial_m - point.axial_m
     if abs(away) > point.within_m:

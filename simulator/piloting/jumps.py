@@ -1,4 +1,4 @@
-"""Moments that an operator jumps to: the next eclipse or end of one, and the next crossing of the terminator."""
+"""Events to jump to: the next eclipse entry or exit, and the next terminator crossing."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ EVENTS: dict[Event, str] = {
 }
 EXACT_S = 0.01
 NEAR_S = 300.0
-"""An event is no later than so long after when a simpler orbit has it."""
+"""Largest delay of an event after its time on a simpler orbit [s]."""
 _STEPS_AN_ORBIT = 200
-"""A shadow of the Earth takes a third of a low orbit, and a twentieth of a geostationary one."""
+"""Steps per orbit: a shadow lasts a third of a low orbit, and a twentieth of a geostationary one."""
 
 
 def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> float:
-    """When it happens next, however far the flight has been worked out.
+    """Return the time of the next event, beyond the propagated flight if necessary.
 
     Raises
     ------
@@ -56,12 +56,12 @@ def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> flo
 
 
 def search_s(flight: Flight) -> float:
-    """How far ahead events are looked for: two orbits [s]."""
+    """Return the search span: two orbits [s]."""
     return 2 * 2 * np.pi / flight.n_rad_s
 
 
 def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | None = None) -> float | None:
-    """When it happens next, to a hundredth of a second, or None within the next two orbits.
+    """Return the time of the next event to a hundredth of a second, or None within the next two orbits.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
 
 
 def margin_of(flight: Flight, event: Event) -> Callable[[float], float]:
-    """A figure that is above zero once the event has happened."""
+    """Return a function of time that is positive after the event."""
     margins: dict[Event, Callable[[float], float]] = {
         "eclipse": lambda t_s: 1.0 - 1e-9 - sun_fraction(flight, t_s),
         "sunrise": lambda t_s: sun_fraction(flight, t_s) - (1.0 - 1e-9),
@@ -93,7 +93,7 @@ def margin_of(flight: Flight, event: Event) -> Callable[[float], float]:
 
 
 def sun_fraction(flight: Flight, t_s: float) -> float:
-    """Share of the Sun's disc that the target sees, 0 to 1."""
+    """Return the share of the Sun's disc that the target sees, 0 to 1."""
     now = flight.epoch.plus(t_s)
     r_body, _ = flight.body.geocentric_state(now)
     r = r_body + flight.orbit(t_s)[0]
@@ -101,7 +101,7 @@ def sun_fraction(flight: Flight, t_s: float) -> float:
 
 
 def sun_height(flight: Flight, t_s: float) -> float:
-    """Sine of the Sun's height over the ground below the target, which is taken for a sphere."""
+    """Return the sine of the Sun's elevation on the ground below the target, on a spherical Earth."""
     now = flight.epoch.plus(t_s)
     r_body, _ = flight.body.geocentric_state(now)
     up = flight.orbit(t_s)[0]
@@ -110,7 +110,7 @@ def sun_height(flight: Flight, t_s: float) -> float:
 
 
 def _crossing_s(margin: Callable[[float], float], low_s: float, high_s: float) -> float:
-    """Where a margin changes its sign, just after it has."""
+    """Return the time just after a margin changes sign, by bisection."""
     before = margin(low_s) > 0
     while high_s - low_s > EXACT_S:
         middle = (low_s + high_s) / 2

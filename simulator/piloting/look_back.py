@@ -1,4 +1,4 @@
-"""The flown past of a flight: any time of it again, playing it, and flying on from there.
+"""The flown past of a flight: seek, replay, and fly on from there.
 
 Looking back loses nothing: playing shows what was flown, up to its end. Steering, or any order that changes what flies
 the chaser, takes the flight up from the place that is shown, and leaves what came after it.
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOST_TRAIL_POINTS = 4000
 TRAIL_EVERY_S = 0.5
 SWAPPED_TRAIL_POINTS = 400
-"""Points of the trail of a future that comes back."""
+"""Points of the trail of a restored future."""
 
 
 class LookBack:
@@ -48,27 +48,27 @@ class LookBack:
         self.timeline = Timeline()
         self.trail = Trail()
         self.active = False
-        """True while an earlier time is shown than the end of what was flown."""
+        """True while a time before the end of the flight is shown."""
         self._restored = b""
         self.leave_trail()
 
     # --- recording
 
     def record(self) -> None:
-        """Record the state before a step, where it is due."""
+        """Record the state before a step, if it is due."""
         self.keep()
         recorder = self.recorder
         if recorder is not None and recorder.wants(self._craft.t_s):
             recorder.add(self._craft.world)
 
     def keep(self, *, always: bool = False) -> None:
-        """Add the state now to the timeline, if it is due."""
+        """Add the present state to the timeline, if it is due."""
         craft = self._craft
         if not self.active and (always or self.timeline.wants(craft.t_s)):
             self.timeline.add(craft.t_s, craft.steered, craft.controls())
 
     def leave_trail(self) -> None:
-        """Add the place now to the trail, if one is due."""
+        """Add the present position to the trail, if it is due."""
         craft = self._craft
         if self.trail.wants(craft.t_s):
             self.trail.add(craft.t_s, lvlh_position(craft.flight, craft.chaser))
@@ -76,7 +76,7 @@ class LookBack:
     # --- earlier times
 
     def seek(self, t_s: float) -> float:
-        """Go to the recorded state at or before a time, and return its time [s].
+        """Seek to the recorded state at or before a time. Return its time [s].
 
         Raises
         ------
@@ -89,7 +89,7 @@ class LookBack:
         return self._go(self.timeline.at(t_s))
 
     def step(self, samples: int) -> float:
-        """Go some samples on, or back, and return the time [s]."""
+        """Move some samples forwards or back. Return the time [s]."""
         self.keep(always=True)
         here = self.timeline.at(self._craft.t_s)
         return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
@@ -110,11 +110,11 @@ class LookBack:
 
     @property
     def changed(self) -> bool:
-        """True if an order has changed what flies the chaser since the time was shown."""
+        """True if an order has changed the control since the time was shown."""
         return self.active and self._packed() != self._restored
 
     def play(self, dt_s: float) -> bool:
-        """Show what was flown ``dt_s`` later; return True at the end of it."""
+        """Advance the replay by ``dt_s``. Return True at its end."""
         t_s = self._craft.t_s + dt_s
         if t_s >= self.timeline.end_s:
             self._go(len(self.timeline) - 1)
@@ -126,7 +126,7 @@ class LookBack:
     # --- futures
 
     def fly_on(self) -> None:
-        """Take the flight up from the time that is shown."""
+        """Continue the flight from the time shown."""
         if not self.active:
             return
         k = self.timeline.at(self._craft.t_s)
@@ -136,7 +136,7 @@ class LookBack:
         self._leave_after(k)
 
     def restart(self) -> None:
-        """Begin the flight again; what was flown is the future that was left."""
+        """Restart the flight; what was flown becomes the discarded future."""
         self.keep(always=True)
         self._leave_after(-1)
 
@@ -150,7 +150,7 @@ class LookBack:
             self.timeline.leave_after(k)
 
     def swap_future(self) -> float:
-        """Exchange the flight's future with the one left last; go to where they part, and return its time [s].
+        """Exchange the future with the discarded one, and seek to where they part. Return that time [s].
 
         Raises
         ------
@@ -168,7 +168,7 @@ class LookBack:
 
 
 class Trail:
-    """Places of the chaser by time, LVLH [m], thinned so that a whole flight stays in view."""
+    """Positions of the chaser by time, LVLH [m], thinned to cover the whole flight."""
 
     def __init__(self) -> None:
         self.points: list[Vec3] = []
@@ -176,11 +176,11 @@ class Trail:
         self._every_s = TRAIL_EVERY_S
 
     def wants(self, t_s: float) -> bool:
-        """Return True if a place is due."""
+        """Return True if a position is due."""
         return not self._times_s or t_s - self._times_s[-1] >= self._every_s
 
     def add(self, t_s: float, place: Vec3) -> None:
-        """Add a place, later than the last."""
+        """Add a position, later than the last."""
         self.points.append(place)
         self._times_s.append(t_s)
         if len(self.points) > MOST_TRAIL_POINTS:
@@ -188,14 +188,14 @@ class Trail:
             self._every_s *= 2
 
     def cut(self, t_s: float) -> None:
-        """Remove all that is later; an empty trail begins at full density."""
+        """Remove all later positions; an empty trail starts at full density."""
         kept = sum(t <= t_s for t in self._times_s)
         del self.points[kept:], self._times_s[kept:]
         if not kept:
             self._every_s = TRAIL_EVERY_S
 
     def replace(self, places: Iterable[tuple[float, Vec3]]) -> None:
-        """Replace all places by others, in the order of their times."""
+        """Replace all positions, in order of time."""
         flown = list(places)
         self._times_s, self.points = [t for t, _ in flown], [p for _, p in flown]
 

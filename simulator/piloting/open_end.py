@@ -1,4 +1,4 @@
-"""A flight that goes on as long as one likes, at no more cost than what is asked of it."""
+"""Open-ended flight: extends the propagated span on demand."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 STILL = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
-"""A chaser that costs nothing, in place of one that does."""
+"""A chaser that is cheap to propagate, as a placeholder."""
 
 
 def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
-    """The target's orbit alone over a span, for what happens in the sky; neither craft's attitude is the scenario's.
+    """Propagate the target's orbit alone over a span, for events in the sky; attitudes are not the scenario's.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 
 
 def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, guided: bool) -> Flight:
-    """The flight over a longer span; its camera keeps the reference it was planned with.
+    """Return the flight over a longer span, with its camera's reference unchanged.
 
     A chaser that flies by thrusters is decided for once a second, which takes a minute for two days. While it is
     steered nobody asks where the scenario's guidance would have it later, so its track is left as long as it was.

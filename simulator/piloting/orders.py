@@ -1,4 +1,4 @@
-"""The pilot's command as a value: a demand by hand, and orders that are carried out once."""
+"""The pilot's command as a value: a manual demand, and orders to carry out once."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 class Order(ABC):
-    """An order that is carried out once."""
+    """An order, carried out once."""
 
     @abstractmethod
     def carry_out(self, craft: PilotedCraft) -> News | None:
-        """Change what flies the craft, and return what the pilot is answered.
+        """Carry out the order. Return the answer to the pilot.
 
         Raises
         ------
@@ -35,7 +35,7 @@ class Order(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class PilotCommand(Demand):
-    """The command of one step: orders that are carried out once, then a demand that is held.
+    """The command of one step: orders to carry out once, then a demand to hold.
 
     Parameters
     ----------
@@ -51,16 +51,16 @@ class PilotCommand(Demand):
 
 @dataclass(frozen=True)
 class TakeOver(Order):
-    """Steer from the state the chaser has."""
+    """Take over manual control from the chaser's state."""
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Take over, if the guidance flies."""
+        """Take over, if guidance flies."""
         craft.take_over()
 
 
 @dataclass(frozen=True)
 class FollowGuidance(Order):
-    """Put the chaser back onto the scenario's trajectory.
+    """Return the chaser to the scenario's trajectory.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class FollowGuidance(Order):
     steered: bool = False
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Put the chaser back, if it is steered."""
+        """Return the chaser to the trajectory, if it is under manual control."""
         if craft.mode == "steer":
             craft.follow_guidance()
             if self.steered:
@@ -83,7 +83,7 @@ class FollowGuidance(Order):
 
 @dataclass(frozen=True)
 class Control(Order):
-    """Select how the pilot's demand acts; what is None stays.
+    """Select how the pilot's demand acts; None leaves a setting unchanged.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Control(Order):
     attitude: AttitudeMode | None = None
 
     def carry_out(self, craft: PilotedCraft) -> None:
-        """Select them; an attitude mode takes over."""
+        """Apply the settings; an attitude mode takes over."""
         if self.attitude is not None:
             craft.set_attitude(self.attitude)
         craft.steering.axes = self.axes or craft.steering.axes
@@ -119,7 +119,7 @@ class Centre(Order):
 
 @dataclass(frozen=True)
 class Pulse(Order):
-    """Give one pulse of a switch's direction."""
+    """Give one pulse in a switch's direction."""
 
     switch: Switch
 
@@ -133,7 +133,7 @@ class Pulse(Order):
 
 @dataclass(frozen=True)
 class Stop(Order):
-    """Brake to rest relative to the target's LVLH frame; a turn stops at once."""
+    """Brake to rest relative to the target's LVLH frame; a rotation stops at once."""
 
     def carry_out(self, craft: PilotedCraft) -> None:
         """Take over, and brake."""
@@ -143,7 +143,7 @@ class Stop(Order):
 
 @dataclass(frozen=True)
 class Abort(Order):
-    """Turn away from the target in the next step, at no more than the clock's own rate."""
+    """Retreat from the target in the next step, at no more than real time."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and retreat."""
@@ -197,7 +197,7 @@ class CancelBurns(Order):
 
 @dataclass(frozen=True)
 class Approach(Order):
-    """Switch the autopilot on or off; it flies to the next hold point and, once all are passed, into the port."""
+    """Switch the autopilot on or off; it flies to the next hold point and, after the last, into the port."""
 
     on: bool = True
 
@@ -217,7 +217,7 @@ class Approach(Order):
 
 @dataclass(frozen=True)
 class Go(Order):
-    """Let the chaser pass the hold point where it waits; refused while a figure is out of its limits."""
+    """Let the chaser pass its hold point; refused while a figure exceeds its limit."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and pass the point."""
@@ -235,7 +235,7 @@ class NoGo(Order):
     """Keep the chaser at the next hold point."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Decide so."""
+        """Keep the chaser there. Return the answer to the pilot."""
         point = craft.docking.hold_points.no_go()
         if point is None:
             return "note", "there is no hold point left"
@@ -249,7 +249,7 @@ class JudgeBy(Order):
     preset: str
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Judge by them."""
+        """Apply the limits."""
         if self.preset not in PRESETS:
             raise UserError(f"there are no limits {self.preset}, only {', '.join(PRESETS)}")
         limits = craft.docking.limits = PRESETS[self.preset]
@@ -258,9 +258,9 @@ class JudgeBy(Order):
 
 @dataclass(frozen=True)
 class TakeAxisHere(Order):
-    """Dock along the line from the chaser through the target's centre of mass, which turns with the target."""
+    """Dock along the line from the chaser through the target's centre of mass, fixed in the target."""
 
     def carry_out(self, craft: PilotedCraft) -> News:
-        """Put the port where the line enters the target."""
+        """Define the port where the line enters the target."""
         craft.docking.take_axis_here(craft.chaser, craft.flight)
         return "note", "the docking axis now leads from the chaser through the target's centre of mass"

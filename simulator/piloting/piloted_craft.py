@@ -1,4 +1,4 @@
-"""The chaser beside its target at one time: flown by the scenario's guidance, or steered."""
+"""The chaser beside its target at one time, under guidance or manual control."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PREDICTION_S = 600.0
 
 
 class PilotedCraft:
-    """The chaser, what controls it, and the flight of its target, as far as it is propagated.
+    """The chaser, its controls, and the flight of its target, as far as it is propagated.
 
     Parameters
     ----------
@@ -52,10 +52,10 @@ class PilotedCraft:
         self.restart()
 
     def restart(self) -> None:
-        """Go back to the flight's start, flown by the guidance."""
+        """Return to the flight's start, under guidance."""
         self.t_s = 0.0
         self.steered: ChaserState | None = None
-        """The chaser while it is steered; None while the guidance flies it."""
+        """The manually controlled chaser; None under guidance."""
         self._hold_points_at_s = 0.0
         scenario = self.plan.scenario
         self.docking = Docking(self.plan.target, self.plan.flight, scenario.chaser.keep_out)
@@ -65,17 +65,17 @@ class PilotedCraft:
 
     @property
     def mode(self) -> Mode:
-        """Which of guidance and steering flies the chaser."""
+        """Controller of the chaser: guidance or manual."""
         return "guidance" if self.steered is None else "steer"
 
     @property
     def tracking(self) -> bool:
-        """True while the steered chaser's attitude follows the target."""
+        """True while the chaser under manual control tracks the target."""
         return self.steered is not None and self.steering.attitude == "target"
 
     @property
     def chaser(self) -> ChaserState:
-        """State of the chaser now."""
+        """Present state of the chaser."""
         if self.steered is not None:
             return self.steered
         if self._guided is None or self._guided[0] is not self.flight or self._guided[1].t_s != self.t_s:
@@ -84,14 +84,14 @@ class PilotedCraft:
 
     @property
     def world(self) -> WorldState:
-        """State of the world now, with the chaser."""
+        """Present state of the world, with the chaser."""
         chaser = self.chaser
         if self._world is None or self._world[0] is not self.flight or self._world[1] is not chaser:
             self._world = self.flight, chaser, self.flight.state_with_chaser(chaser)
         return self._world[2]
 
     def state_lvlh(self) -> LvlhState:
-        """Return position [m] and velocity [m s-1] of the chaser now, LVLH, (3,) each."""
+        """Return the present position [m] and velocity [m s-1] of the chaser, LVLH, (3,) each."""
         chaser = self.chaser
         p, v = np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s)
         return self.flight.orbit.frame(chaser.t_s).from_eci(p, v)
@@ -116,20 +116,20 @@ class PilotedCraft:
     # --- who flies
 
     def take_over(self) -> None:
-        """Steer from the state the chaser has; the attitude goes on following the target."""
+        """Take over manual control from the chaser's state; the attitude continues to track the target."""
         if self.steered is None:
             self.steered = self.flight.chaser(self.t_s)
             self.set_attitude("target")
 
     def follow_guidance(self) -> None:
-        """Put the chaser back onto the scenario's trajectory."""
+        """Return the chaser to the scenario's trajectory."""
         self.steered = None
         self.reach(self.t_s)
         self.docking.docked = False
         self.steering.let_go()
 
     def set_attitude(self, mode: AttitudeMode) -> None:
-        """Take over and select an attitude mode; ``target`` keeps the target where it is in the picture."""
+        """Take over and select an attitude mode; ``target`` keeps the target at its position in the picture."""
         self.take_over()
         if mode == "target":
             chaser = self.chaser
@@ -140,13 +140,13 @@ class PilotedCraft:
     # --- a step
 
     def step_s(self, wanted_s: float) -> float:
-        """Return how long the next step may be, at most ``wanted_s`` [s]."""
+        """Return the length of the next step, at most ``wanted_s`` [s]."""
         if self.steered is None or self.docking.docked:
             return wanted_s
         return self.steering.step_s(self.steered, wanted_s)
 
     def reach(self, t_s: float) -> None:
-        """Propagate the flight beyond ``t_s``, with the track of its guidance if that flies.
+        """Propagate the flight beyond ``t_s``, with the guidance's track if it flies.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class PilotedCraft:
             self.t_s = self.steered.t_s
 
     def _pushed(self, before: ChaserState, h: float) -> ChaserState:
-        """Return the chaser a step later, off the target where it touched it."""
+        """Return the chaser a step later, rebounding if it touched the target."""
         command = self.steering.command(before, self.flight, h)
         moved = step(before, command, h, self.flight.orbit)
         after, news = self.docking.after_step(before, moved, self.flight)
@@ -194,7 +194,7 @@ class PilotedCraft:
         return self.mode, self.steering.kept(), self.docking.kept()
 
     def restore(self, t_s: float, steered: ChaserState | None, controls: Any) -> None:  # noqa: ANN401 - of `controls`
-        """Go to a state that was flown."""
+        """Restore an earlier state."""
         self.t_s, self.steered, self._hold_points_at_s = t_s, steered, t_s
         self.steering.bring_back(controls[1])
         self.docking.bring_back(controls[2])

@@ -1,4 +1,4 @@
-"""Burns that an operator plans: when, how much along LVLH axes, what path follows, and their execution on time."""
+"""Planned burns: times, LVLH components, the predicted path, and their execution."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 BURN_M_S2 = 0.05
-"""Acceleration of a burn, half of which comes before its time and half after."""
+"""Acceleration of a burn, centred on its time [m s-2]."""
 MOST_BURNS = 8
 LARGEST_M_S = 50.0
 LONGEST_AHEAD_S = 200_000.0
@@ -30,7 +30,7 @@ LONGEST_AHEAD_S = 200_000.0
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedBurn:
-    """A change of velocity at a time.
+    """A velocity change at a time.
 
     Parameters
     ----------
@@ -47,28 +47,28 @@ class PlannedBurn:
 
     @property
     def duration_s(self) -> float:
-        """How long the thrusters take."""
+        """Duration of the thrust [s]."""
         return self.size_m_s / BURN_M_S2
 
     @property
     def start_s(self) -> float:
-        """When they begin."""
+        """Start of the thrust [s]."""
         return self.t_s - self.duration_s / 2
 
     @property
     def end_s(self) -> float:
-        """When they are done."""
+        """End of the thrust [s]."""
         return self.t_s + self.duration_s / 2
 
 
 @dataclass(frozen=True)
 class BurnPlan:
-    """The burns to come, in order of time."""
+    """The burns ahead, in order of time."""
 
     burns: tuple[PlannedBurn, ...] = ()
 
     def with_burn(self, burn: PlannedBurn, now_s: float) -> BurnPlan:
-        """The plan with one more burn; one at the same time is replaced.
+        """Return the plan with one more burn; one at the same time is replaced.
 
         Raises
         ------
@@ -97,14 +97,14 @@ class BurnPlan:
         return BurnPlan(burns)
 
     def without(self, t_s: float | None = None) -> BurnPlan:
-        """The plan without the burn nearest to a time, or with none at all."""
+        """Return the plan without the burn nearest to a time, or without all burns."""
         if t_s is None or not self.burns:
             return BurnPlan()
         gone = min(self.burns, key=lambda b: abs(b.t_s - t_s))
         return BurnPlan(tuple(b for b in self.burns if b is not gone))
 
     def acceleration_lvlh_m_s2(self, start_s: float, end_s: float) -> FloatArray:
-        """(3,) what pushes all through a step that no start or end of a burn cuts."""
+        """Return the (3,) acceleration throughout a step that no start or end of a burn divides."""
         middle = (start_s + end_s) / 2
         for burn in self.burns:
             if burn.start_s <= middle < burn.end_s:
@@ -112,12 +112,12 @@ class BurnPlan:
         return np.zeros(3)
 
     def next_edge_s(self, t_s: float) -> float:
-        """When a burn next starts or ends, later than a time; infinity if none does."""
+        """Return the next start or end of a burn after a time; infinity if there is none."""
         edges = [t for b in self.burns for t in (b.start_s, b.end_s) if t > t_s]
         return min(edges, default=float("inf"))
 
     def after(self, t_s: float) -> BurnPlan:
-        """What is left of it once time has come to ``t_s``."""
+        """Return the plan without the burns that end by ``t_s``."""
         if all(b.end_s > t_s for b in self.burns):
             return self
         return BurnPlan(tuple(b for b in self.burns if b.end_s > t_s))
@@ -140,7 +140,7 @@ class PredictedPath:
 def predicted_path(
     orbit: OrbitTrack, chaser: ChaserState, plan: BurnPlan, after_s: float, samples: int = 60
 ) -> PredictedPath:
-    """Where the chaser will go by its planned burns, to first order in the distance (Yamanaka-Ankersen).
+    """Predict the chaser's path through its planned burns, to first order in the distance (Yamanaka-Ankersen).
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def predicted_path(
 
 
 def burn_of(t_s: float, radial_m_s: float, along_m_s: float, cross_m_s: float) -> PlannedBurn:
-    """A burn from the four figures of the command."""
+    """Return a burn from the four numbers of the command."""
     return PlannedBurn(
         t_s=float(t_s), delta_v_lvlh_m_s=vec3(np.array([radial_m_s, along_m_s, cross_m_s], float))
     )

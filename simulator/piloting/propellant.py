@@ -1,4 +1,4 @@
-"""What steering has cost: delta-v and propellant, and whether the plume strikes the target."""
+"""Cost of manual control: delta-v, propellant, and plume impingement on the target."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 PLUME_HALF_ANGLE_DEG = 30.0
 PLUME_RANGE_M = 20.0
-"""Beyond this from the target's hull a plume of such thrusters is taken for harmless."""
+"""Distance from the target's hull beyond which a plume is harmless [m]."""
 
 
 @dataclass(frozen=True)
 class Propellant:
-    """Delta-v given and propellant burnt.
+    """Delta-v given and propellant used.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class Propellant:
 
     @property
     def mass_kg(self) -> float:
-        """Of the chaser now."""
+        """Present mass of the chaser [kg]."""
         return self.thrusters.mass_kg - self.used_kg
 
     def after(self, acceleration_camera_m_s2: FloatArray, dt_s: float) -> Propellant:
-        """What it is after a push.
+        """Return the totals after a thrust.
 
         Thrusters sit on the six sides of the chaser, along camera axes: a push between the axes burns what each side
         gives, while its delta-v is that of the sum.
@@ -57,7 +57,7 @@ class Propellant:
 
 
 def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, target_radius_m: float) -> bool:
-    """Whether the exhaust of a push blows at the target from near.
+    """Return True if the exhaust of a thrust hits the target from nearby.
 
     Exhaust leaves against the push of each axis by itself, as the thrusters do.
 

@@ -1,4 +1,4 @@
-"""The operator's flight on file, from its first second on: states at even times, and the scenario that replays them.
+"""Recording of a piloted flight from its start: states at regular times, and the scenario that replays them.
 
 While it is flown each state is a line of ``flight.csv`` at once, and ``replay.toml`` follows once a second: a console
 that is killed loses no more than that. A flight that ends leaves ``flight.npz`` in place of the lines.
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.world_state import WorldState
 
 REPLAY_EVERY_S = 1.0
-"""Between two writings of ``replay.toml``, which says how long the flight is."""
+"""Interval between writes of ``replay.toml``, which states the flight's length [s]."""
 WHOLE, REPLAY = "flight.npz", "replay.toml"
 
 
 class FlightRecorder:
-    """Keeps the states of a session from its start; `keep_in` writes them and a replay of them all along.
+    """Records the states of a session; `keep_in` writes them and their replay during the flight.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class FlightRecorder:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._rows = FlownRows(NUMBERS)
         self.trouble: str | None = None
-        """Why the flight is not on disk, if it is not."""
+        """Reason why the flight is not on disk; None if it is."""
         self._untold: str | None = None
         self._clock = clock
         self._kept: tuple[Path, Scenario] | None = None
@@ -54,7 +54,7 @@ class FlightRecorder:
         self._replay_due_s = 0.0
 
     def keep_in(self, folder: Path, scenario: Scenario) -> None:
-        """Keep the flight in a folder while it is flown; what there is of it is written at once.
+        """Record the flight in a folder while it is flown, including what is recorded already.
 
         Raises
         ------
@@ -68,44 +68,44 @@ class FlightRecorder:
             raise UserError(self.trouble)
 
     def __len__(self) -> int:
-        """States that are kept."""
+        """Return the number of recorded states."""
         return len(self._rows)
 
     @property
     def recording(self) -> Recording:
-        """What is kept."""
+        """The recorded flight."""
         return Recording.of_rows(self._rows.numbers)
 
     @property
     def end_s(self) -> float:
-        """Time of the last state [s]; 0 where there is none."""
+        """Time of the last state [s]; 0 if there is none."""
         return self._rows.end_s
 
     def wants(self, t_s: float) -> bool:
-        """Whether the state at a time is due."""
+        """Return True if the state at a time is due."""
         return self._rows.wants(t_s, EVERY_S)
 
     def add(self, state: WorldState) -> None:
-        """Keep a state, later than the last. A disk that is full does not end a flight: see `trouble`."""
+        """Add a state, later than the last. A full disk does not end a flight: see `trouble`."""
         row = state_row(state)
         self._rows.numbers.extend(row)
         self._put(row)
 
     def leave_after(self, t_s: float) -> None:
-        """The flight is taken up from an earlier time: what came after it does not belong to it any more."""
+        """Discard the recorded flight after ``t_s``."""
         k = self._rows.at(t_s)
         if not 0 < k + 1 == len(self):
             self._rows.leave_after(k)
             self._begin()
 
     def swap_future(self) -> None:
-        """What was left last belongs to the flight again, instead of what came since."""
+        """Restore the discarded future in exchange for the present one."""
         if self._rows.left is not None:
             self._rows.swap_future()
             self._begin()
 
     def close(self) -> Path | None:
-        """End what `keep_in` began: the whole flight in place of its lines; the replay's path, if there is one.
+        """Finish `keep_in`: write the whole flight in place of its lines. Return the replay's path, if there is one.
 
         Raises
         ------
@@ -126,16 +126,16 @@ class FlightRecorder:
 
     @property
     def long_enough(self) -> bool:
-        """Whether there is something to replay."""
+        """True if there is enough to replay."""
         return len(self) > 1
 
     def take_trouble(self) -> str | None:
-        """Why the flight is not on disk, said once."""
+        """Return why the flight is not on disk, once."""
         trouble, self._untold = self._untold, None
         return trouble
 
     def _begin(self) -> None:
-        """Begin the lines, over those of a flight that was begun again."""
+        """Start writing lines, over those of a restarted flight."""
         if self._kept is None:
             return
         folder, _ = self._kept

@@ -1,4 +1,4 @@
-"""A piloted flight that is stepped by commands: no window, no keys, no pictures."""
+"""A piloted flight stepped by commands, without window, keys or pictures."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
 LONGEST_JUMP_S = 7200.0
-"""A jump to a hold point that is not reached ends after this."""
+"""Longest jump to a hold point that is not reached [s]."""
 FRAME_STEP_S = 0.1
-"""Simulated time of a single frame at 1x."""
+"""Simulated time of a single frame at 1x [s]."""
 QUIET_S = 5.0
-"""A keep-out sphere that lets go for less than this has not let go."""
+"""Least time without an overrule before the keep-out guard counts as released [s]."""
 FUEL_SHARE = 0.04
-"""Share of the chaser's mass at the start; the tanks of small craft hold some 5 %."""
+"""Propellant as a share of the chaser's mass at the start; the tanks of small craft hold some 5 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class FlightState:
 
 
 class FlightSession:
-    """A flight that a pilot watches, slows, hurries and takes over.
+    """A flight that a pilot watches, slows down, speeds up and takes over.
 
     The scenario's guidance flies until the first thrust or turn is commanded; from then on the chaser is integrated
     from the state it had. Time goes in fixed steps, so the result depends on the commands and the simulated time alone
@@ -128,12 +128,12 @@ class FlightSession:
 
     @property
     def flight(self) -> Flight:
-        """The flight as far as it is propagated."""
+        """The flight, as far as it is propagated."""
         return self.craft.flight
 
     @property
     def state(self) -> FlightState:
-        """State now, without news."""
+        """Present state, without news."""
         craft, steering = self.craft, self.craft.steering
         return FlightState(
             t_s=craft.t_s,
@@ -151,7 +151,7 @@ class FlightSession:
         )
 
     def scene(self) -> SceneState:
-        """Return the picture to draw now, as the scenario's own camera takes it.
+        """Return the scene to draw now, for the scenario's own camera.
 
         The frame number is the simulated time in hundredths of a second, so that a moment has one noise.
         """
@@ -160,7 +160,7 @@ class FlightSession:
     # --- time
 
     def step(self, command: PilotCommand, dt_s: float) -> FlightState:
-        """Carry out a command's orders, then fly with its thrust and turn for ``dt_s``.
+        """Carry out a command's orders, then fly with its thrust and rotation for ``dt_s``.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class FlightSession:
         return replace(self.state, news=(*news, *steering.take_news(), *begun))
 
     def order(self, order: Order) -> News | None:
-        """Carry out one order now, and return what the pilot is answered.
+        """Carry out one order now. Return the answer to the pilot.
 
         Raises
         ------
@@ -224,7 +224,7 @@ class FlightSession:
             self.look_back.leave_trail()
 
     def restart(self) -> None:
-        """Go back to the beginning, with the guidance; pause and rate stay."""
+        """Return to the start, under guidance; pause and rate stay."""
         self.look_back.restart()
         self.clock.reset()
         self.craft.restart()
@@ -256,7 +256,7 @@ class FlightSession:
     # --- jumps
 
     def jump_to_event(self, event: Event) -> float:
-        """Hurry to the next event of the sky, and return its time [s].
+        """Jump to the next event in the sky. Return its time [s].
 
         Raises
         ------
@@ -269,7 +269,7 @@ class FlightSession:
         return when
 
     def jump_to_hold_point(self) -> None:
-        """Hurry until the autopilot rests at the next hold point, or has docked.
+        """Jump until the autopilot rests at the next hold point, or has docked.
 
         Raises
         ------
@@ -295,14 +295,14 @@ class FlightSession:
 
 
 class CautionWatch:
-    """Compares a flight with its last state, and gives each caution once when it begins."""
+    """Compares a flight with its last state, and reports each caution once when it begins."""
 
     def __init__(self) -> None:
         self._guarded_s = -QUIET_S
         self._before: tuple[bool, bool] | None = None
 
     def news(self, world: WorldState, propellant: Propellant, *, guarded: bool) -> list[News]:
-        """Return what has begun since the last call; nothing at the first."""
+        """Return the cautions that began since the last call; none at the first."""
         t_s = world.t_s
         lit = world.sun_visible_fraction > 0.0
         fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg

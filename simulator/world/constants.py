@@ -18,7 +18,7 @@ EARTH_RATE_RAD_S = 7.292115e-5
 """Angular velocity of the Earth, WGS 84."""
 
 G0_M_S2 = 9.80665
-"""Standard gravity, which specific impulse is counted by: 3rd CGPM (1901), exact."""
+"""Standard gravity, the unit of specific impulse: 3rd CGPM (1901), exact."""
 
 J2_EARTH = 1.0826359e-3
 """Second zonal harmonic, IERS Conventions (2010), table 1.1 (not normalised, zero tide)."""

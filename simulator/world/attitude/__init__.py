@@ -1,1 +1,1 @@
-"""Attitude: rigid bodies under torque, the turning target, camera pointing, reaction wheels. No translation."""
+"""Attitude: rigid bodies under torque, the rotating target, camera pointing, reaction wheels. No translation."""

@@ -28,12 +28,12 @@ DirectionName = Literal["nadir", "zenith", "along_track", "cross_track", "sun", 
 
 _NODE_S = 1800.0
 _LEAST_SINE = 1e-3
-"""Two directions closer than this (3 arcmin) leave the turn about them open."""
+"""Sine of the angle between two directions below which the rotation about them is undefined (3 arcmin)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PointingContext:
-    """What a target can point at over a flight.
+    """The references that a target can point at over a flight.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class PointingContext:
     relative: Callable[[float], tuple[FloatArray, FloatArray]]
 
     def direction(self, name: DirectionName) -> Direction:
-        """The direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
+        """Return the direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
         match name:
             case "nadir" | "zenith":
                 return RadialDirection(self.orbit, 1.0 if name == "zenith" else -1.0)
@@ -60,7 +60,7 @@ class PointingContext:
                 return SunDirection(self.orbit, self._sun())
 
     def _sun(self) -> CubicSpline:
-        """The apparent Sun from the central body, over the flight."""
+        """Return the apparent Sun from the central body, over the flight."""
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
 
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
@@ -74,26 +74,26 @@ class PointingContext:
 
 @dataclass(frozen=True, eq=False)
 class RadialDirection:
-    """Away from the central body (``sign`` 1) or towards it (-1)."""
+    """Direction away from the central body (``sign`` 1) or towards it (-1)."""
 
     orbit: OrbitTrack
     sign: float
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Unit vector and its derivative."""
+        """Return the unit vector and its derivative."""
         r, v = self.orbit(t_s)
         return unit_and_rate(self.sign * r, self.sign * v)
 
 
 @dataclass(frozen=True, eq=False)
 class LvlhAxisDirection:
-    """Along-track (``column`` 1) or cross-track (2)."""
+    """Along-track (``column`` 1) or cross-track (2) direction."""
 
     orbit: OrbitTrack
     column: int
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Unit vector and its derivative."""
+        """Return the unit vector and its derivative."""
         frame = self.orbit.frame(t_s)
         u = frame.R_eci_from_lvlh[:, self.column]
         return u, cross(frame.omega_eci_rad_s, u)
@@ -101,31 +101,31 @@ class LvlhAxisDirection:
 
 @dataclass(frozen=True, eq=False)
 class ChaserDirection:
-    """To the chaser."""
+    """Direction to the chaser."""
 
     relative: Callable[[float], tuple[FloatArray, FloatArray]]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Unit vector and its derivative."""
+        """Return the unit vector and its derivative."""
         return unit_and_rate(*self.relative(t_s))
 
 
 @dataclass(frozen=True, eq=False)
 class SunDirection:
-    """To the apparent Sun; ``where`` gives it from the central body [m]."""
+    """Direction to the apparent Sun; ``where`` gives its position from the central body [m]."""
 
     orbit: OrbitTrack
     where: CubicSpline
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Unit vector and its derivative."""
+        """Return the unit vector and its derivative."""
         r, v = self.orbit(t_s)
         return unit_and_rate(self.where(t_s) - r, self.where(t_s, 1) - v)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TwoAxisTrack:
-    """A body whose one axis follows a direction exactly and whose other axis comes as near to a second as it can.
+    """Attitude with one axis exactly along a direction and another as near to a second direction as possible.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class TwoAxisTrack:
     second_toward: Direction
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1].
+        """Return ``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1].
 
         References
         ----------
@@ -155,12 +155,12 @@ class TwoAxisTrack:
         return quat_from_matrix(R_eci_from_triad @ R_body_from_triad.T), R_body_from_triad @ rate
 
     def undefined_at(self, t_s: float) -> bool:
-        """Whether the two directions run together, so that the attitude is open."""
+        """Return True if the two directions are parallel, so that the attitude is undefined."""
         return length(cross(self.toward(t_s)[0], self.second_toward(t_s)[0])) < _LEAST_SINE
 
 
 def triad(first: Vec3, second: Vec3) -> FloatArray:
-    """(3, 3) columns: along the first, towards the second, and normal to both."""
+    """Return (3, 3) columns: along the first, towards the second, and normal to both."""
     a, b = np.array(first, float), np.array(second, float)
     x = a / length(a)
     z = cross(x, b)
@@ -169,7 +169,7 @@ def triad(first: Vec3, second: Vec3) -> FloatArray:
 
 
 def unit_and_rate(v: FloatArray, v_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vector along (3,) ``v`` and its derivative."""
+    """Return the unit vector along (3,) ``v`` and its derivative."""
     n = length(v)
     u = v / n
     return u, (v_rate - (v_rate @ u) * u) / n

@@ -1,4 +1,4 @@
-"""Camera attitude: the boresight at the target, the picture's down side along a reference of LVLH."""
+"""Camera attitude: the boresight at the target, the image's down side along a reference in LVLH."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ DOWN_AXES_LVLH: dict[Down, tuple[float, float, float]] = {
     "cross_track": (0.0, 0.0, -1.0),
     "along_track": (0.0, -1.0, 0.0),
 }
-"""Where the picture's down side points: to the Earth, against the orbit normal, against the flight."""
+"""Down side of the image: towards the Earth, against the orbit normal, or against the velocity."""
 
 _DEGENERATE = 1e-4
-"""Sine of the angle between boresight and reference below which the reference says nothing."""
+"""Sine of the angle between boresight and reference below which the reference is degenerate."""
 
 
 class Pointing(Section, frozen=True, kw_only=True, dict=True):
-    """Boresight at the target's centre of mass, then turned by constant angles.
+    """Boresight at the target's centre of mass, then rotated by constant angles.
 
     ``right_deg`` and ``below_deg`` turn the boresight to the right of and below the target; ``roll_deg``
     turns the camera clockwise about it. ``down`` is what the picture's down side follows; ``auto`` takes the
@@ -54,7 +54,7 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
     def attitude(
         self, los_eci_m: FloatArray, los_rate_eci_m_s: FloatArray, lvlh: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
-        """Attitude and rate of the camera.
+        """Return attitude and rate of the camera.
 
         Parameters
         ----------

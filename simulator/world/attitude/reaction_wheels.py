@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Wheels(Section, frozen=True, kw_only=True):
-    """With this section reaction wheels turn the camera, and it points only as well as they can.
+    """Reaction wheels that turn the camera; it points only as well as they can.
 
     Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` turns the camera at the start.
     """
@@ -47,7 +47,7 @@ class Wheels(Section, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WheelTrack:
-    """The chaser's attitude as its wheels turn it.
+    """The chaser's attitude under its wheels.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class WheelTrack:
     error_rad: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_camera_from_eci_wxyz`` and the rate relative to ECI, camera axes [rad s-1]."""
+        """Return ``q_camera_from_eci_wxyz`` and the rate relative to ECI, camera axes [rad s-1]."""
         h = self.wheels.period_s
         k = min(max(int(t_s // h), 0), len(self.error_rad) - 1)
         q, omega, _ = wheel_step(
@@ -78,7 +78,7 @@ class WheelTrack:
 
 
 def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> WheelTrack:
-    """Follow a reference attitude as well as the wheels can.
+    """Simulate the wheels that follow a reference attitude.
 
     Each period asks for the reference's own acceleration, the gyroscopic torque of body and wheels, and a spring
     and damper on what is missing; then the limits cut.
@@ -128,7 +128,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
 def wheel_step(
     wheels: Wheels, state: tuple[FloatArray, FloatArray, FloatArray], torque_nm: FloatArray, h: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Attitude, rate and wheels' momentum ``h`` seconds later under a held torque: one Runge-Kutta step."""
+    """Advance attitude, rate and wheel momentum by ``h`` seconds under a constant torque: one Runge-Kutta step."""
     q, omega, momentum = state
     if h == 0.0:
         return state

@@ -24,7 +24,7 @@ class AttitudeTrack(Protocol):
     """The attitude of a body over a flight: propagated, prescribed or recorded."""
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
+        """Return ``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
         ...
 
 
@@ -44,7 +44,7 @@ class RigidBodyTrack:
     inverse_inertia: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` (unit: the interpolant is renormalised) and the body rate [rad s-1]."""
+        """Return ``q_eci_from_body_wxyz`` (unit: the interpolant is renormalised) and the body rate [rad s-1]."""
         y = self.solution(t_s)
         q = y[:4] / math.sqrt(float(y[:4] @ y[:4]))
         return q, self.inverse_inertia @ (y[4:] @ matrix_from_quat(q))
@@ -57,7 +57,7 @@ def propagate_attitude(
     duration_s: float,
     torque: Torque | None = None,
 ) -> RigidBodyTrack:
-    """Tumble of a rigid body.
+    """Propagate the tumble of a rigid body.
 
     The state is the attitude and the angular momentum along inertial axes, which only a torque changes: a free
     tumble keeps it to the last bit.
@@ -129,7 +129,7 @@ def propagate_attitude(
 
 
 def check_inertia(inertia_kg_m2: FloatArray) -> None:
-    """Refuse a matrix that no rigid body can have.
+    """Raise if no rigid body can have this inertia.
 
     Raises
     ------

@@ -32,13 +32,13 @@ _CHECKED_TIMES = 61
 
 @dataclass(frozen=True, eq=False)
 class SteadyTrack:
-    """A steady turn, or none: attitude at the start, and the rate in body axes [rad s-1]."""
+    """A steady rotation, or none: initial attitude, and the rate in body axes [rad s-1]."""
 
     q_eci_from_body_wxyz: FloatArray
     omega_rad_s: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` and the rate."""
+        """Return ``q_eci_from_body_wxyz`` and the rate."""
         turn = quat_from_rotvec(self.omega_rad_s * t_s)
         return quat_multiply(self.q_eci_from_body_wxyz, turn), self.omega_rad_s
 
@@ -51,7 +51,7 @@ class LvlhTrack:
     q_lvlh_from_body_wxyz: FloatArray
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` and the rate relative to ECI, body axes [rad s-1]."""
+        """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI, body axes [rad s-1]."""
         frame = self.orbit.frame(t_s)
         q = quat_multiply(quat_from_matrix(frame.R_eci_from_lvlh), self.q_lvlh_from_body_wxyz)
         turn = frame.R_eci_from_lvlh.T @ frame.omega_eci_rad_s
@@ -59,7 +59,7 @@ class LvlhTrack:
 
 
 class Point(Section, frozen=True, kw_only=True):
-    """``axis`` of the target exactly at ``at``; ``second_axis`` as near to ``second_at`` as it can be."""
+    """Pointing with ``axis`` exactly at ``at`` and ``second_axis`` as near to ``second_at`` as possible."""
 
     axis: DirectionXyz
     at: DirectionName
@@ -67,7 +67,7 @@ class Point(Section, frozen=True, kw_only=True):
     second_at: DirectionName
 
     def track(self, around: PointingContext) -> TwoAxisTrack:
-        """The attitude over the flight.
+        """Return the attitude over the flight.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class Point(Section, frozen=True, kw_only=True):
 
 
 class Attitude(Section, frozen=True, kw_only=True):
-    """The target at the epoch, and how it turns from there.
+    """Attitude of the target at the epoch, and its motion from there.
 
     ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
     pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
@@ -117,7 +117,9 @@ class Attitude(Section, frozen=True, kw_only=True):
     ) = None
 
     def q_eci_from_target_wxyz(self, frame: Lvlh) -> FloatArray:
-        """At the start of the flight, where the target's LVLH frame is ``frame``; an AEM has been read before."""
+        """Return the attitude at the start of the flight, where the target's LVLH frame is ``frame``; an AEM is
+        already read.
+        """
         q = np.array([1.0, 0.0, 0.0, 0.0])
         if self.q_wxyz is not None:
             q = quat_normalize(self.q_wxyz)
@@ -132,7 +134,7 @@ class Attitude(Section, frozen=True, kw_only=True):
     def track(
         self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: PointingContext
     ) -> AttitudeTrack:
-        """The attitude over the flight, unless a file gives it.
+        """Return the attitude over the flight, unless a file gives it.
 
         Parameters
         ----------

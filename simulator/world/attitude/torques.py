@@ -1,4 +1,4 @@
-"""What turns the target: a torque fixed in its axes, gravity's gradient, its residual magnetic moment."""
+"""Torques on the target: constant in body axes, gravity gradient, residual magnetic moment."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def torque_on(
     gravity_gradient: bool = False,
     residual_dipole_a_m2: Vec3 = (0.0, 0.0, 0.0),
 ) -> Torque | None:
-    """The torque on a body along its orbit, or None when there is none.
+    """Return the torque on a body along its orbit, or None if there is none.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def gravity_gradient_torque(
     inertia_kg_m2: FloatArray,
     mu_m3_s2: float = MU_EARTH_M3_S2,
 ) -> FloatArray:
-    """Torque of a central gravity field on a rigid body, in the body frame [N m].
+    """Return the torque of a central gravity field on a rigid body, in the body frame [N m].
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def gravity_gradient_torque(
 
 
 def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
-    """Flux density of the Earth's tilted dipole at (3,) Earth-fixed position, along Earth-fixed axes (3,) [T].
+    """Return the flux density of the Earth's tilted dipole at (3,) Earth-fixed position, along Earth-fixed axes (3,)
+    [T].
 
     Degree 1 alone: within 30 % of the whole field in low orbit, worst over the South Atlantic.
 

@@ -1,1 +1,1 @@
-"""Where Earth, Moon and Sun are, how they are turned, and what they shade. No spacecraft."""
+"""Positions, orientations and shadows of Earth, Moon and Sun. No spacecraft."""

@@ -1,4 +1,6 @@
-"""Bodies of the solar system: shape, gravity, turn, albedo, air, place and orientation; their registry by name."""
+"""Bodies of the solar system: shape, gravity, rotation, albedo, air, position and orientation; their registry by
+name.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,10 @@ BUILT_IN = {
 }
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
 MOST_LAYERS = 13
-"""Heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
+"""Largest number of heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
 _UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 SLOWEST_TURN_RAD_S = 1e-5
-"""Turn below which ground seen from a low orbit moves by less than a hundredth of the orbit's own motion."""
+"""Rotation rate below which the ground seen from a low orbit moves by less than 1 % of the orbital motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +70,7 @@ class BodyAir:
     thickness_m: float = 100_000.0
 
     def __post_init__(self) -> None:
-        """Refuse a profile that shaders cannot hold."""
+        """Raise if shaders cannot hold the profile."""
         if len(self.density) == 1 or len(self.density) > MOST_LAYERS:
             raise ValueError(
                 f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MOST_LAYERS}"
@@ -77,7 +79,7 @@ class BodyAir:
 
 @dataclass(frozen=True, kw_only=True)
 class Body(ABC):
-    """A body that craft can circle; a subclass defines its place and orientation.
+    """A body that craft can orbit; a subclass defines its position and orientation.
 
     Parameters
     ----------
@@ -125,7 +127,7 @@ class Body(ABC):
         """Return the orientation of its axes (z: the pole, x: longitude 0), unit quaternion, scalar first."""
 
     def apparent_m(self, now: Instant) -> FloatArray:
-        """Return where it is seen from the Earth's centre, corrected for light time: (3,) GCRS axes [m]."""
+        """Return the apparent position from the Earth's centre, corrected for light time: (3,) GCRS axes [m]."""
         r, v = self.geocentric_state(now)
         return np.asarray(r - v * (float(np.linalg.norm(r)) / LIGHT_M_S))
 
@@ -140,11 +142,11 @@ class Body(ABC):
 
     @property
     def turns(self) -> bool:
-        """Whether its ground turns fast enough to be seen during an exposure."""
+        """True if its ground rotates fast enough to be seen during an exposure."""
         return self.turn_rad_s > SLOWEST_TURN_RAD_S
 
     def distance_problem(self, distance_m: float) -> str | None:
-        """Return what is wrong with a distance from its centre, as the end of a sentence; None if nothing."""
+        """Return what is wrong with a distance from its centre, as the end of a sentence; None if nothing is."""
         allowed = None
         if not distance_m >= self.radius_m + self.lowest_m:
             allowed = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
@@ -195,12 +197,12 @@ class BodyStates:
 
     @property
     def central(self) -> BodyState:
-        """State of the body that the target circles."""
+        """State of the body that the target orbits."""
         return self.body(self.central_body)
 
 
 def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
-    """Return the states of Earth and Moon, then of ``central`` where it is another; its own place is geometric."""
+    """Return the states of Earth and Moon, then of ``central`` if it is another body; its own position is geometric."""
     return tuple(
         BodyState(
             name=body.name,
@@ -214,7 +216,7 @@ def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
 def earth_and_moon(
     r_moon_eci_m: Vec3, q_itrs_from_eci_wxyz: Quat = _UNTURNED, q_moon_from_eci_wxyz: Quat = _UNTURNED
 ) -> tuple[BodyState, BodyState]:
-    """Return the states of the Earth and of a Moon that stands there."""
+    """Return the states of the Earth and of a Moon at a given position."""
     return (
         BodyState(name="earth", r_eci_m=(0.0, 0.0, 0.0), q_fixed_from_eci_wxyz=q_itrs_from_eci_wxyz),
         BodyState(name="moon", r_eci_m=r_moon_eci_m, q_fixed_from_eci_wxyz=q_moon_from_eci_wxyz),
@@ -228,7 +230,7 @@ def body_names() -> tuple[str, ...]:
 
 @cache
 def body_named(name: str) -> Body:
-    """Return the body of a name; its module is imported now.
+    """Return the body of a name; imports its module.
 
     Raises
     ------
@@ -248,7 +250,7 @@ def body_named(name: str) -> Body:
 
 
 def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
-    """(3, 3) rotation from GCRS to a body's axes, from the angles that the IAU tabulates.
+    """Return the (3, 3) rotation from GCRS to a body's axes, from the angles that the IAU tabulates.
 
     Parameters
     ----------

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArray:
-    """(3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has them.
+    """Return the (3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has
+    them.
 
     The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are left out.
 
@@ -33,19 +34,19 @@ def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArra
 
 
 def celestial_and_polar(instant: Instant) -> tuple[FloatArray, FloatArray]:
-    """The slow factors of `R_itrs_from_eci`: GCRS to CIRS, and TIRS to ITRS; between them turns the Earth."""
+    """Return the slow factors of `R_itrs_from_eci`: GCRS to CIRS, and TIRS to ITRS."""
     tt1, tt2 = instant.tt1, instant.tt2
     polar = erfa.pom00(*_pole(instant), erfa.sp00(tt1, tt2))
     return np.asarray(erfa.c2i06a(tt1, tt2), float), np.asarray(polar, float)
 
 
 def q_itrs_from_eci(instant: Instant) -> FloatArray:
-    """Unit quaternion ``q_itrs_from_eci_wxyz``, scalar first."""
+    """Return the unit quaternion ``q_itrs_from_eci_wxyz``, scalar first."""
     return quat_from_matrix(R_itrs_from_eci(instant))
 
 
 def pole_eci(instant: Instant) -> FloatArray:
-    """Unit vector along the Earth's axis (the celestial intermediate pole) in GCRS."""
+    """Return the unit vector along the Earth's axis (the celestial intermediate pole) in GCRS."""
     return celestial_and_polar(instant)[0][2]
 
 

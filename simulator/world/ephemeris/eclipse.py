@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import BodyState
 
 GCRS_POLE = (0.0, 0.0, 1.0)
-"""The Earth's axis of J2000.0, a sixth of a degree from that of 2026: 60 m of the limb."""
+"""The Earth's axis of J2000.0, a sixth of a degree from that of 2026; this moves the limb by 60 m."""
 _DAY_SIDE_COSINE = (
     0.01  # 0.6 degrees sunward of the body's centre and more, its limb cannot reach the Sun's disc
 )
@@ -58,7 +58,7 @@ def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
 def sun_visible_fraction(
     r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike, pole_eci: ArrayLike = GCRS_POLE
 ) -> FloatArray:
-    """Share of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
+    """Return the share of the Sun's disc not hidden by the Earth's ellipsoid (WGS 84): 1 in sunlight, 0 in umbra.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _past_ellipsoid(
 
 
 def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float) -> FloatArray:
-    """Share of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
+    """Return the share of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
 
     The two discs overlap as plane circles of their angular radii, as is usual: within the half degree of
     the Sun the body's limb is straight enough. The atmosphere neither absorbs nor bends.

@@ -1,4 +1,4 @@
-"""Earth orientation, Sun and Moon interpolated from a table over a flight, for the integrator's many steps."""
+"""Earth orientation, Sun and Moon interpolated from a table over a flight, for the integrator."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _STEP_S = 1800.0
-"""Half an hour: cubics between such nodes hold the Moon to a millimetre and nutation to 1e-15 rad."""
+"""Node spacing: cubics hold the Moon to a millimetre and nutation to 1e-15 rad [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class EphemerisTable:
-    """Piecewise cubics of what turns and moves about the Earth over a flight.
+    """Piecewise cubics of Earth orientation, Sun and Moon over a flight.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class EphemerisTable:
 
     @staticmethod
     def of(epoch: Instant, duration_s: float) -> EphemerisTable:
-        """The table from an hour before ``epoch`` to an hour after the flight's end."""
+        """Build the table from an hour before ``epoch`` to an hour after the flight's end."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
         from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
 
@@ -68,7 +68,7 @@ class EphemerisTable:
         return np.asarray(np.array([d * d * d, d * d, d, 1.0]) @ self.pieces[k])
 
     def at(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """``R_itrs_from_eci`` (3, 3), geometric Sun and Moon (3,) [m], GCRS, ``t_s`` after the epoch."""
+        """Return ``R_itrs_from_eci`` (3, 3), geometric Sun and Moon (3,) [m], GCRS, ``t_s`` after the epoch."""
         row = self._row(t_s)
         angle = self.era_start_rad + self.era_rate_rad_s * t_s + row[9]
         c, s = np.cos(angle), np.sin(angle)

@@ -1,4 +1,4 @@
-"""Orientation of the Moon: where its pole points and how far it has turned, for its map."""
+"""Orientation of the Moon: pole and rotation angle, for its map."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ _W = np.array(
 
 
 def R_moon_from_eci(instant: Instant) -> FloatArray:
-    """(3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, good to about 150 m on its ground.
+    """Return the (3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, good to about 150 m on its
+    ground.
 
     Its x axis points to the mean Earth (longitude 0), z along the axis.
 
@@ -62,5 +63,5 @@ def R_moon_from_eci(instant: Instant) -> FloatArray:
 
 
 def q_moon_from_eci(instant: Instant) -> FloatArray:
-    """Unit quaternion ``q_moon_from_eci_wxyz``, scalar first."""
+    """Return the unit quaternion ``q_moon_from_eci_wxyz``, scalar first."""
     return quat_from_matrix(R_moon_from_eci(instant))

@@ -19,24 +19,24 @@ _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 
 
 def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Where the Sun is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    """Return the geometric geocentric position of the Sun, GCRS axes (..., 3) [m]; for its attraction."""
     heliocentric, _ = without_year_warning(erfa.epv00, tt1, tt2)
     return np.asarray(-heliocentric["p"] * AU_M, float)
 
 
 def moon_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Where the Moon is, not where it is seen: geocentric, GCRS axes (..., 3) [m]; for its attraction."""
+    """Return the geometric geocentric position of the Moon, GCRS axes (..., 3) [m]; for its attraction."""
     return np.asarray(erfa.moon98(tt1, tt2)["p"] * AU_M, float)
 
 
 def moon_geometric_state(tt1: float, tt2: float) -> tuple[FloatArray, FloatArray]:
-    """Where the Moon is and how it moves: geocentric, GCRS axes, [m] and [m s-1], each (3,)."""
+    """Return the geometric geocentric position and velocity of the Moon, GCRS axes, [m] and [m s-1], each (3,)."""
     pv = erfa.moon98(tt1, tt2)
     return np.asarray(pv["p"] * AU_M, float), np.asarray(pv["v"] * (AU_M / DAY_S), float)
 
 
 def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Apparent geocentric position of the Sun in GCRS [m]: light time and annual aberration applied.
+    """Return the apparent geocentric position of the Sun in GCRS [m], with light time and annual aberration.
 
     A spacecraft's own speed adds at most 5 arcsec more, which is left out.
 
@@ -65,7 +65,7 @@ def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
 
 
 def moon_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Apparent geocentric position of the Moon in GCRS [m], corrected for light time.
+    """Return the apparent geocentric position of the Moon in GCRS [m], corrected for light time.
 
     For a geocentric observer the light time along the relative motion is the whole planetary aberration.
 

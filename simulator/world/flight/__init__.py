@@ -1,1 +1,1 @@
-"""A propagated flight: put together, its state at any moment, its log, table, recording and messages."""
+"""A propagated flight: construction, states, log, table, recording and messages."""

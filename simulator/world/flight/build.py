@@ -131,14 +131,14 @@ def propagate_flight(
 
 
 def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
-    """The flight with its camera turned by wheels after the pointing, or as it is."""
+    """Return the flight with its camera turned by wheels that follow the pointing, or unchanged without wheels."""
     if wheels is None:
         return flight
     return replace(flight, wheels=fly_wheels(flight.pointing_reference, flight.duration_s, wheels))
 
 
 def with_best_down(flight: Flight, samples: int = 61) -> Flight:
-    """The flight with the first down reference that stays 10 deg off the boresight, or else the best one."""
+    """Return the flight with the first down reference that stays 10 deg off the boresight, or else the best one."""
     boresights = []
     for t in np.linspace(0.0, flight.duration_s, samples):
         frame = flight.lvlh(float(t))

@@ -1,4 +1,4 @@
-"""A flight written out: rows of a table, its summary, and CCSDS messages of orbit and attitude."""
+"""Export of a flight: rows of a table, a summary, and CCSDS messages of orbit and attitude."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Row = dict[str, str | float | None]
 
 
 def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
-    """States as rows for a table; a vector ``r_target_eci_m`` becomes ``r_target_eci_x_m`` and so on.
+    """Return states as rows of a table; a vector ``r_target_eci_m`` becomes ``r_target_eci_x_m`` and so on.
 
     After the states: the chaser's phase, what its thrusters give, its mass, the velocity given so far, and what
     happened since the row before. What is not known is None.
@@ -59,7 +59,7 @@ def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
 
 
 def _with_log(flight: Flight, rows: list[Row]) -> list[Row]:
-    """The rows with what the flight's log says."""
+    """Return the rows with phases, thrust and events of the flight's log."""
     log = FlightLog(flight)
     times = [float(row["t_s"] or 0.0) for row in rows]
     events = log.events(times, [float(row["sun_visible_fraction"] or 0.0) for row in rows])
@@ -78,7 +78,7 @@ def _with_log(flight: Flight, rows: list[Row]) -> list[Row]:
 
 
 def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
-    """A flight in a few figures, JSON-able.
+    """Summarise a flight as a JSON-able document.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _phases(rows: Sequence[Row], times_s: Sequence[float]) -> list[dict[str, Any]]:
-    """Runs of rows of one phase, each to the start of the next."""
+    """Return the phases: runs of rows of one phase, each to the start of the next."""
     starts = [k for k, row in enumerate(rows) if k == 0 or row["phase"] != rows[k - 1]["phase"]]
     ends = [*starts[1:], len(rows) - 1]
     return [
@@ -123,7 +123,7 @@ def _phases(rows: Sequence[Row], times_s: Sequence[float]) -> list[dict[str, Any
 
 
 def _split_unit(name: str) -> tuple[str, str]:
-    """``v_target_eci_m_s`` as quantity and unit."""
+    """Split a name such as ``v_target_eci_m_s`` into quantity and unit."""
     unit = next(u for u in ("rad_s", "m_s", "m") if name.endswith(f"_{u}"))
     return name.removesuffix(f"_{unit}"), unit
 
@@ -131,7 +131,7 @@ def _split_unit(name: str) -> tuple[str, str]:
 def flight_messages(
     flight: Flight, times_s: Iterable[float], *, oem: bool = True, aem: bool = True
 ) -> dict[str, str]:
-    """File names and texts of the messages asked for.
+    """Return the requested messages by file name.
 
     Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
     """

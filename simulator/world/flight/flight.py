@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _EDGE_S = 1e-6
-"""Times this far outside the span are taken for rounding."""
+"""Tolerance outside the span, for rounding [s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,11 +65,11 @@ class Flight:
     burns: tuple[Burn, ...] = ()
 
     def lvlh(self, t_s: float) -> Lvlh:
-        """The target's LVLH frame."""
+        """Return the target's LVLH frame."""
         return lvlh_frame(*self.orbit(t_s), self.orbit.acceleration(t_s))
 
     def chaser(self, t_s: float) -> ChaserState:
-        """The chaser as its guidance and pointing have it; the start for steering by hand."""
+        """Return the chaser under its guidance and pointing; for manual control, its start."""
         self._check(t_s)
         if self.recording is not None:
             return self.recording.chaser(t_s)
@@ -87,7 +87,7 @@ class Flight:
         )
 
     def state(self, t_s: float) -> WorldState:
-        """The world at ``t_s`` seconds after the start.
+        """Return the world at ``t_s`` seconds after the start.
 
         Raises
         ------
@@ -97,7 +97,7 @@ class Flight:
         return self.state_with_chaser(self.chaser(t_s))
 
     def state_with_chaser(self, chaser: ChaserState) -> WorldState:
-        """The world at ``chaser.t_s`` with the chaser where it says, for example steered by hand.
+        """Return the world at ``chaser.t_s`` with a given state of the chaser, for example under manual control.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class Flight:
         )
 
     def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Geocentric position and velocity of the target."""
+        """Return the geocentric position and velocity of the target."""
         if self.recording is not None:
             # as recorded, to the last bit
             y = self.recording.target(t_s)
@@ -144,7 +144,7 @@ class Flight:
         return r_body + r, v_body + v
 
     def relative(self, t_s: float, frame: Lvlh | None = None) -> tuple[FloatArray, FloatArray]:
-        """Chaser minus target along GCRS axes [m], [m s-1].
+        """Return the chaser minus target along GCRS axes [m], [m s-1].
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Flight:
         return (frame or self.orbit.frame(t_s)).to_eci(*self.guidance.state_lvlh(t_s, self.n_rad_s))
 
     def pointing_reference(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_camera_from_eci_wxyz`` and rate that the pointing asks for, by a quicker way than `chaser`."""
+        """Return ``q_camera_from_eci_wxyz`` and rate of the pointing, faster than `chaser`."""
         frame = self.orbit.frame(t_s)
         p, v = self.relative(t_s, frame)
         return self.pointing.attitude(-p, -v, frame)
@@ -172,5 +172,5 @@ class Flight:
 
 
 def record(flight: Flight, times_s: Iterable[float]) -> Recording:
-    """A flight sampled at times that start at 0."""
+    """Sample a flight at times that start at 0."""
     return Recording.of(flight.state(float(t)) for t in times_s)

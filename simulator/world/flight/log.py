@@ -1,4 +1,4 @@
-"""What happens in a flight besides motion: phases, what the thrusters give, propellant, and events such as an abort."""
+"""Flight log: phases, thrust, propellant, and events such as an abort."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EventKind = Literal["abort", "retreated", "guarded", "burn", "burn_end", "shadow
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened.
+    """An event of a flight.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class ThrustState:
-    """What the chaser's thrusters do at one moment; None is not known.
+    """Thrust of the chaser at one moment; None if unknown.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class ThrustState:
 
 @dataclass(frozen=True, eq=False)
 class FlightLog:
-    """The log of one flight, asked at any moment of it.
+    """The log of one flight.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class FlightLog:
     _totals_m_s: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Sum what was given, once."""
+        """Sum the delta-v, once."""
         f = self.flight
         given: list[float] = []
         if f.controlled is not None:
@@ -82,7 +82,7 @@ class FlightLog:
         object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(given)])
 
     def thrust_state(self, t_s: float) -> ThrustState:
-        """What the chaser does at ``t_s``."""
+        """Return the chaser's thrust and phase at ``t_s``."""
         f = self.flight
         if f.recording is not None:
             return ThrustState(phase="replay")
@@ -124,7 +124,7 @@ class FlightLog:
         )
 
     def events(self, times_s: Sequence[float] = (), sun_fractions: Sequence[float] = ()) -> list[Event]:
-        """What happened, in the order of time.
+        """Return the events in order of time.
 
         Parameters
         ----------
@@ -158,18 +158,18 @@ class FlightLog:
 
     @property
     def delta_v_m_s(self) -> float | None:
-        """Given over the whole flight [m s-1]; None where that is not known."""
+        """Delta-v of the whole flight [m s-1]; None if unknown."""
         return self.thrust_state(self.flight.duration_s).delta_v_m_s
 
     @property
     def propellant_kg(self) -> float | None:
-        """Used over the whole flight [kg]; None where that is not known."""
+        """Propellant of the whole flight [kg]; None if unknown."""
         track = self.flight.controlled
         return None if track is None else float(track.mass_kg[0]) - track.end_mass_kg
 
 
 def _commanded_acceleration(track: ScriptedTrack, k: int) -> FloatArray:
-    """Acceleration of a step, along GCRS axes."""
+    """Return the acceleration of a step, along GCRS axes."""
     command = track.commands[k]
     camera = matrix_from_quat(track.states[k].q_camera_from_eci_wxyz).T @ np.array(
         command.acceleration_camera_m_s2, float
@@ -181,13 +181,13 @@ def _commanded_acceleration(track: ScriptedTrack, k: int) -> FloatArray:
 
 
 def _still_retreating(track: ControlledTrack, k: int) -> bool:
-    """Whether the retreat after an abort still goes on."""
+    """Return True if the retreat after an abort continues."""
     reach = 0.0 if track.keep_out is None else 2 * track.keep_out.radius_m
     return float(np.linalg.norm(track.position_eci_m[k])) <= reach
 
 
 def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> ThrustState:
-    """Free flight, but for the chaser's burns."""
+    """Return True for free flight, apart from burns."""
     total, push = 0.0, np.zeros(3)
     for burn in burns:
         if burn.craft != "chaser" or burn.start_s > t_s:

@@ -1,4 +1,4 @@
-"""A recorded flight: the states of both craft at its samples, and the tracks that play them back."""
+"""A recorded flight: sampled states of both craft, and the tracks that replay them."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ _FIELDS = {
     "q_camera_from_eci_wxyz": 4,
     "omega_camera_rad_s": 3,
 }
-"""Arrays of the file and the width of each, named as in `WorldState`."""
+"""Arrays of the file with their widths, named as in `WorldState`."""
 NUMBERS = sum(_FIELDS.values())
-"""Of one state."""
+"""Number of values of one state."""
 CSV_SUFFIX = ".csv"
-"""Ending of a recording as lines, which grows while it is flown; any other is an npz file."""
+"""Suffix of a recording as text lines, which grows during the flight; others are npz files."""
 MOST_BYTES = 2**29
-"""Of a recording, packed or not: three million samples."""
+"""Largest size of a recording, packed or unpacked: three million samples."""
 _DAMAGED = (
     KeyError,
     ValueError,
@@ -61,7 +61,7 @@ _DAMAGED = (
     zlib.error,
     zipfile.BadZipFile,
 )
-"""What NumPy, the zip reader and inflation say of a damaged or odd file (encrypted, a method that is not known)."""
+"""Exceptions that NumPy, zipfile and zlib raise for a damaged or unusual file (encrypted, unknown compression)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,13 @@ class Recording:
 
     @staticmethod
     def of(states: Iterable[WorldState]) -> Recording:
-        """Record states in the order of time, of a guided flight or of one steered by hand."""
+        """Record states in order of time, of a guided or a manually controlled flight."""
         rows = list(states)
         return Recording({name: np.array([getattr(s, name) for s in rows], float) for name in _FIELDS})
 
     @staticmethod
     def of_rows(numbers: Sequence[float]) -> Recording:
-        """A recording of the numbers of `state_row`, state after state."""
+        """Build a recording from the numbers of `state_row`, state after state."""
         return Recording(_columns(np.array(numbers, float).reshape(-1, NUMBERS)))
 
     @property
@@ -87,14 +87,14 @@ class Recording:
         return float(self.arrays["t_s"][-1])
 
     def to_bytes(self) -> bytes:
-        """The npz file."""
+        """Return the npz file."""
         out = io.BytesIO()
         np.savez_compressed(out, **self.arrays)  # type: ignore[arg-type]
         return out.getvalue()
 
     @staticmethod
     def read(path: Path) -> Recording:
-        """A recording from its file, of arrays or of lines; a last line that was not finished is left out.
+        """Read a recording from its file, npz or text; an incomplete last line is dropped.
 
         Raises
         ------
@@ -121,13 +121,15 @@ class Recording:
         return Recording(arrays)
 
     def _place(self, t_s: float) -> tuple[int, float]:
-        """The sample at or before a time, and the time since."""
+        """Return the sample at or before a time, and the time since it."""
         t = self.arrays["t_s"]
         k = min(max(int(np.searchsorted(t, t_s, side="right")) - 1, 0), len(t) - 1)
         return k, t_s - float(t[k])
 
     def _moved(self, r: str, v: str, t_s: float) -> FloatArray:
-        """Position and velocity (6,): the sample itself, a cubic between two, straight on after the last."""
+        """Return position and velocity (6,): the sample, a cubic between two samples, or a straight line after the
+        last.
+        """
         k, d = self._place(t_s)
         p, w = self.arrays[r], self.arrays[v]
         if d == 0.0:
@@ -144,17 +146,17 @@ class Recording:
         return np.concatenate([place, slope])
 
     def target(self, t_s: float) -> FloatArray:
-        """Position and velocity of the target, GCRS (6,)."""
+        """Return the position and velocity of the target, GCRS (6,)."""
         return self._moved("r_target_eci_m", "v_target_eci_m_s", t_s)
 
     def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_target_wxyz`` and the rate in target axes; between samples the rate is taken as constant."""
+        """Return ``q_eci_from_target_wxyz`` and the rate in target axes; the rate is constant between samples."""
         k, d = self._place(t_s)
         q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
         return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
 
     def chaser(self, t_s: float) -> ChaserState:
-        """The chaser and its camera."""
+        """Return the chaser and its camera."""
         y = self._moved("relative_eci_m", "relative_eci_m_s", t_s)
         k, d = self._place(t_s)
         q, w = self.arrays["q_camera_from_eci_wxyz"][k], self.arrays["omega_camera_rad_s"][k]
@@ -170,16 +172,16 @@ class Recording:
 
 
 class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
-    """A recorded flight of both craft (a path from the scenario's folder); orbit and attitude come from it too."""
+    """A recorded flight of both craft (path relative to the scenario's folder), with orbit and attitude."""
 
     file: str
 
     def read(self) -> Recording:
-        """The recording. Raises as `Recording.read` does."""
+        """Return the recording. Raises as `Recording.read` does."""
         return Recording.read(Path(self.file))
 
     def held_at_start(self) -> Hold:
-        """A chaser that stays where the recording starts: its stand-in until the recording flies."""
+        """Return a chaser that holds the recording's first position: a placeholder until the recording is played."""
         return Hold(
             position_lvlh_m=vec3(self.read().arrays["relative_eci_m"][0]),
             pointing=self.pointing,
@@ -187,39 +189,39 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
         )
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Where the recording starts: it tells how far away, not in which direction of LVLH."""
+        """Return the recording's start: its distance, not its direction in LVLH."""
         return self.held_at_start().state_lvlh(t_s, n_rad_s)
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedAttitude:
-    """The target's recorded attitude, handed out to the last bit."""
+    """The target's recorded attitude, exact to the last bit."""
 
     recording: Recording
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
+        """Return ``q_eci_from_body_wxyz`` and the body rate [rad s-1]."""
         return self.recording.target_attitude(t_s)
 
 
 def csv_header() -> str:
-    """The names of a line's numbers, in order."""
+    """Return the names of a line's numbers, in order."""
     names = [f"{name}_{k}" if width > 1 else name for name, width in _FIELDS.items() for k in range(width)]
     return ",".join(names) + "\n"
 
 
 def state_row(state: WorldState) -> list[float]:
-    """The numbers of a state that are recorded, in the order of `csv_header`."""
+    """Return the numbers of a state that are recorded, in the order of `csv_header`."""
     return [float(v) for name in _FIELDS for v in np.atleast_1d(getattr(state, name)).tolist()]
 
 
 def csv_line(row: Sequence[float]) -> str:
-    """The numbers of a state as a line, which read again are the same to the last bit."""
+    """Return the values of a state as a line that round-trips to the last bit."""
     return ",".join(map(repr, row)) + "\n"
 
 
 def _from_npz(data: bytes) -> dict[str, FloatArray]:
-    """Arrays of an npz file's bytes. One of ``_DAMAGED`` if they are not that, or would be too large unpacked."""
+    """Return the arrays of an npz file. Raises one of ``_DAMAGED`` if it is not one, or would be too large unpacked."""
     with zipfile.ZipFile(io.BytesIO(data)) as packed:
         size = sum(entry.file_size for entry in packed.infolist())
     if size > MOST_BYTES:
@@ -229,7 +231,7 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
 
 
 def _from_lines(text: str) -> dict[str, FloatArray]:
-    """Arrays of `csv_header` and the whole lines after it. ValueError if they are not that."""
+    """Return the arrays of `csv_header` and the complete lines after it. Raises ValueError if they are not that."""
     first, *rows = text.replace("\r\n", "\n").split("\n")[
         :-1
     ]  # what comes after the last line's end was not finished
@@ -239,7 +241,7 @@ def _from_lines(text: str) -> dict[str, FloatArray]:
 
 
 def _columns(table: FloatArray) -> dict[str, FloatArray]:
-    """Arrays by name of a table of states."""
+    """Return the arrays by name of a table of states."""
     arrays, at = {}, 0
     for name, width in _FIELDS.items():
         arrays[name] = table[:, at] if width == 1 else table[:, at : at + width]
@@ -257,14 +259,14 @@ class RecordedOrbit:
     body: Body
 
     def __call__(self, t_s: float) -> FloatArray:
-        """Position [m] and velocity [m s-1], GCRS axes (6,)."""
+        """Return the position [m] and velocity [m s-1], GCRS axes (6,)."""
         geocentric = self.recording.target(t_s)
         if self.body is EARTH:
             return geocentric
         return geocentric - np.concatenate(self.body.geocentric_state(self.epoch.plus(t_s)))
 
     def rate(self, t_s: float) -> FloatArray:
-        """Its derivative, by the forces."""
+        """Return its derivative, from the forces."""
         y = self(t_s)
         return np.concatenate([y[3:], self.forces.target(t_s, y[:3], y[3:])])
 
@@ -272,7 +274,7 @@ class RecordedOrbit:
 def recorded_tracks(
     recording: Recording, forces: ForceModel, duration_s: float, epoch: Instant, body: Body
 ) -> tuple[OrbitTrack, AttitudeTrack]:
-    """The target as recorded: its orbit from the centre of ``body``, its attitude."""
+    """Return the recorded tracks of the target: its orbit from the centre of ``body``, and its attitude."""
     return (
         OrbitTrack(forces, duration_s, RecordedOrbit(recording, forces, epoch, body)),
         RecordedAttitude(recording),

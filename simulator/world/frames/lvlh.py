@@ -28,12 +28,12 @@ class Lvlh:
     omega_eci_rad_s: FloatArray
 
     def to_eci(self, p_lvlh: FloatArray, v_lvlh: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Relative position and velocity of LVLH along GCRS axes (the frame's rotation added)."""
+        """Return the relative position and velocity of LVLH along GCRS axes (the frame's rotation added)."""
         p = self.R_eci_from_lvlh @ p_lvlh
         return p, self.R_eci_from_lvlh @ v_lvlh + cross(self.omega_eci_rad_s, p)
 
     def from_eci(self, p_eci: FloatArray, v_eci: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Relative position and velocity as seen in the rotating LVLH frame."""
+        """Return the relative position and velocity as seen in the rotating LVLH frame."""
         R = self.R_eci_from_lvlh.T
         return R @ p_eci, R @ (v_eci - cross(self.omega_eci_rad_s, p_eci))
 

@@ -1,4 +1,4 @@
-"""Pose: a rigid transform that knows its two frames, so that mismatched ones cannot be composed."""
+"""A rigid transform with named frames, so that mismatched ones cannot be composed."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Pose:
         return Pose(to, frm, quat(quat_normalize(q_wxyz)), vec3(t))
 
     def __repr__(self) -> str:
-        """Which frames, and where the one's origin lies in the other."""
+        """Return the frames, and the origin of the one in the other."""
         origin = ", ".join(f"{x + 0.0:.6g}" for x in self.t_m)
         return f"<Pose {self.to}_from_{self.frm}, origin at ({origin}) m>"
 
@@ -73,11 +73,11 @@ class Pose:
         return matrix_from_quat(self.q_wxyz)
 
     def apply(self, points_m: ArrayLike) -> FloatArray:
-        """Points (..., 3) given in ``frm``, expressed in ``to`` [m]."""
+        """Return the points (..., 3) given in ``frm``, expressed in ``to`` [m]."""
         return np.asarray(points_m, float) @ self.R.T + np.asarray(self.t_m)
 
     def inverse(self) -> Pose:
-        """The pose ``frm`` from ``to``."""
+        """Return the pose ``frm`` from ``to``."""
         return Pose.of(self.frm, self.to, quat_conjugate(self.q_wxyz), -self.R.T @ np.asarray(self.t_m))
 
     def __matmul__(self, other: Pose) -> Pose:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
-    """Hamilton product; ``q_a_from_c = quat_multiply(q_a_from_b, q_b_from_c)``.
+    """Return the Hamilton product; ``q_a_from_c = quat_multiply(q_a_from_b, q_b_from_c)``.
 
     Parameters
     ----------
@@ -28,7 +28,9 @@ def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
 
 
 def _product(pw: Any, px: Any, py: Any, pz: Any, qw: Any, qx: Any, qy: Any, qz: Any) -> list[Any]:  # noqa: ANN401
-    """Components of the Hamilton product, of floats (one product, at a tenth of numpy's cost) or of arrays."""
+    """Return the components of the Hamilton product, of floats (one product, at a tenth of numpy's cost) or of
+    arrays.
+    """
     return [
         pw * qw - px * qx - py * qy - pz * qz,
         pw * qx + px * qw + py * qz - pz * qy,
@@ -38,12 +40,12 @@ def _product(pw: Any, px: Any, py: Any, pz: Any, qw: Any, qx: Any, qy: Any, qz: 
 
 
 def quat_conjugate(q_wxyz: ArrayLike) -> FloatArray:
-    """Inverse of a unit quaternion: ``q_b_from_a`` of ``q_a_from_b``."""
+    """Return the inverse of a unit quaternion: ``q_b_from_a`` of ``q_a_from_b``."""
     return np.asarray(q_wxyz, float) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def quat_normalize(q_wxyz: ArrayLike) -> FloatArray:
-    """The unit quaternion along ``q_wxyz``.
+    """Return the unit quaternion along ``q_wxyz``.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def quat_normalize(q_wxyz: ArrayLike) -> FloatArray:
 
 
 def matrix_from_quat(q_wxyz: ArrayLike) -> FloatArray:
-    """Rotation matrix ``R_a_from_b`` of ``q_a_from_b``, so that ``x_a = R @ x_b``.
+    """Return the rotation matrix ``R_a_from_b`` of ``q_a_from_b``, so that ``x_a = R @ x_b``.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def matrix_from_quat(q_wxyz: ArrayLike) -> FloatArray:
 
 
 def _rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:  # noqa: ANN401
-    """Rows of the matrix, of floats or of arrays."""
+    """Return the rows of the matrix, of floats or arrays."""
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -84,7 +86,7 @@ def _rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:  # noqa: ANN401
 
 
 def quat_from_matrix(R: ArrayLike) -> FloatArray:
-    """Unit quaternion ``q_a_from_b`` of ``R_a_from_b``, with ``w >= 0``.
+    """Return the unit quaternion ``q_a_from_b`` of ``R_a_from_b``, with ``w >= 0``.
 
     Parameters
     ----------
@@ -111,7 +113,7 @@ def quat_from_matrix(R: ArrayLike) -> FloatArray:
 
 
 def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
-    """Quaternion of a rotation by ``|rotvec_rad|`` about its direction.
+    """Return the quaternion of a rotation by ``|rotvec_rad|`` about its direction.
 
     Parameters
     ----------
@@ -124,13 +126,13 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
 
 
 def rotation_angle_rad(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> float:
-    """Angle between two attitudes, ``2 acos |<p, q>|`` evaluated without loss near zero [rad]."""
+    """Return the angle between two attitudes, ``2 acos |<p, q>|`` evaluated without loss near zero [rad]."""
     d = quat_multiply(quat_conjugate(p_wxyz), q_wxyz)
     return float(2 * np.arctan2(np.linalg.norm(d[1:]), abs(d[0])))
 
 
 def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
-    """Rotation vector (3,) of a unit quaternion [rad]; the shorter of the two ways round."""
+    """Return the rotation vector (3,) of a unit quaternion [rad], the shorter way round."""
     d = np.asarray(q_wxyz, float)
     d = d if d[0] >= 0 else -d
     sine = float(np.linalg.norm(d[1:]))
@@ -140,5 +142,5 @@ def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
 
 
 def rotvec_between(q_a_from_b_wxyz: ArrayLike, q_a_from_c_wxyz: ArrayLike) -> FloatArray:
-    """(3,) turn about b's axes that carries b to c [rad]; the shorter of the two ways round."""
+    """Return the (3,) rotation vector in b's axes that carries b to c [rad], the shorter way round."""
     return rotvec_from_quat(quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz))

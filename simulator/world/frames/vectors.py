@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of two (3,) arrays."""
+    """Return the cross product of two (3,) arrays."""
     return np.array(cross_of(a.tolist(), b.tolist()))
 
 
 def cross_of(a: Sequence[float], b: Sequence[float]) -> Vec3:
-    """Cross product of two triples of Python floats."""
+    """Return the cross product of two triples of Python floats."""
     ax, ay, az = a
     bx, by, bz = b
     return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def dot_of(a: Sequence[float], b: Sequence[float]) -> float:
-    """Scalar product of two triples."""
+    """Return the scalar product of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def length(a: FloatArray) -> float:
-    """Length of a (3,) array."""
+    """Return the length of a (3,) array."""
     x, y, z = a.tolist()
     return math.sqrt(x * x + y * y + z * z)

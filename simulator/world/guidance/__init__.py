@@ -1,1 +1,1 @@
-"""How the chaser moves: guidance modes, thrusters and control, manual control, command scripts, keep-out sphere."""
+"""Motion of the chaser: guidance modes, thrusters and control, manual control, command scripts, keep-out sphere."""

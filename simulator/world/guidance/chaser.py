@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 class Chaser(Section, frozen=True, kw_only=True):
-    """What every mode of motion has; positions are in LVLH: radial outward, along-track, cross-track.
+    """Base of every mode of motion; positions are in LVLH: radial outward, along-track, cross-track.
 
     ``keep_out`` takes effect for a chaser that flies by thrusters or is steered.
     """
 
     ballistic: ClassVar[bool] = False
-    """Whether the mode gives the state at t = 0 only, from where gravity alone moves the chaser.
+    """True if the mode only gives the state at t = 0, from where gravity alone moves the chaser.
 
     Any other mode is a path, which the chaser follows exactly unless it flies by thrusters.
     """
@@ -35,18 +35,18 @@ class Chaser(Section, frozen=True, kw_only=True):
     minimum_start_range_m: Range = 1.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
+        """Return position [m] and velocity [m s-1] in LVLH; ``n_rad_s`` is the target's mean motion."""
         raise NotImplementedError
 
     def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] in LVLH at t = 0, beside a target whose osculating orbit this is."""
+        """Return position [m] and velocity [m s-1] in LVLH at t = 0, for a target on this osculating orbit."""
         return self.state_lvlh(0.0, mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2))
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002 - most modes have one
-        """The phase of the motion ``t_s`` seconds after its start, in a word or two: cruise, braking, hold."""
+        """Return the phase of the motion ``t_s`` seconds after its start: cruise, braking, hold."""
         return str(self.__struct_config__.tag).replace("_", " ")
 
     @property
     def acting_thrusters(self) -> Thrusters | None:
-        """Those that the chaser flies by; None where its path is followed exactly."""
+        """The chaser's thrusters; None if it follows its path exactly."""
         return self.thrusters

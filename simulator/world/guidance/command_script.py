@@ -1,4 +1,4 @@
-"""A chaser flown by a script of commands, in LVLH or camera axes, with its keep-out sphere defended."""
+"""A chaser flown by a command script, in LVLH or camera axes, guarded by its keep-out sphere."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class ScriptedCommand(Section, frozen=True, kw_only=True):
-    """A push, or a turn of the camera, for a while; commands that overlap add up."""
+    """A thrust, or a rotation of the camera, for a time; overlapping commands add up."""
 
     start_s: Annotated[float, Meta(ge=0, le=1e6)]
     duration_s: Seconds
@@ -39,7 +39,7 @@ class ScriptedCommand(Section, frozen=True, kw_only=True):
 
 
 class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_only=True):
-    """Free flight with an operator's commands, written down; ``tracking`` keeps the camera on the target."""
+    """Free flight with an operator's recorded commands; ``tracking`` keeps the camera on the target."""
 
     position_lvlh_m: MetresXyz
     velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
@@ -50,11 +50,11 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The start."""
+        """Return the start."""
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
     def command(self, t_s: float) -> SteeringCommand:
-        """What holds at a time."""
+        """Return the command at a time."""
         sums = {"lvlh": np.zeros(3), "camera": np.zeros(3)}
         rate = np.zeros(3)
         for c in self.commands:
@@ -68,7 +68,7 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
         )
 
     def times_s(self, duration_s: float) -> list[float]:
-        """Starts of the steps: every period, and wherever a command starts or ends."""
+        """Return the starts of the steps: every period, and wherever a command starts or ends."""
         edges = {t for c in self.commands for t in (c.start_s, c.start_s + c.duration_s)}
         grid = set((np.arange(int(np.ceil(duration_s / self.period_s))) * self.period_s).tolist())
         return sorted(grid | {t for t in edges if 0 < t < duration_s})
@@ -76,7 +76,7 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScriptedTrack:
-    """A steered flight: states and commands at the start of each step.
+    """A manually controlled flight: states and commands at the start of each step.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class ScriptedTrack:
     overruled: list[bool]
 
     def __call__(self, t_s: float) -> ChaserState:
-        """The chaser at any time of the flight."""
+        """Return the chaser at any time of the flight."""
         k = max(bisect_right(self.times_s, t_s) - 1, 0)
         since = t_s - self.times_s[k]
         now = self.states[k] if since == 0 else step(self.states[k], self.commands[k], since, self.orbit)
@@ -103,7 +103,7 @@ class ScriptedTrack:
 
 
 def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> ScriptedTrack:
-    """Fly a script to the end of the target's track; its keep-out sphere is guarded, whatever the commands say.
+    """Fly a script to the end of the target's track, with the keep-out sphere guarded.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
 
 
 def with_tracking_camera(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
-    """The state with its camera turned as the pointing has it."""
+    """Return the state with its camera turned by the pointing."""
     p, v = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
     q, omega = pointing.attitude(-p, -v, orbit.frame(state.t_s))
     return replace(state, q_camera_from_eci_wxyz=quat(q), omega_camera_rad_s=vec3(omega))

@@ -1,4 +1,4 @@
-"""Free flight: drift, natural circumnavigation, the safe ellipse, and drift that thrusters keep within a shell."""
+"""Free flight: drift, natural circumnavigation, the safe ellipse, and drift kept within a shell by thrusters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FreeDrift(Chaser, tag_field="mode", tag="drift", frozen=True, kw_only=True
     velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The initial state."""
+        """Return the initial state."""
         return np.array(self.position_lvlh_m, float), np.array(self.velocity_lvlh_m_s, float)
 
 
@@ -39,15 +39,15 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
     centre_along_track_m: Metres = 0.0
 
     def _swing(self) -> tuple[float, float]:
-        """Cross-track swing [m] and its lead over the radial one [deg]."""
+        """Return the cross-track amplitude [m] and its lead over the radial one [deg]."""
         raise NotImplementedError
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The initial state beside a target on a circular orbit."""
+        """Return the initial state beside a target on a circular orbit."""
         return self._start(n_rad_s, 0.0, 0.0)
 
     def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:
-        """The initial state, bounded on the target's own orbit."""
+        """Return the initial state, bounded on the target's own orbit."""
         n = mean_motion_rad_s(orbit.semi_major_axis_m, mu_m3_s2)
         return self._start(n, orbit.eccentricity, orbit.true_anomaly_rad)
 
@@ -100,12 +100,12 @@ class SafeEllipse(_BoundedFlight, tag_field="mode", tag="safe_ellipse", frozen=T
 
     @property
     def least_distance_m(self) -> float:
-        """From the along-track axis, however the ellipse drifts along it [m]."""
+        """Least distance from the along-track axis, however the ellipse drifts along it [m]."""
         return min(self.radial_m, self.cross_track_m)
 
 
 class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_only=True):
-    """Free drift that thrusters turn back before the range leaves ``near_m`` to ``far_m``."""
+    """Free drift that thrusters reverse before the range leaves ``near_m`` to ``far_m``."""
 
     position_lvlh_m: MetresXyz
     near_m: Range
@@ -116,19 +116,19 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
 
     @property
     def acting_thrusters(self) -> Thrusters:
-        """Its own, or default ones: the mode cannot do without."""
+        """The chaser's thrusters, or default ones, which this mode needs."""
         return self.thrusters or Thrusters()
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The start, at rest in LVLH."""
+        """Return the start, at rest in LVLH."""
         return np.array(self.position_lvlh_m, float), np.zeros(3)
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002
-        """Always the same."""
+        """Return the constant phase."""
         return "range keeping"
 
     def impulse_lvlh(self, p: FloatArray, v: FloatArray, n_rad_s: float) -> FloatArray:  # noqa: ARG002
-        """Change of velocity [m s-1]: zero while the range is well inside or the chaser returns.
+        """Return the velocity change [m s-1]: zero while the range is well inside or the chaser returns.
 
         Else the radial speed is reversed.
         """
@@ -148,7 +148,7 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
 
 
 class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=True):
-    """A chaser that follows a CCSDS OEM (a path from the scenario's folder) between its lines, burns and all."""
+    """A chaser that follows a CCSDS OEM (path relative to the scenario's folder), including its burns."""
 
     ballistic: ClassVar[bool] = True
     file: str
@@ -156,5 +156,5 @@ class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=T
     satellite: str | None = None
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002
-        """Always the same."""
+        """Return the constant phase."""
         return "ephemeris"

@@ -23,7 +23,7 @@ class KeepOut(Section, frozen=True, kw_only=True):
     retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
 
     def violated(self, position_lvlh_m: FloatArray) -> bool:
-        """Whether a position is inside the sphere and outside the corridor."""
+        """Return True if a position is inside the sphere and outside the corridor."""
         distance = float(np.linalg.norm(position_lvlh_m))
         if distance >= self.radius_m:
             return False
@@ -41,7 +41,7 @@ class KeepOut(Section, frozen=True, kw_only=True):
         dt_s: float,
         brake_m_s2: float,
     ) -> tuple[FloatArray, bool]:
-        """An operator's acceleration as far as the sphere allows it, and whether it was overruled.
+        """Limit an operator's acceleration to what the sphere allows. Return it, and whether it was overruled.
 
         The command passes while the chaser, after this step of it, could still stop outside the sphere or
         inside the corridor. Otherwise what it asks inward is taken away and the chaser brakes; inside the
@@ -73,7 +73,7 @@ class KeepOut(Section, frozen=True, kw_only=True):
         return a - outward * out + max(outward, push) * out, True
 
     def _crosses(self, position_lvlh_m: FloatArray) -> bool:
-        """Whether the way in from here would enter the sphere beside the corridor."""
+        """Return True if a straight way in from here would enter the sphere outside the corridor."""
         distance = float(np.linalg.norm(position_lvlh_m))
         return distance >= self.radius_m and self.violated(
             position_lvlh_m * (self.radius_m * (1 - 1e-9) / distance)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SteeringCommand:
-    """What the operator asks for, held over one step.
+    """The operator's command, held over one step.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class SteeringCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ChaserState:
-    """The chaser beside the target at ``t_s``.
+    """State of the chaser beside the target at ``t_s``.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class ChaserState:
 
 
 def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: OrbitTrack) -> ChaserState:
-    """The state ``dt_s`` later: one Runge-Kutta step of translation, attitude by the exact rotation.
+    """Return the state ``dt_s`` later: one Runge-Kutta step of translation, exact rotation.
 
     At steps of a tenth of a second the truncation error is far below a micrometre.
 
@@ -108,7 +108,7 @@ def guarded_command(
     keep_out: KeepOut,
     brake_m_s2: float,
 ) -> tuple[SteeringCommand, bool]:
-    """The command as far as the keep-out sphere allows it, and whether it was overruled.
+    """Limit a command to what the keep-out sphere allows. Return it, and whether it was overruled.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def guarded_command(
 def predicted_drift_lvlh_m(
     orbit: OrbitTrack, chaser: ChaserState, horizon_s: float, samples: int = 25
 ) -> FloatArray:
-    """Free flight over a horizon, on any bound orbit, to first order in the distance: (samples, 3) LVLH [m].
+    """Predict free flight over a horizon, on any bound orbit, to first order in the distance: (samples, 3) LVLH [m].
 
     Parameters
     ----------

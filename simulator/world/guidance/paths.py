@@ -22,12 +22,12 @@ class Hold(Chaser, tag_field="mode", tag="hold", frozen=True, kw_only=True):
     position_lvlh_m: MetresXyz
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Always the same point, at rest in LVLH."""
+        """Return the constant point, at rest in LVLH."""
         return np.array(self.position_lvlh_m, float), np.zeros(3)
 
 
 class StraightApproach(Chaser, frozen=True, kw_only=True):
-    """Along one axis from ``start_m`` to ``hold_m``."""
+    """Approach along one axis from ``start_m`` to ``hold_m``."""
 
     axis_lvlh: ClassVar[Vec3]
     start_m: Metres
@@ -37,7 +37,7 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
     braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Cruise, brake, hold."""
+        """Return the state of cruise, braking or hold."""
         axis = np.array(self.axis_lvlh)
         start, hold = self.start_m * axis, self.hold_m * axis
         length = self._length_m
@@ -57,7 +57,7 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
         return start + done * along, rate * along
 
     def phase(self, t_s: float) -> str:
-        """Cruise, braking or hold, told by the speed."""
+        """Return cruise, braking or hold, by the speed."""
         speed = float(np.linalg.norm(self.state_lvlh(t_s, 0.0)[1]))
         if speed == 0.0:
             return "hold"
@@ -69,7 +69,7 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
 
     @property
     def _cruise_m_s(self) -> float:
-        """On a line too short for the given speed it is the one that braking can still take off."""
+        """Cruise speed, reduced on a line that is too short to brake from the given one."""
         return min(self.speed_m_s, float(np.sqrt(2 * self.braking_m_s2 * self._length_m)))
 
 
@@ -86,7 +86,7 @@ class RbarApproach(StraightApproach, tag_field="mode", tag="rbar", frozen=True, 
 
 
 class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):
-    """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range swings out and back."""
+    """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range oscillates."""
 
     # range at the start and, unless far_radius_m is given, always; time of one turn
     radius_m: Range
@@ -102,7 +102,7 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
     range_period_s: Seconds = 120.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """The point on the circle and its velocity."""
+        """Return the point on the circle and its velocity."""
         rate = 2 * np.pi / self.period_s
         node, inclination = np.radians(self.node_deg), np.radians(self.inclination_deg)
         angle = np.radians(self.phase_deg) + rate * t_s
@@ -119,7 +119,7 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
 
 
 class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=True):
-    """From point to point along straight lines, starting and ending each leg at rest."""
+    """Straight lines from point to point, with rest at each end."""
 
     points_lvlh_m: Annotated[list[MetresXyz], Meta(min_length=1, max_length=1000)]
     # mean over each leg
@@ -128,7 +128,7 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
     rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Each leg starts and ends at rest: its progress is ``x^2 (3 - 2 x)`` in the share ``x`` of its time."""
+        """Return the state; a leg's progress is ``x^2 (3 - 2 x)`` in the share ``x`` of its time."""
         points = np.array(self.points_lvlh_m, float)
         left_s = t_s
         for a, b in pairwise(points):
@@ -143,7 +143,7 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
         return points[-1], np.zeros(3)
 
     def phase(self, t_s: float) -> str:
-        """``rest k`` or ``leg k``, then hold."""
+        """Return ``rest k`` or ``leg k``, then hold."""
         left_s = t_s
         points = np.array(self.points_lvlh_m, float)
         for k, (a, b) in enumerate(pairwise(points), start=1):
@@ -158,7 +158,7 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
 
 
 class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_only=True):
-    """A straight line on which the speed falls with the distance left."""
+    """A straight line on which the speed falls with the remaining distance."""
 
     start_lvlh_m: MetresXyz
     end_lvlh_m: MetresXyz
@@ -167,7 +167,7 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
     end_m_s: Annotated[float, Meta(gt=0, le=100)]
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Distance left: ``d' = -(end + slope d)``.
+        """Return the state; the remaining distance obeys ``d' = -(end + slope d)``.
 
         References
         ----------
@@ -191,6 +191,6 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         return end + left * out, -speed * out
 
     def phase(self, t_s: float) -> str:
-        """Glideslope, then hold."""
+        """Return glideslope, then hold."""
         p, _ = self.state_lvlh(t_s, 0.0)
         return "hold" if np.array_equal(p, np.array(self.end_lvlh_m, float)) else "glideslope"

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 _PULL_IN_PERIODS = 10.0
-"""An error of position is taken out over this many periods of control."""
+"""Number of control periods over which a position error is removed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledTrack:
-    """A chaser under control: its state at the start of each period and the thrust held over it.
+    """A chaser under control: its state at the start of each period, and the thrust during it.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class ControlledTrack:
     keep_out: KeepOut | None = None
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
+        """Return position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
         k = min(max(int(t_s // self.period_s), 0), len(self.mass_kg) - 1)
         start = k * self.period_s
         state = self.position_eci_m[k], self.velocity_eci_m_s[k]
@@ -54,7 +54,7 @@ class ControlledTrack:
 
     @property
     def delta_v_m_s(self) -> float:
-        """Sum of what the thrusters gave [m s-1]."""
+        """Sum of the thrusters' velocity changes [m s-1]."""
         return float(np.sum(np.linalg.norm(self.thrust_eci_m_s2, axis=1))) * self.period_s
 
 
@@ -65,7 +65,7 @@ def fly_controlled(
     thrusters: Thrusters,
     keep_out: KeepOut | None = None,
 ) -> ControlledTrack:
-    """Fly the chaser after its guidance to the end of the target's track.
+    """Simulate the chaser under its guidance to the end of the target's track.
 
     At the start of each period the Clohessy-Wiltshire equations foretell where the chaser would coast to; the
     thrusters are asked for what is missing to the guidance's velocity, and for a tenth of what is missing to
@@ -120,7 +120,7 @@ def path_impulse(
     transition: FloatArray,
     period_s: float,
 ) -> FloatArray:
-    """Change of velocity (3,) that brings the chaser to its path, LVLH [m s-1].
+    """Return the velocity change (3,) that brings the chaser to its path, LVLH [m s-1].
 
     What is missing to the velocity of the aim, and a tenth of what is missing to its position.
 
@@ -135,7 +135,7 @@ def path_impulse(
 
 
 def retreat_impulse(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
-    """What turns the velocity straight outward, until the chaser is far enough to drift."""
+    """Return the velocity change of a retreat straight outward, until the chaser is far enough to drift."""
     distance = float(np.linalg.norm(p))
     if distance > 2 * keep_out.radius_m:
         return np.zeros(3)

@@ -1,4 +1,4 @@
-"""Thrusters: what a commanded change of velocity becomes under force limits, minimum impulse and mass flow."""
+"""Thrusters: force limits, minimum impulse and mass flow applied to a commanded velocity change."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHASER_MASS_KG = 100.0
 
 
 class Thrusters(Section, frozen=True, kw_only=True):
-    """With this section the chaser flies by thrusters and follows its path only as well as they let it."""
+    """Thrusters of the chaser; it follows its path only as well as they can."""
 
     # on all six sides of a chaser that keeps its sides along LVLH; mass at the start, [forces.chaser]'s unless given
     mass_kg: Annotated[float, Meta(gt=0, le=1e6)] = CHASER_MASS_KG
@@ -29,7 +29,7 @@ class Thrusters(Section, frozen=True, kw_only=True):
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
 
     def fire(self, wanted_m_s: FloatArray, mass_kg: float) -> tuple[FloatArray, float]:
-        """The change of velocity of one period that the thrusters give [m s-1], and the mass after it [kg].
+        """Return the velocity change that the thrusters deliver in one period [m s-1], and the mass after it [kg].
 
         Parameters
         ----------

@@ -1,1 +1,1 @@
-"""Orbit and attitude files of others: CCSDS OEM and AEM, two-line elements. They know states, not flights."""
+"""Orbit and attitude messages: CCSDS OEM and AEM, two-line elements. They contain states, not flights."""

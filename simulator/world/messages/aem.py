@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 _ROUNDING_S = 1e-6
 _BESIDE = 12
-"""Lines before and after a flight that the spline takes in."""
+"""Lines before and after a flight that the spline includes."""
 _QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
 _EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
 _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 
 
 def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
-    """``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
+    """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
 
     Between two lines the body turns at a constant rate about a fixed axis; that rate is what is returned.
     Lines must therefore be closer together than half a turn.
@@ -71,7 +71,7 @@ class AttitudeHistory:
     end_s: float
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
+        """Return ``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1]."""
         inside = min(t_s, self.end_s)
         x, y, z, w = self.spline(inside).as_quat()
         q, omega = np.array([w, x, y, z]), np.asarray(self.spline(inside, 1), float)
@@ -79,7 +79,7 @@ class AttitudeHistory:
 
 
 def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -> AttitudeHistory:
-    """The attitude from ``epoch`` on for ``duration_s``.
+    """Read the attitude from ``epoch`` on for ``duration_s``.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
 
 
 def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> tuple[Segment, FloatArray]:
-    """The segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
+    """Return the segment that covers a flight, and the times of its lines since ``epoch`` [s]."""
     spans = []
     for segment in read_segments(text, where, "AEM"):
         times = segment.times_s(epoch)
@@ -119,7 +119,7 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
 
 
 def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatArray:
-    """(n, 4) ``q_eci_from_body_wxyz``, one sign through the file."""
+    """Return the (n, 4) ``q_eci_from_body_wxyz``, with continuous sign."""
     kind = segment.require_one_of("ATTITUDE_TYPE", _TYPES)
     if kind in _QUATERNION_TYPES:
         q = _quaternions(segment)
@@ -147,7 +147,7 @@ def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatAr
 
 
 def _quaternions(segment: Segment) -> FloatArray:
-    """(n, 4) scalar first.
+    """Return the (n, 4) quaternions, scalar first.
 
     A quaternion of these messages carries vectors of frame A to frame B by rotating the frame, which makes
     it the Hamilton quaternion ``q_A_from_B``.
@@ -162,7 +162,7 @@ def _quaternions(segment: Segment) -> FloatArray:
 
 
 def _sequence(segment: Segment) -> str:
-    """The axes of an Euler sequence such as 321, as scipy names turns about the turned axes."""
+    """Return the axes of an Euler sequence such as 321, as SciPy names intrinsic rotations."""
     named = segment.require("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
     if len(named) != 3 or set(named) - set("XYZ") or named[0] == named[1] or named[1] == named[2]:
         raise UserError(
@@ -172,13 +172,15 @@ def _sequence(segment: Segment) -> str:
 
 
 def _spin_angles(segment: Segment) -> FloatArray:
-    """Turns about z, y, z that bring frame A to a body spinning about its z axis (right ascension, declination)."""
+    """Return rotations about z, y, z from frame A to a body spinning about its z axis (right ascension,
+    declination).
+    """
     alpha, delta, phase, _ = segment.numbers(4).T
     return np.stack([alpha, 90.0 - delta, phase], axis=1)
 
 
 def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
-    """(n, 4) ``q_A_from_B`` of turns that carry frame A's axes to B's, in the order of the sequence."""
+    """Return (n, 4) ``q_A_from_B`` of rotations that carry frame A's axes to B's, in the order of the sequence."""
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import: maps are begun before
 
     return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
@@ -193,7 +195,7 @@ def _rotvec(q_wxyz: FloatArray) -> FloatArray:
 def write_aem(
     *, name: str, body_frame: str, epochs_utc: Sequence[str], q_eci_from_body_wxyz: ArrayLike
 ) -> str:
-    """An AEM of quaternions, scalar last, from GCRF to the body.
+    """Write an AEM of quaternions, scalar last, from GCRF to the body.
 
     Parameters
     ----------

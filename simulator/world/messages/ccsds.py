@@ -1,4 +1,4 @@
-"""Reading and writing what CCSDS navigation messages share: key = value lines, blocks, times, frames."""
+"""Common parts of CCSDS navigation messages: key = value lines, blocks, times, frames."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
 _GAP = 5.0
-"""A spacing this many times the median of those around it is a gap, over which nothing is interpolated."""
+"""Factor over the median spacing above which lines are taken to be missing, and nothing is interpolated."""
 _AROUND = 5
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
@@ -56,7 +56,7 @@ def number(text: str, where: str) -> float:
 
 
 def refuse_unknown_key(key: str, known: Sequence[str], where: str) -> None:
-    """Look a key up among those of its block.
+    """Raise if a key does not belong to its block.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class Segment:
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
 
     def require(self, key: str) -> str:
-        """A key that must be there.
+        """Return the value of a required key.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class Segment:
         return self.meta[key]
 
     def require_one_of(self, key: str, allowed: Sequence[str]) -> str:
-        """A key whose value is one of ``allowed``.
+        """Return the value of a key, which must be one of ``allowed``.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Segment:
         self.meta[key] = value
 
     def times_s(self, epoch: Instant) -> FloatArray:
-        """The first word of each data line as seconds since ``epoch``; a line that is there twice counts once.
+        """Return the time of each data line as seconds since ``epoch``; duplicate lines count once.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class Segment:
         return times
 
     def usable_span_s(self, times_s: FloatArray, epoch: Instant) -> tuple[float, float]:
-        """First and last moment that may be interpolated: what the metadata say, or else all of the lines."""
+        """Return the first and last moment that may be interpolated, from the metadata or else from the lines."""
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
         def limit(key: str, otherwise: float) -> float:
@@ -159,7 +159,7 @@ class Segment:
         return max(limit("USEABLE_START_TIME", first), first), min(limit("USEABLE_STOP_TIME", last), last)
 
     def refuse_gap(self, times_s: FloatArray, k: int) -> None:
-        """Refuse to interpolate between lines ``k - 1`` and ``k`` when lines are missing there.
+        """Raise if lines are missing between lines ``k - 1`` and ``k``.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Segment:
             )
 
     def numbers(self, count: int, lengths: tuple[int, ...] = ()) -> FloatArray:
-        """The next ``count`` words of each data line, (n, count).
+        """Return the next ``count`` values of each data line, (n, count).
 
         Parameters
         ----------
@@ -199,13 +199,13 @@ class Segment:
 
 
 def first_line(text: str) -> str:
-    """The first line of a text that says anything and is no comment."""
+    """Return the first line of a text that is neither blank nor a comment."""
     lines = (line.strip() for line in text.splitlines())
     return next((line for line in lines if line and not line.startswith("COMMENT")), "")
 
 
 def read_segments(text: str, where: str, kind: str) -> list[Segment]:
-    """Segments of an ephemeris (``OEM``) or attitude (``AEM``) message in key = value form.
+    """Read the segments of an ephemeris (``OEM``) or attitude (``AEM``) message in key = value form.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
 
 
 def read_time(text: str, system: str, where: str) -> Instant:
-    """A calendar (2026-03-21T10:00:00) or day-of-year (2026-080T10:00:00) time of a time system.
+    """Read a calendar (2026-03-21T10:00:00) or day-of-year (2026-080T10:00:00) time of a time system.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def read_time(text: str, system: str, where: str) -> Instant:
 
 
 def _calendar(text: str) -> tuple[int, int, int, int, int, float] | None:
-    """Year, month, day, hour, minute and second of a time; None if it is not of that form."""
+    """Return year, month, day, hour, minute and second of a time; None if the text has another form."""
     match = _TIME.fullmatch(text)
     if match is None:
         return None
@@ -294,7 +294,7 @@ def _calendar(text: str) -> tuple[int, int, int, int, int, float] | None:
 def _two_part_tt(
     fields: Sequence[tuple[int, int, int, int, int, float]], system: str
 ) -> tuple[FloatArray, FloatArray]:
-    """Readings of a clock as two-part Julian dates of terrestrial time, each (n,)."""
+    """Convert clock readings to two-part Julian dates of terrestrial time, each (n,)."""
     scale = "UTC" if system == "UTC" else "TT"
     y, month, d, h, minute, s = zip(*fields, strict=True)
     one, two = without_year_warning(erfa.dtf2d, scale, y, month, d, h, minute, np.array(s))
@@ -310,7 +310,7 @@ def _two_part_tt(
 def _seconds_since(
     epoch: Instant, rows: Sequence[tuple[int, list[str]]], system: str, where: str
 ) -> FloatArray:
-    """Times of data lines, (n,) [s]."""
+    """Return the times of data lines, (n,) [s]."""
     fields = [_calendar(words[0]) for _, words in rows]
     sound = [f for f in fields if f and 1972 <= f[0] <= 2099 and f[3] < 24 and f[4] < 60 and f[5] < 61]
     try:
@@ -325,7 +325,7 @@ def _seconds_since(
 
 
 def header(kind: str, version: str, created_utc: str) -> list[str]:
-    """The opening lines of a message."""
+    """Return the opening lines of a message."""
     return [
         f"CCSDS_{kind}_VERS = {version}",
         f"CREATION_DATE = {stamp(created_utc)}",
@@ -335,5 +335,5 @@ def header(kind: str, version: str, created_utc: str) -> list[str]:
 
 
 def stamp(utc: str) -> str:
-    """An ISO time as these messages write it: without the Z."""
+    """Return an ISO time without the Z, as these messages write it."""
     return utc.removesuffix("Z")

@@ -1,4 +1,4 @@
-"""Reference frames of CCSDS navigation messages, and the way from each to GCRF."""
+"""Reference frames of CCSDS navigation messages, and the transformation of each to GCRF."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 FRAMES = ("GCRF", "ICRF", "EME2000", "J2000", "TOD", "TEME", "ITRF")
-"""What is understood; ITRF with any year. TOD: true equator and equinox of date; TEME: mean equinox."""
+"""Supported frames; ITRF with any year. TOD: true equator and equinox of date; TEME: mean equinox."""
 
 EARTH_RATE_RAD_S = 7.292115146706979e-5
 """Rate of the Earth rotation angle, IERS Conventions (2010), eq. 5.15, per second of UT1."""
@@ -27,7 +27,7 @@ _ITRF = re.compile(r"ITRF(-?\d{2,4})?")
 
 
 def known_frame(name: str) -> str | None:
-    """The frame of ``FRAMES`` that a message means, or None."""
+    """Return the frame of ``FRAMES`` that a message names, or None."""
     plain = name.upper()
     if _ITRF.fullmatch(plain):
         return "ITRF"
@@ -35,7 +35,7 @@ def known_frame(name: str) -> str | None:
 
 
 def require_frame(name: str, where: str) -> str:
-    """The frame of ``FRAMES`` that a message means.
+    """Return the frame of ``FRAMES`` that a message names. Raise if it is unknown.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def require_frame(name: str, where: str) -> str:
 
 
 def R_gcrf_from(frame: str, instant: Instant) -> FloatArray:
-    """(3, 3) rotation to GCRF from one of ``FRAMES``."""
+    """Return the (3, 3) rotation to GCRF from one of ``FRAMES``."""
     match frame:
         case "EME2000" | "J2000":
             bias, _, _ = erfa.bp06(2451545.0, 0.0)
@@ -67,14 +67,14 @@ def R_gcrf_from(frame: str, instant: Instant) -> FloatArray:
 def state_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity along GCRF axes; ITRF's velocity gains that of the turning Earth."""
+    """Return position and velocity along GCRF axes, with the Earth's rotation added for ITRF."""
     return motion_in_gcrf(frame, instant, r_m, v_m_s, np.zeros(3))[:2]
 
 
 def motion_in_gcrf(
     frame: str, instant: Instant, r_m: FloatArray, v_m_s: FloatArray, a_m_s2: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position, velocity and acceleration along GCRF axes; those of ITRF gain the turning of the Earth."""
+    """Return position, velocity and acceleration along GCRF axes, with the Earth's rotation added for ITRF."""
     R = R_gcrf_from(frame, instant)
     if frame == "ITRF":
         # the Earth turns about the pole of the day, up to half an arcsecond from the frame's z axis

@@ -1,4 +1,4 @@
-"""Ephemeris of an orbit message: the interpolation that its segments name, in their frames, turned into GCRS."""
+"""Ephemeris of an orbit message: interpolation by its segments' method and frame, converted to GCRS."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 ROUNDING_S = 1e-6
-"""Times this far outside a span are taken for rounding."""
+"""Tolerance of times outside a span, for rounding [s]."""
 _METRES_FASTER = 100.0
-"""Times the circular speed, from which velocities are taken for metres per second."""
+"""Multiple of the circular speed above which velocities are taken for metres per second."""
 _SHORT_RAD = 0.5
-"""Angle travelled between two lines up to which the chord tells the velocity."""
+"""Angle between two lines up to which the chord approximates the velocity [rad]."""
 _CHORD_SHARE = 0.02
-"""Of the circular speed: what a burn or rounding may make velocities differ from the chord."""
+"""Share of the circular speed by which a burn or rounding may make velocities differ from the chord."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +52,7 @@ class Piece:
     _polynomials: dict[int, FloatArray] = field(default_factory=dict, init=False)
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m s-1] and acceleration [m s-2] in the segment's frame.
+        """Return position [m], velocity [m s-1] and acceleration [m s-2] in the segment's frame.
 
         Hermite's polynomial has the positions and velocities of the lines as its values and slopes, and the velocity is
         its slope. By Lagrange and linearly, positions and velocities are interpolated each by themselves.
@@ -79,7 +79,7 @@ class Piece:
         return value, slope, (j[2:] * j[1:-1] * powers[:-2]) @ coefficients[2:] / half**2
 
     def _coefficients(self, near: slice, middle_s: float, half_s: float) -> FloatArray:
-        """Coefficients of the polynomial through some lines, of powers of the time from the middle of an interval.
+        """Return polynomial coefficients through some lines, in powers of the time from the middle of an interval.
 
         Over the interval the terms of high order are small, so that nothing is lost in their sum.
         """
@@ -97,7 +97,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ephemeris:
-    """Position, velocity and acceleration of a craft over time, in GCRS from the body that it circles.
+    """Position, velocity and acceleration of a craft over time, in GCRS from its central body.
 
     Parameters
     ----------
@@ -109,7 +109,9 @@ class Ephemeris:
     pieces: Sequence[Piece]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m s-1] and acceleration [m s-2]; a segment holds from its first moment on."""
+        """Return position [m], velocity [m s-1] and acceleration [m s-2]; a segment applies from its first moment
+        on.
+        """
         begun = [p for p in self.pieces if p.first_s <= t_s]
         # of those that overlap the later one; in a gap, and before and after all, the nearest edge counts for rounding
         piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])
@@ -117,7 +119,7 @@ class Ephemeris:
 
     @property
     def end_s(self) -> float:
-        """End of the span from the epoch without a gap between segments [s]."""
+        """End of the span without gaps, from the epoch [s]."""
         reach = 0.0
         for piece in self.pieces:
             if piece.first_s <= reach + ROUNDING_S:
@@ -149,7 +151,7 @@ class Ephemeris:
                 piece.segment.refuse_gap(t, int(k) + 1)
 
     def refuse_impossible(self, body: Body) -> None:
-        """Look for lines that can be no orbit about a body.
+        """Raise if lines cannot belong to an orbit about the body.
 
         Raises
         ------
@@ -161,7 +163,7 @@ class Ephemeris:
 
     @property
     def interpolation(self) -> str:
-        """Name of the interpolation, in a few words."""
+        """Name of the interpolation."""
         ways = {_words(p) for p in self.pieces}
         return " and ".join(sorted(ways))
 

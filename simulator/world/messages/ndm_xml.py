@@ -1,4 +1,4 @@
-"""Navigation messages in XML (CCSDS 505.0-B): orbit ephemerides, states and mean elements, as their segments."""
+"""Navigation messages in XML (CCSDS 505.0-B): orbit ephemerides, states and mean elements, as segments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_
 
 
 class _Reader:
-    """Handlers of the parser: an element without elements in it is a key and its value."""
+    """Parser callbacks: an element without children is a key and its value."""
 
     def __init__(self, where: str) -> None:
         self.where = where

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _DEFAULT_LINES = 8
-"""Of a Hermite polynomial where the message names no interpolation."""
+"""Lines of a Hermite polynomial if the message names no interpolation."""
 _MOST_LINES = 20
 _OF_DATE = ("TEME", "TOD")
-"""Frames that a message may freeze at a moment, its REF_FRAME_EPOCH."""
+"""Frames that a message may freeze at its REF_FRAME_EPOCH."""
 _WITH_ACCELERATION = 9
 
 
@@ -49,14 +49,14 @@ def read_oem(
 def ephemeris_of(
     segments: Sequence[Segment], where: str, epoch: Instant, *, centre: str, satellite: str | None
 ) -> Ephemeris:
-    """The ephemeris of a message's segments. Parameters and errors are those of `read_oem`."""
+    """Return the ephemeris of a message's segments. Parameters and errors are those of `read_oem`."""
     chosen = one_object(segments, where, satellite)
     pieces = sorted((_piece(s, epoch, centre) for s in chosen), key=lambda p: p.first_s)
     return Ephemeris(where=where, epoch=epoch, pieces=pieces)
 
 
 def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -> Sequence[Segment]:
-    """The segments of one object: of the only one, or of that chosen by name or identifier.
+    """Return the segments of the only object, or of the one chosen by name or identifier.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _piece(segment: Segment, epoch: Instant, centre_wanted: str) -> Piece:
 
 
 def _interpolation(segment: Segment) -> tuple[str, int]:
-    """Method, and the number of lines that its polynomials go through."""
+    """Return the method, and the number of lines of its polynomials."""
     if "INTERPOLATION" not in segment.meta:
         return "HERMITE", _DEFAULT_LINES
     method = segment.require_one_of("INTERPOLATION", ("HERMITE", "LAGRANGE", "LINEAR"))
@@ -130,7 +130,7 @@ def write_oem(
     note: str = "",
     centre: str = "EARTH",
 ) -> str:
-    """An OEM in GCRF and UTC with positions to the micrometre.
+    """Write an OEM in GCRF and UTC with positions to the micrometre.
 
     Parameters
     ----------

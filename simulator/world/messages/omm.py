@@ -49,15 +49,15 @@ _FIXED = {
 }
 _MINUTES_A_DAY = 1440.0
 MOST_CHARACTERS = 30_000_000
-"""Of JSON or CSV, which take many times as much memory: twice the whole catalogue."""
+"""Largest JSON or CSV text, which needs much more memory when parsed: twice the whole catalogue."""
 _SGP4_EPOCH_JD = 2433281.5
-"""31 December 1949, from which SGP4 counts days."""
+"""Epoch of SGP4's day count, 31 December 1949."""
 _LARGEST_NUMBER = 339_999
-"""Of a catalogue number that SGP4's record can hold; it has no part in the motion."""
+"""Largest catalogue number that SGP4's record can hold; it does not affect the motion."""
 
 
 def read_json_objects(text: str, where: str) -> list[Segment]:
-    """Objects of a JSON list, or the one object.
+    """Read the objects of a JSON list, or the one object.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def read_json_objects(text: str, where: str) -> list[Segment]:
 
 
 def read_csv_objects(text: str, where: str) -> list[Segment]:
-    """Objects of a table whose first line has the keys. Raises as `read_json_objects`."""
+    """Read the objects of a table whose first line has the keys. Raises as `read_json_objects`."""
     _refuse_long(text, where)
     try:
         found: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
@@ -110,7 +110,7 @@ def _segment(row: dict[str, Any], where: str) -> Segment:
 
 
 def satellite_of(segment: Segment) -> Satrec:
-    """The satellite of an OMM, ready for SGP4.
+    """Return the satellite of an OMM, ready for SGP4.
 
     Parameters
     ----------

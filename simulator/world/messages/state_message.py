@@ -1,4 +1,4 @@
-"""CCSDS messages of one set of elements: orbit parameters (OPM) and mean elements (OMM) as key = value lines."""
+"""CCSDS messages with one set of elements: orbit parameters (OPM) and mean elements (OMM) as key = value lines."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _UNITS = {
 
 
 def read_fields(text: str, where: str, kind: str) -> Segment:
-    """Keys of an OPM or OMM in key = value form; the ignition of each manoeuvre is a row.
+    """Read the keys of an OPM or OMM in key = value form; the ignition of each manoeuvre is a row.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
 
 
 def value_of(segment: Segment, key: str) -> float:
-    """A number of a message, whose unit, where it is named, is the standard's.
+    """Return a number of a message; its unit, if named, must be the standard's.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def value_of(segment: Segment, key: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class OrbitParameters:
-    """The state of an OPM.
+    """State of an OPM.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class OrbitParameters:
 
 
 def read_opm(segment: Segment) -> OrbitParameters:
-    """The state of an OPM's keys.
+    """Read the state of an OPM's keys.
 
     Raises
     ------

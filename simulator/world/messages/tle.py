@@ -1,4 +1,4 @@
-"""Two-line elements: checked, then carried to the epoch by SGP4 and turned into GCRS."""
+"""Two-line elements: checked, propagated to the epoch by SGP4 and converted to GCRS."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 _FAR_DAYS = 30.0
-"""SGP4 loses a kilometre or more a day; a month from its epoch an element set says little."""
+"""Days from its epoch after which an element set is refused; SGP4 loses a kilometre or more a day."""
 _LINE = 69
 _DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 
 def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
+    """Return position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, 
 
 
 def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] in GCRS at ``epoch``.
+    """Return position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
     SGP4 speaks of the true equator and mean equinox of date (TEME); the Earth's rotation links it to GCRS:
     Greenwich mean sidereal time 1982 on one side, IAU 2006 on the other.
@@ -90,7 +90,7 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
 
 @dataclass(frozen=True)
 class ElementSet:
-    """Two lines of one satellite, and the name before them where there is one."""
+    """Two lines of one satellite, and its name if the file has one."""
 
     name: str
     line1: str
@@ -151,7 +151,7 @@ def is_element_file(text: str) -> bool:
 
 
 def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) -> ElementSet:
-    """The only set, or the one chosen by name or catalogue number.
+    """Return the only set, or the one chosen by name or catalogue number.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) ->
 
 
 def R_eci_from_teme(epoch: Instant) -> FloatArray:
-    """(3, 3) rotation to GCRS from the true equator and mean equinox of date."""
+    """Return the (3, 3) rotation to GCRS from the true equator and mean equinox of date."""
     ut1 = epoch.ut1
     angle = float(without_year_warning(erfa.gmst82, *ut1)) - float(erfa.era00(*ut1))
     c, s = np.cos(angle), np.sin(angle)
@@ -183,7 +183,7 @@ def R_eci_from_teme(epoch: Instant) -> FloatArray:
 
 
 def check_line(line: str, number: int) -> None:
-    """Refuse a line whose number, length or checksum is wrong.
+    """Raise if a line's number, length or checksum is wrong.
 
     Raises
     ------

@@ -29,28 +29,28 @@ class Burn(Section, frozen=True, kw_only=True):
 
     @property
     def end_s(self) -> float:
-        """When it is over [s]."""
+        """End of the burn [s]."""
         return self.start_s + self.duration_s
 
     @property
     def acceleration_lvlh_m_s2(self) -> Vec3:
-        """Of a burn that takes time."""
+        """Acceleration of a burn of finite duration [m s-2]."""
         x, y, z = self.delta_v_lvlh_m_s
         return (x / self.duration_s, y / self.duration_s, z / self.duration_s)
 
     def thrusts_throughout(self, start_s: float, end_s: float) -> bool:
-        """Whether it pushes all through a span that no burn's start or end cuts."""
+        """Return True if it thrusts throughout a span that no burn's start or end divides."""
         return self.start_s <= start_s and end_s <= self.end_s and self.duration_s > 0
 
 
 def burn_edges_s(burns: tuple[Burn, ...], start_s: float, end_s: float) -> list[float]:
-    """Starts and ends of burns strictly inside a span, in order [s]."""
+    """Return the starts and ends of burns strictly inside a span, in order [s]."""
     edges = {t for b in burns for t in (b.start_s, b.end_s)}
     return sorted(t for t in edges if start_s < t < end_s)
 
 
 def eci_from_own_lvlh(push_lvlh: Vec3, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-    """A vector of the LVLH frame of a craft at (3,) ``r`` and ``v``, along GCRS axes."""
+    """Convert a vector from the LVLH frame of a craft at (3,) ``r`` and ``v`` to GCRS axes."""
     r, v = r_eci_m.tolist(), v_eci_m_s.tolist()
     h = cross_of(r, v)
     axes = np.array([r, cross_of(h, r), h])

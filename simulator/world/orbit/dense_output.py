@@ -19,7 +19,7 @@ _DEGREE = 7
 
 
 def _monomials() -> FloatArray:
-    """(7, 8) the integrator's nested products of x and 1 - x as coefficients of x^0 to x^7."""
+    """Return (7, 8) coefficients of x^0 to x^7 of the integrator's nested products of x and 1 - x."""
     rows = []
     for k in range(_DEGREE):
         product = np.array([1.0])
@@ -48,7 +48,7 @@ class DenseOutput:
     coefficients: FloatArray
 
     def __call__(self, t_s: float) -> FloatArray:
-        """(width,) the state."""
+        """Return the state (width,)."""
         k = min(max(bisect_right(self.starts_s, t_s) - 1, 0), len(self.starts_s) - 1)
         x = (t_s - self.starts_s[k]) / self.lengths_s[k]
         x2 = x * x
@@ -57,7 +57,7 @@ class DenseOutput:
         return np.asarray(powers @ self.coefficients[k])
 
     def rate(self, t_s: float) -> FloatArray:
-        """(width,) its derivative [s-1]."""
+        """Return the derivative (width,) [s-1]."""
         k = min(max(bisect_right(self.starts_s, t_s) - 1, 0), len(self.starts_s) - 1)
         h = self.lengths_s[k]
         x = (t_s - self.starts_s[k]) / h
@@ -68,7 +68,7 @@ class DenseOutput:
 
     @staticmethod
     def joined(parts: Sequence[DenseOutput]) -> DenseOutput:
-        """One after the other."""
+        """Concatenate consecutive spans."""
         return DenseOutput(
             [t for p in parts for t in p.starts_s],
             [h for p in parts for h in p.lengths_s],

@@ -1,4 +1,4 @@
-"""Craft that follow ephemerides: the target's track, and a chaser beside it in free flight or by its own file."""
+"""Craft that follow ephemerides: the target's track, and a chaser in free flight or on its own ephemeris."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 _LOOK_EVERY_S = 60.0
 _THRUST_M_S2 = 2e-3
-"""Mean acceleration beside the force model's that is taken for a burn: ten times the Earth's gravity anomalies in low
-orbit, a tenth of what reboosts a station."""
+"""Mean acceleration beyond the force model that is taken for a burn [m s-2]: ten times the Earth's gravity anomalies
+in low orbit, a tenth of a station's reboost."""
 
 
 class Ephemeris(Protocol):
-    """A craft's motion over time, from the centre of the body that it circles, GCRS axes."""
+    """A craft's motion over time, from its central body, GCRS axes."""
 
     @property
     def where(self) -> str:
-        """Its file, for messages."""
+        """The file, for messages."""
         ...
 
     @property
@@ -37,13 +37,13 @@ class Ephemeris(Protocol):
         ...
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position [m], velocity [m s-1] and acceleration [m s-2]."""
+        """Return the position [m], velocity [m s-1] and acceleration [m s-2]."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class FollowedCraft:
-    """One craft by its ephemeris and, after its end, by the forces.
+    """A craft that follows its ephemeris and, after its end, the forces.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ class FollowedCraft:
     tail: DenseOutput | None
 
     def __call__(self, t_s: float) -> FloatArray:
-        """Position and velocity (6,)."""
+        """Return the position and velocity (6,)."""
         if self.tail is not None and t_s > self.end_s:
             return self.tail(t_s)
         return np.concatenate(self.ephemeris(t_s)[:2])
 
     def rate(self, t_s: float) -> FloatArray:
-        """Velocity and acceleration (6,)."""
+        """Return the velocity and acceleration (6,)."""
         if self.tail is not None and t_s > self.end_s:
             return self.tail.rate(t_s)
         return np.concatenate(self.ephemeris(t_s)[1:])
@@ -69,7 +69,7 @@ class FollowedCraft:
 
 @dataclass(frozen=True, eq=False)
 class CraftPair:
-    """The target and, beside it, the chaser.
+    """The target and, optionally, the chaser.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class CraftPair:
     apart: Solution | None = None
 
     def __call__(self, t_s: float) -> FloatArray:
-        """The state (6,) or, with a chaser, (12,)."""
+        """Return the state (6,) or, with a chaser, (12,)."""
         return self._joined(
             self.target(t_s)[:6],
             None if self.chaser is None else self.chaser(t_s),
@@ -90,7 +90,7 @@ class CraftPair:
         )
 
     def rate(self, t_s: float) -> FloatArray:
-        """Its derivative."""
+        """Return its derivative."""
         return self._joined(
             self.target.rate(t_s)[:6],
             None if self.chaser is None else self.chaser.rate(t_s),
@@ -106,15 +106,15 @@ class CraftPair:
 
 @dataclass(frozen=True, eq=False)
 class FollowedTrack(OrbitTrack):
-    """A target that follows an ephemeris, with its burns and all that acted on it."""
+    """A target that follows an ephemeris, which includes its burns."""
 
     def acceleration(self, t_s: float) -> FloatArray:
-        """Acceleration of the target in GCRS: the slope of the velocity that the ephemeris has [m s-2]."""
+        """Return the target's acceleration in GCRS: the derivative of the ephemeris's velocity [m s-2]."""
         return self.solution.rate(t_s)[3:6]
 
 
 def followed_craft(ephemeris: Ephemeris, duration_s: float, forces: ForceModel) -> FollowedCraft:
-    """A craft that follows an ephemeris to its end, and flies by the forces on to ``duration_s``."""
+    """Return a craft that follows an ephemeris to its end, and the forces on to ``duration_s``."""
     tail, end_s = None, ephemeris.end_s
     if duration_s > end_s:
         tail = integrate(
@@ -135,7 +135,7 @@ def follow(
     relative: tuple[FloatArray, FloatArray] | None = None,
     burns: tuple[Burn, ...] = (),
 ) -> FollowedTrack:
-    """The track of a followed target and, when ``relative`` is given, of a chaser in free flight beside it.
+    """Return the track of a followed target and, if ``relative`` is given, of a chaser in free flight beside it.
 
     What the ephemeris has beyond the forces of the scenario (higher harmonics, the air of the day) acts on both craft
     alike: only the difference of the forces between the two moves them apart.
@@ -159,7 +159,7 @@ def follow(
 
 
 def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) -> None:
-    """Look for burns in an ephemeris: changes of velocity that the forces do not make.
+    """Raise if an ephemeris contains burns: velocity changes that the forces do not explain.
 
     Raises
     ------

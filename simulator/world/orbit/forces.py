@@ -1,4 +1,4 @@
-"""The forces on target and chaser: harmonics of the Earth, Sun and Moon, drag, the pressure of sunlight."""
+"""Forces on target and chaser: Earth harmonics, Sun and Moon, drag, solar radiation pressure."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _BREAK_UP_M = 80e3
 
 
 class ForceModel(Protocol):
-    """What accelerates the two craft; `flyaround.simulator.world.orbit.gravity.Gravity` is the simplest.
+    """Accelerations of the two craft; `flyaround.simulator.world.orbit.gravity.Gravity` is the simplest.
 
     Positions are from the centre of the body that they circle, along GCRS axes.
     """
@@ -69,11 +69,11 @@ class ForceModel(Protocol):
 
     @property
     def solar_pressure(self) -> bool:
-        """Whether sunlight pushes, which bends a track sharply at the shadow's edge."""
+        """True if solar radiation pressure acts, which changes abruptly at the shadow's edge."""
         ...
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Acceleration of the target at ``r_eci_m``, GCRS [m s-2]."""
+        """Return the acceleration of the target at ``r_eci_m``, GCRS [m s-2]."""
         ...
 
     def pair(
@@ -84,12 +84,14 @@ class ForceModel(Protocol):
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """The target's acceleration, and the chaser's less the target's; ``p``, ``w`` are chaser less target."""
+        """Return the target's acceleration, and the chaser's minus the target's; ``p``, ``w`` are chaser minus
+        target.
+        """
         ...
 
 
 class Surface(Section, frozen=True, kw_only=True):
-    """A craft for drag and sunlight; the target's mass comes from its model unless given."""
+    """Surface of a craft for drag and sunlight; the target's mass comes from its model unless given."""
 
     mass_kg: Annotated[float, Meta(gt=0, le=1e6)] | None = None
     # mean frontal area, of a sphere as air and sunlight see it
@@ -100,7 +102,7 @@ class Surface(Section, frozen=True, kw_only=True):
     reflectivity: Annotated[float, Meta(ge=0, le=2)] = 1.3
 
     def push_per_pressure_m2_kg(self, coefficient: float) -> float:
-        """Acceleration over pressure, for a coefficient of drag or of sunlight [m2 kg-1].
+        """Return acceleration over pressure, for a coefficient of drag or reflectivity [m2 kg-1].
 
         Raises
         ------
@@ -113,7 +115,8 @@ class Surface(Section, frozen=True, kw_only=True):
 
 
 class Forces(Section, frozen=True, kw_only=True):
-    """What moves both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without it a point mass + J2.
+    """Forces on both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without this section a point mass with
+    J2.
 
     About the Moon the Earth always pulls, and the degree is 0 (the default) or 2.
     """
@@ -127,7 +130,7 @@ class Forces(Section, frozen=True, kw_only=True):
     chaser: Surface = Surface()
 
     def with_masses(self, target_kg: float, chaser_kg: float) -> Forces:
-        """The same with masses where none are given."""
+        """Return the same forces, with masses filled in where none are given."""
         target, chaser = (
             msgspec.structs.replace(craft, mass_kg=craft.mass_kg or mass_kg)
             for craft, mass_kg in ((self.target, target_kg), (self.chaser, chaser_kg))
@@ -136,12 +139,12 @@ class Forces(Section, frozen=True, kw_only=True):
 
 
 GRAVITY_ALONE = Forces()
-"""Of the central body."""
+"""Gravity of the central body only."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EarthForces:
-    """Point mass of the Earth, its harmonics, and whatever else is switched on.
+    """Point mass of the Earth, its harmonics, and the other selected forces.
 
     Parameters
     ----------
@@ -156,16 +159,16 @@ class EarthForces:
 
     @property
     def solar_pressure(self) -> bool:
-        """Whether sunlight pushes."""
+        """True if solar radiation pressure acts."""
         return self.forces.solar_pressure
 
     @property
     def mu_m3_s2(self) -> float:
-        """Gravitational parameter of the Earth: the one that belongs to the coefficients."""
+        """Gravitational parameter of the Earth that belongs to the coefficients."""
         return self.harmonics.mu_m3_s2 if self.harmonics else MU_EARTH_M3_S2
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Acceleration of the target, GCRS [m s-2]."""
+        """Return the acceleration of the target, GCRS [m s-2]."""
         return self._both(t_s, r_eci_m, v_eci_m_s, None)[0]
 
     def pair(
@@ -176,7 +179,9 @@ class EarthForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """The target's acceleration and the chaser's less it; the large terms are differenced in closed form."""
+        """Return the target's acceleration and the chaser's minus it; the large terms are differenced in closed
+        form.
+        """
         return self._both(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
 
     def _both(
@@ -247,7 +252,8 @@ class EarthForces:
 
 
 def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> FloatArray:
-    """Acceleration by sunlight on a craft at (3,) ``from_sun_m``, which sees this share of the Sun [m s-2].
+    """Return the solar radiation acceleration of a craft at (3,) ``from_sun_m`` that sees this share of the Sun [m
+    s-2].
 
     References
     ----------
@@ -259,13 +265,13 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> Float
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
-    """Height above the WGS 84 ellipsoid of a place at ``along_pole_m`` from the equator's plane [m]."""
+    """Return the height above the WGS 84 ellipsoid of a position at ``along_pole_m`` from the equatorial plane [m]."""
     across_m = math.sqrt(max(float(r_eci_m @ r_eci_m) - along_pole_m**2, 0.0))
     return float(erfa.gc2gde(EARTH_RADIUS_M, FLATTENING, [across_m, 0.0, along_pole_m])[2])
 
 
 def density_kg_m3(altitude_m: float) -> float:
-    """Density of the air at ``altitude_m`` above the ellipsoid [kg m-3].
+    """Return the density of the air at ``altitude_m`` above the ellipsoid [kg m-3].
 
     A mean of day and night at moderate solar activity (exospheric 1000 K); the true density at 600 km swings
     by a factor of ten over a solar cycle. Below 100 km the lowest layer is continued.
@@ -280,7 +286,7 @@ def density_kg_m3(altitude_m: float) -> float:
 
 
 def attraction(r_m: list[float], mu_m3_s2: float) -> Vec3:
-    """Acceleration towards a point mass at the origin [m s-2]."""
+    """Return the acceleration towards a point mass at the origin [m s-2]."""
     x, y, z = r_m
     square = x * x + y * y + z * z
     k = -mu_m3_s2 / (square * math.sqrt(square))
@@ -288,7 +294,7 @@ def attraction(r_m: list[float], mu_m3_s2: float) -> Vec3:
 
 
 def attraction_difference(r_m: list[float], p_m: list[float], mu_m3_s2: float) -> Vec3:
-    """`attraction` at ``r + p`` less that at ``r``, without subtracting two nearly equal vectors [m s-2].
+    """Return `attraction` at ``r + p`` minus that at ``r``, without cancellation [m s-2].
 
     References
     ----------
@@ -305,6 +311,6 @@ def attraction_difference(r_m: list[float], p_m: list[float], mu_m3_s2: float) -
 
 
 def third_body(r_m: list[float], body_m: list[float], mu_m3_s2: float) -> Vec3:
-    """What a distant body adds to the motion about the Earth [m s-2]: its pull here less its pull there."""
+    """Return the tidal acceleration of a distant body on the motion about the Earth [m s-2]."""
     bx, by, bz = body_m
     return attraction_difference([-bx, -by, -bz], r_m, mu_m3_s2)

@@ -40,7 +40,7 @@ class Gravity:
         return Gravity(body.j2, vec3(body.pole_eci(epoch)), body.mu_m3_s2, body.radius_m)
 
     def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
-        """Acceleration at (3,) position ``r_eci_m`` from the body's centre [m s-2].
+        """Return the acceleration at (3,) position ``r_eci_m`` from the body's centre [m s-2].
 
         References
         ----------
@@ -58,7 +58,7 @@ class Gravity:
         return np.array([radial * x + polar * px, radial * y + polar * py, radial * z + polar * pz])
 
     def target(self, _t_s: float, r_eci_m: FloatArray, _v_eci_m_s: FloatArray) -> FloatArray:
-        """Acceleration of the target: `acceleration`."""
+        """Return the acceleration of the target: `acceleration`."""
         return self.acceleration(r_eci_m)
 
     def pair(
@@ -69,12 +69,12 @@ class Gravity:
         p_eci_m: FloatArray,
         _w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Acceleration of the target, and the chaser's less it (to 1e-15 m s-2)."""
+        """Return the acceleration of the target, and the chaser's minus it (to 1e-15 m s-2)."""
         a = self.acceleration(r_eci_m)
         return a, self.acceleration(r_eci_m + p_eci_m) - a
 
     def potential(self, r_eci_m: FloatArray) -> float:
-        """Potential energy per unit mass, zero at infinity [J kg-1]."""
+        """Return the potential energy per unit mass, zero at infinity [J kg-1]."""
         r = float(np.linalg.norm(r_eci_m))
         sin_latitude = float(np.dot(r_eci_m, self.pole_eci)) / r
         oblate = self.j2 * (self.radius_m / r) ** 2 * (3 * sin_latitude**2 - 1) / 2

@@ -1,4 +1,4 @@
-"""The target's orbit at the start, as a user gives it: elements, state, two-line elements or an OEM file."""
+"""The target's initial orbit as given by a user: elements, state, two-line elements or an orbit file."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 _LEAST_SINE = 1e-3
-"""Of the angle between position and velocity, times the speed's share of the escape's: below it a craft falls."""
+"""Sine of the flight-path angle times speed over escape speed, below which a craft falls to the body."""
 
 
 class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_only=True):
-    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis less the body's radius."""
+    """Osculating Keplerian elements on GCRS axes; altitude = semi-major axis minus the body's radius."""
 
     centre: str = "earth"
     altitude_km: Annotated[float, Meta(ge=10, le=50_000)]
@@ -31,11 +31,11 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
 
     @property
     def body(self) -> Body:
-        """What is circled."""
+        """The central body."""
         return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
+        """Return position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
         return state_from_elements(
             Elements(
                 semi_major_axis_m=self.body.radius_m + self.altitude_km * 1e3,
@@ -50,12 +50,12 @@ class ElementsOrbit(Section, tag_field="kind", tag="elements", frozen=True, kw_o
 
     @property
     def highest_m(self) -> float:
-        """Distance of the orbit's highest point from the centre of the body [m]."""
+        """Apoapsis distance from the centre of the body [m]."""
         return (self.body.radius_m + self.altitude_km * 1e3) * (1 + self.eccentricity)
 
     @property
     def lowest_altitude_m(self) -> float:
-        """Of the orbit's lowest point, above the body's radius [m]."""
+        """Periapsis height above the body's radius [m]."""
         return (self.body.radius_m + self.altitude_km * 1e3) * (1 - self.eccentricity) - self.body.radius_m
 
 
@@ -68,15 +68,15 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
 
     @property
     def body(self) -> Body:
-        """What is circled."""
+        """The central body."""
         return body_named(self.centre)
 
     def state(self) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
+        """Return position [m] and velocity [m s-1] from the centre of the body, GCRS axes, each (3,)."""
         return np.array(self.r_eci_km) * 1e3, np.array(self.v_eci_km_s) * 1e3
 
     def problem(self) -> tuple[str, str] | None:
-        """What makes it no orbit: the subject and the end of a sentence; None if it is one."""
+        """Return why it is no orbit: the subject and the end of a sentence; None if it is one."""
         (r, v), body = self.state(), self.body
         radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
         distance = body.distance_problem(radius)
@@ -102,7 +102,7 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
 
 
 class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
-    """Two-line elements, carried by SGP4 to the scenario's epoch; from there the forces move the target.
+    """Two-line elements, propagated by SGP4 to the scenario's epoch and by the forces from there.
 
     Two lines, or a ``file`` of them (a path from the scenario's folder); of several sets the ``satellite`` named.
     """
@@ -114,7 +114,7 @@ class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
 
 
 class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
-    """An orbit file (a path from the scenario's folder): CCSDS OEM, OPM or OMM, or two-line elements.
+    """An orbit file (path relative to the scenario's folder): CCSDS OEM, OPM or OMM, or two-line elements.
 
     An OEM is followed between its lines all through the flight; ``motion = "propagate"`` takes its state at the
     scenario's epoch, from where the forces move the target, as they do from the one state that the other files give.
@@ -129,4 +129,4 @@ class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
 
 
 KnownOrbit = ElementsOrbit | StateOrbit
-"""Those that give a state; the others become a `StateOrbit` when their message is read."""
+"""Orbits that give a state; the others become a `StateOrbit` when their message is read."""

@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 MOON_DEGREE = 2
-"""The only one that its gravity has here."""
+"""The only supported degree of the Moon's gravity."""
 _C20, _C22 = -9.08828e-5, 3.46737e-5
-"""Fully normalised, of the principal axes, from which the mean Earth / polar axes differ by 0.6 mrad."""
+"""Fully normalised coefficients in principal axes, which differ from the mean Earth / polar axes by 0.6 mrad."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MoonForces:
-    """Point mass of the Moon and the Earth's pull, and whatever else is switched on.
+    """Point mass of the Moon and the Earth's attraction, and the other selected forces.
 
     Positions and velocities are from the Moon's centre, along GCRS axes.
 
@@ -51,7 +51,7 @@ class MoonForces:
 
     @property
     def solar_pressure(self) -> bool:
-        """Whether sunlight pushes."""
+        """True if solar radiation pressure acts."""
         return self.forces.solar_pressure
 
     @property
@@ -60,7 +60,7 @@ class MoonForces:
         return MU_MOON_M3_S2
 
     def target(self, t_s: float, r_eci_m: FloatArray, v_eci_m_s: FloatArray) -> FloatArray:
-        """Acceleration of the target, GCRS axes [m s-2]."""
+        """Return the acceleration of the target, GCRS axes [m s-2]."""
         return self.pair(t_s, r_eci_m, v_eci_m_s, np.zeros(3), np.zeros(3))[0]
 
     def pair(
@@ -71,7 +71,9 @@ class MoonForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,  # noqa: ARG002
     ) -> tuple[FloatArray, FloatArray]:
-        """The target's acceleration and the chaser's less it; the large terms are differenced in closed form."""
+        """Return the target's acceleration and the chaser's minus it; the large terms are differenced in closed
+        form.
+        """
         r, p = r_eci_m, p_eci_m
         _, sun_from_earth, moon = self.sky.at(t_s)
         sun = sun_from_earth - moon
@@ -99,7 +101,7 @@ class MoonForces:
 
 @lru_cache(maxsize=1)
 def lunar_degree_2() -> HarmonicField:
-    """The Moon's flattening and equatorial bulge, in its mean Earth / polar axis frame.
+    """Return the Moon's flattening and equatorial bulge, in its mean Earth / polar axis frame.
 
     References
     ----------

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.forces import ForceModel
 
 _TARGET_ONLY = 6
-"""Width of a state that holds no chaser."""
+"""Width of a state without a chaser."""
 _RTOL = 1e-12
 _MAX_STEP_S = 60.0
-"""Bounds the error of the interpolant between steps (7th order) below the micrometre."""
+"""Largest step [s]; bounds the interpolant's error between steps (7th order) below the micrometre."""
 _SUNLIT_STEP_S = 20.0
-"""The same under the pressure of sunlight, which bends sharply at the shadow's edge: 0.1 mm an orbit."""
+"""The same with solar radiation pressure, which changes abruptly at the shadow's edge: 0.1 mm per orbit [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class Elements:
 
 
 def state_from_elements(e: Elements, mu_m3_s2: float = MU_EARTH_M3_S2) -> tuple[FloatArray, FloatArray]:
-    """Position [m] and velocity [m s-1] in GCRS, each (3,).
+    """Return position [m] and velocity [m s-1] in GCRS, each (3,).
 
     References
     ----------
@@ -75,7 +75,7 @@ def _perifocal_axes(e: Elements) -> tuple[FloatArray, FloatArray]:
 def elements_from_state(
     r_eci_m: FloatArray, v_eci_m_s: FloatArray, mu_m3_s2: float = MU_EARTH_M3_S2
 ) -> Elements:
-    """Osculating elements of a bound orbit.
+    """Return the osculating elements of a bound orbit.
 
     Angles that a circular or equatorial orbit leaves open are measured from the node, or from the x axis,
     with the undefined ones set to zero.
@@ -109,7 +109,7 @@ def elements_from_state(
 
 
 def _angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Angle from ``start`` to ``end`` counted right-handed about ``axis``, 0..2 pi [rad]."""
+    """Return the angle from ``start`` to ``end`` about ``axis``, right-handed, 0..2 pi [rad]."""
     sine = float(np.cross(start, end) @ axis) / float(np.linalg.norm(axis))
     return float(np.arctan2(sine, float(start @ end))) % (2 * np.pi)
 
@@ -118,17 +118,17 @@ class Solution(Protocol):
     """A state over time and its derivative: propagated (`DenseOutput`) or recorded."""
 
     def __call__(self, t_s: float) -> FloatArray:
-        """The state."""
+        """Return the state."""
         ...
 
     def rate(self, t_s: float) -> FloatArray:
-        """Its derivative."""
+        """Return its derivative."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class OrbitTrack:
-    """A propagated target, and with it perhaps a chaser in free flight, over ``0 <= t <= duration_s``.
+    """A propagated target, optionally with a chaser in free flight, over ``0 <= t <= duration_s``.
 
     Parameters
     ----------
@@ -144,12 +144,12 @@ class OrbitTrack:
     burns: tuple[Burn, ...] = ()
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m s-1] of the target in GCRS."""
+        """Return position [m] and velocity [m s-1] of the target in GCRS."""
         y = self.solution(t_s)
         return y[:3], y[3:6]
 
     def acceleration(self, t_s: float) -> FloatArray:
-        """Acceleration of the target in GCRS, by the forces and its burns [m s-2]."""
+        """Return the acceleration of the target in GCRS, by the forces and its burns [m s-2]."""
         r, v = self(t_s)
         a = self.forces.target(t_s, r, v)
         for burn in self.burns:
@@ -158,12 +158,12 @@ class OrbitTrack:
         return a
 
     def frame(self, t_s: float) -> Lvlh:
-        """The target's LVLH frame, its acceleration from the slope of the track: quick, and as good (1e-12 rad/s)."""
+        """Return the target's LVLH frame, with the acceleration from the track's derivative (to 1e-12 rad/s)."""
         y = self.solution(t_s)
         return lvlh_frame(y[:3], y[3:6], self.solution.rate(t_s)[3:6])
 
     def relative(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Chaser minus target: position [m] and velocity [m s-1] along GCRS axes (not a rotating frame)."""
+        """Return chaser minus target: position [m] and velocity [m s-1] along GCRS axes (not a rotating frame)."""
         y = self.solution(t_s)
         return y[6:9], y[9:12]
 
@@ -177,7 +177,7 @@ def propagate(
     burns: tuple[Burn, ...] = (),
     along: Solution | None = None,
 ) -> OrbitTrack:
-    """Propagate the target and, when ``relative`` is given, a chaser in free flight beside it.
+    """Propagate the target and, if ``relative`` is given, a chaser in free flight beside it.
 
     The chaser is integrated as its difference from the target: metres beside seven million metres would lose
     the last digits of the range, their difference does not. The span is cut wherever a burn starts or ends.
@@ -222,7 +222,7 @@ def propagate(
 
 
 def _after_impulses(y: FloatArray, t_s: float, burns: tuple[Burn, ...]) -> FloatArray:
-    """The state right after the impulses of a moment."""
+    """Return the state right after the impulses of a moment."""
     y = y.copy()
     for burn in burns:
         if burn.duration_s > 0 or burn.start_s != t_s:

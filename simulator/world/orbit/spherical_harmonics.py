@@ -20,7 +20,7 @@ HIGHEST_DEGREE = 70
 
 @dataclass(frozen=True, eq=False)
 class HarmonicField:
-    """All terms of degree 2 to ``degree`` of a gravity field; the point mass is left to the caller.
+    """All terms of degree 2 to ``degree`` of a gravity field, without the point mass.
 
     The potential is the real part of a sum over ``(C - iS) Z``, with the solid harmonics
     ``Z_nm = (R/r)^(n+1) P_nm(sin latitude) exp(i m longitude)``. Their Cartesian derivatives are single
@@ -50,12 +50,12 @@ class HarmonicField:
     table: ComplexArray
 
     def acceleration(self, r_itrs_m: FloatArray) -> FloatArray:
-        """Accelerations at (k, 3) Earth-fixed positions, along Earth-fixed axes: (k, 3) [m s-2]."""
+        """Return the accelerations at (k, 3) Earth-fixed positions, along Earth-fixed axes: (k, 3) [m s-2]."""
         Z = self._harmonics(r_itrs_m)
         return np.asarray((self.table @ Z.reshape(-1, len(r_itrs_m))).real.T)
 
     def _harmonics(self, r_itrs_m: FloatArray) -> ComplexArray:
-        """Normalised solid harmonics, (degree + 2, degree + 2, k).
+        """Return the normalised solid harmonics, (degree + 2, degree + 2, k).
 
         The Legendre functions, divided by ``cos(latitude)^m``, follow degree by degree for all orders at once;
         ``exp(i m longitude) cos(latitude)^m`` and ``(R/r)^(n+1)`` are powers.
@@ -80,7 +80,9 @@ class HarmonicField:
 
     @cached_property
     def _weights(self) -> FloatArray:
-        """(2, size, size) of the two degrees below in each: the second is to be multiplied by sin(latitude)."""
+        """Recursion weights (2, size, size) of the two lower degrees; the second is to be multiplied by
+        sin(latitude).
+        """
         return np.stack([-self.lower, self.vertical])
 
     @cached_property
@@ -90,7 +92,7 @@ class HarmonicField:
 
 @lru_cache(maxsize=8)
 def egm96(degree: int) -> HarmonicField:
-    """EGM96 (tide free) to ``degree`` and order.
+    """Return EGM96 (tide free) to ``degree`` and order.
 
     Raises
     ------
@@ -108,7 +110,7 @@ def egm96(degree: int) -> HarmonicField:
 
 
 def harmonic_field(mu_m3_s2: float, radius_m: float, C: FloatArray, S: FloatArray) -> HarmonicField:
-    """A field from (degree + 1, degree + 1) normalised coefficients; those below degree 2 are not used."""
+    """Build a field from (degree + 1, degree + 1) normalised coefficients; those below degree 2 are ignored."""
     degree = len(C) - 1
     size = degree + 2
     n, m = np.meshgrid(np.arange(size, dtype=float), np.arange(size, dtype=float), indexing="ij")
@@ -132,7 +134,7 @@ def harmonic_field(mu_m3_s2: float, radius_m: float, C: FloatArray, S: FloatArra
 
 
 def _derivative_table(C: FloatArray, S: FloatArray) -> ComplexArray:
-    """Weights of every harmonic in the gradient of the potential, for GM = R = 1.
+    """Return the weights of every harmonic in the gradient of the potential, for GM = R = 1.
 
     ``R (d/dx +- i d/dy)`` and ``R d/dz`` of ``Z_nm`` are the harmonics of degree n + 1 and order m +- 1, m.
     """
@@ -159,7 +161,7 @@ def _derivative_table(C: FloatArray, S: FloatArray) -> ComplexArray:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> tuple[float, float, FloatArray, FloatArray]:
-    """GM, radius and the normalised C and S of the shipped file."""
+    """Return GM, radius and the normalised C and S of the shipped file."""
     mu = radius = 0.0
     C = np.zeros((HIGHEST_DEGREE + 1, HIGHEST_DEGREE + 1))
     S = np.zeros_like(C)

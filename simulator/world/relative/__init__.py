@@ -1,1 +1,1 @@
-"""Motion of the chaser relative to the target: closed-form solutions and one integrated step. No guidance."""
+"""Relative motion of chaser and target: closed-form solutions and one integrated step. No guidance."""

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 def mean_motion_rad_s(semi_major_axis_m: float, mu_m3_s2: float) -> float:
-    """Mean motion of an orbit [rad s-1]."""
+    """Return the mean motion of an orbit [rad s-1]."""
     return float(np.sqrt(mu_m3_s2 / semi_major_axis_m**3))
 
 
 def transition_matrix(n_rad_s: float, t_s: float) -> FloatArray:
-    """(6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
+    """Return the (6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
 
     Parameters
     ----------

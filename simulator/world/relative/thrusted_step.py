@@ -22,19 +22,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ThrustHold:
-    """A thrust that stays as it is: (3,) acceleration along GCRS axes [m s-2]."""
+    """A constant thrust: (3,) acceleration along GCRS axes [m s-2]."""
 
     push: FloatArray
 
     def __call__(self, since_s: float) -> list[float]:  # noqa: ARG002
-        """The same at any time."""
+        """Return the constant thrust."""
         return [float(x) for x in self.push]
 
 
 def relative_step(
     orbit: OrbitTrack, t_s: float, h: float, state: tuple[FloatArray, FloatArray], thrust: Thrust
 ) -> tuple[FloatArray, FloatArray]:
-    """Chaser minus target ``h`` seconds later.
+    """Return chaser minus target ``h`` seconds later.
 
     The difference of the central attraction is integrated by one classical Runge-Kutta step; what else acts
     (harmonics, third bodies, air, light) changes over an orbit and is taken once, at the middle: its error per
@@ -60,7 +60,7 @@ def relative_step(
 def _after_target_impulses(
     orbit: OrbitTrack, t_s: float, state: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """The state right after the target's impulses of a moment."""
+    """Return the state right after the target's impulses of a moment."""
     p, v = state
     for burn in orbit.burns:
         if burn.duration_s == 0 and burn.start_s == t_s:

@@ -42,7 +42,7 @@ class _OrbitPoint:
 
 
 def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> FloatArray:
-    """(6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
+    """Return the (6, 6) matrix that carries an LVLH state [x y z vx vy vz] over ``t_s``.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def elliptic_transition_matrix(orbit: Elements, t_s: float, mu_m3_s2: float = MU
 
 
 def _in_plane(at: _OrbitPoint, e: float, J: float) -> FloatArray:
-    """Solutions of the in-plane equations, rows [x z x' z'], columns the four constants."""
+    """Return the solutions of the in-plane equations, rows [x z x' z'], columns the four constants."""
     s, c, rho = at.s, at.c, at.rho
     return np.array(
         [
@@ -85,7 +85,7 @@ def _in_plane(at: _OrbitPoint, e: float, J: float) -> FloatArray:
 
 
 def _in_plane_start_inverse(at: _OrbitPoint, e: float) -> FloatArray:
-    """The constants from the state at the start, where J = 0."""
+    """Return the constants from the state at the start, where J = 0."""
     return np.asarray(np.linalg.inv(_in_plane(at, e, 0.0)))
 
 
@@ -95,7 +95,7 @@ def _out_of_plane(angle: float) -> FloatArray:
 
 
 def _to_anomaly(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
-    """From position and velocity to the scaled position and its slope over true anomaly."""
+    """Convert position and velocity to the scaled position and its derivative over true anomaly."""
     eye = np.eye(3)
     sine = e * np.sin(at.nu)
     return np.block([[at.rho * eye, 0 * eye], [-sine * eye, eye / (k2 * at.rho)]])
@@ -108,7 +108,7 @@ def _to_time(at: _OrbitPoint, e: float, k2: float) -> FloatArray:
 
 
 def true_anomaly_after(orbit: Elements, t_s: float, mu_m3_s2: float = MU_EARTH_M3_S2) -> float:
-    """True anomaly ``t_s`` later on a Keplerian orbit, counted on through full turns [rad].
+    """Return the true anomaly ``t_s`` later on a Keplerian orbit, without wrapping [rad].
 
     References
     ----------

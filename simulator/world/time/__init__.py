@@ -1,1 +1,1 @@
-"""Instants and time scales (UTC, TT, UT1), and the Earth orientation parameters that join them."""
+"""Instants, time scales (UTC, TT, UT1), and the Earth orientation parameters that relate them."""

@@ -38,25 +38,25 @@ class EarthParameters:
         return int(at), at - int(at)
 
     def ut1_minus_tai(self, mjd: float) -> float:
-        """UT1 - TAI [s], linear between rows (0.02 ms)."""
+        """Return UT1 - TAI [s], linear between rows (0.02 ms)."""
         k, f = self._row(mjd)
         a, b = self.ut1_minus_tai_s[k : k + 2]
         return float(a + f * (b - a))
 
     def pole(self, mjd: float) -> tuple[float, float]:
-        """Coordinates of the pole in ITRS [rad]."""
+        """Return the coordinates of the pole in ITRS [rad]."""
         k, f = self._row(mjd)
         x, y = self.pole_rad[k] + f * (self.pole_rad[k + 1] - self.pole_rad[k])
         return float(x), float(y)
 
     def covers(self, mjd: float) -> bool:
-        """Whether the day is in the table."""
+        """Return True if the day is in the table."""
         return 0 <= mjd - self.first_mjd <= len(self.ut1_minus_tai_s) - 1
 
 
 @lru_cache(maxsize=1)
 def earth_parameters() -> EarthParameters:
-    """The shipped table: IERS 20 C04 from 1972 on, then Bulletin A's measurements and year of predictions."""
+    """Return the shipped table: IERS 20 C04 from 1972 on, then Bulletin A's measurements and a year of predictions."""
     source = files("flyaround.assets").joinpath("earth_orientation", "eop.npz")
     with source.open("rb") as file, np.load(file) as data:
         return EarthParameters(

@@ -46,7 +46,7 @@ class Instant:
 
     @staticmethod
     def from_utc(text: str) -> Instant:
-        """The instant of ``2026-03-20T12:00:00Z`` (ISO 8601, seconds may have a fraction).
+        """Parse an instant such as ``2026-03-20T12:00:00Z`` (ISO 8601, with optional fractional seconds).
 
         Raises
         ------
@@ -70,11 +70,11 @@ class Instant:
         return Instant(float(tt1), float(tt2))
 
     def plus(self, seconds: float) -> Instant:
-        """The instant ``seconds`` later (SI seconds, so that leap seconds need no care)."""
+        """Return the instant ``seconds`` later (SI seconds, across leap seconds)."""
         return Instant(self.tt1, self.tt2 + seconds / DAY_S)
 
     def minus(self, earlier: Instant) -> float:
-        """Seconds from ``earlier`` to this instant."""
+        """Return the seconds from ``earlier`` to this instant."""
         return ((self.tt1 - earlier.tt1) + (self.tt2 - earlier.tt2)) * DAY_S
 
     @property
@@ -85,7 +85,7 @@ class Instant:
 
     @property
     def mjd_utc(self) -> float:
-        """Modified Julian date of UTC, by which the tables of the Earth's rotation go."""
+        """Modified Julian date of UTC, the argument of the Earth orientation tables."""
         utc1, utc2 = self.utc
         return utc1 - 2400000.5 + utc2
 
@@ -105,7 +105,7 @@ class Instant:
         return self.tt1, self.tt2 + tdb_minus_tt_s(self.tt1, self.tt2) / DAY_S
 
     def iso(self) -> str:
-        """ISO 8601 text in UTC with microseconds and a trailing Z."""
+        """Return ISO 8601 text in UTC with microseconds and a trailing Z."""
         year, month, day, hmsf = without_year_warning(erfa.d2dtf, "UTC", 6, *self.utc)
         date = f"{int(year):04d}-{int(month):02d}-{int(day):02d}"
         h, m, s, f = (int(hmsf[field]) for field in "hmsf")
@@ -113,7 +113,7 @@ class Instant:
 
 
 def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
-    """TDB - TT at the Earth's centre [s], at most 1.7 ms; the argument may be either.
+    """Return TDB - TT at the Earth's centre [s], at most 1.7 ms; the argument may be either.
 
     References
     ----------
@@ -123,7 +123,7 @@ def tdb_minus_tt_s(tt1: float, tt2: float) -> float:
 
 
 def nanoseconds_utc(epoch_utc: str) -> int:
-    """Nanoseconds since 1970-01-01 UTC, leap seconds not counted, of an ISO time; microseconds are exact."""
+    """Return nanoseconds since 1970-01-01 UTC, without leap seconds, of an ISO time; microseconds are exact."""
     moment = datetime.fromisoformat(epoch_utc)
     whole = int(moment.replace(microsecond=0).timestamp())
     return whole * 1_000_000_000 + moment.microsecond * 1000
