@@ -1,1 +1,1 @@
-"""The camera: `lens` bends and projects, `detector` turns light into digital numbers. No GL, no world, no scene."""
+"""The camera: `lens` projects, `detector` converts light to digital numbers. No GL, no world, no scene."""

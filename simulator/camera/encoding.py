@@ -1,4 +1,4 @@
-"""The transfer function of an image: how its numbers follow from light, and light from its numbers."""
+"""The transfer function of an image, between light and digital numbers."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 Encoding = Literal["linear", "srgb", "gamma"]
 
 GAMMA = 2.2
-"""Exponent of ``gamma``: light is the number, 1 at full scale, to this power."""
+"""Exponent of ``gamma``: light is the relative number to this power."""
 
 
 def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Return numbers for light, both 1 at full scale.
+    """Encode light as numbers, both 1 at full scale.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
 
 
 def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Return light for numbers, both 1 at full scale; the inverse of `encode`."""
+    """Decode numbers to light, both 1 at full scale; the inverse of `encode`."""
     y = np.asarray(value, float)
     if encoding == "srgb":
         return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
@@ -47,7 +47,7 @@ def decode(value: ArrayLike, encoding: Encoding) -> FloatArray:
 
 
 def step_share(signal: ArrayLike, encoding: Encoding) -> FloatArray:
-    """Return what one step of an encoded image is of full scale, where its light is ``signal`` of full scale."""
+    """Return the size of one step of an encoded image at a signal, relative to full scale."""
     number = np.rint(encode(np.clip(signal, 0, 1), encoding) * 255)
     low, high = decode(np.maximum(number - 0.5, 0) / 255, encoding), decode((number + 0.5) / 255, encoding)
     return np.asarray(high - low)

@@ -1,4 +1,4 @@
-"""The camera's sections of a scenario file: what of a detector and of a perfect lens to change."""
+"""The camera's sections of a scenario file: changed parameters of the detector and of a perfect lens."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _CurvePoint = tuple[Annotated[float, within(OPTICS["wavelength_m"], 1e9)], _Shar
 
 
 class DetectorSection(Section, frozen=True, kw_only=True):
-    """Keys of `[sensor.detector]`: what of the detector to change; what is left out stays.
+    """Keys of `[sensor.detector]`: the changed parameters of the detector.
 
     ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
     ``quantum_efficiency``.
@@ -68,7 +68,7 @@ class DetectorSection(Section, frozen=True, kw_only=True):
     serial: Annotated[int, within(DETECTOR["serial"])] | None = None
 
     def detector(self, base: Detector | None) -> Detector:
-        """The detector that ``base``, or the default one, becomes."""
+        """Return ``base``, or the default detector, with these changes."""
         changes = {k: v for k, v in msgspec.structs.asdict(self).items() if v is not None}
         if "layer_um" in changes:
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
@@ -81,7 +81,7 @@ class DetectorSection(Section, frozen=True, kw_only=True):
 
 
 class OpticsSection(Section, frozen=True, kw_only=True):
-    """Section `[optics]`: the lens besides its distortion.
+    """Section `[optics]`: the lens apart from its distortion.
 
     ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
     picture (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list
@@ -109,7 +109,7 @@ class OpticsSection(Section, frozen=True, kw_only=True):
     glare_limit_deg: Annotated[float, within(OPTICS["glare_limit_deg"])] = 60.0
 
     def optics(self) -> Optics:
-        """The lens."""
+        """Return the optics."""
         keys = msgspec.structs.asdict(self)
         del keys["kernel_file"]
         keys["wavelength_m"] = keys.pop("wavelength_nm") * 1e-9
@@ -118,7 +118,7 @@ class OpticsSection(Section, frozen=True, kw_only=True):
         return Optics(**keys)
 
     def with_kernel(self, folder: Path, where: str) -> OpticsSection:
-        """The section with its kernel file read.
+        """Return the section with its kernel file read.
 
         Raises
         ------
@@ -155,7 +155,7 @@ def _in_metres(curve_nm: Sequence[tuple[float, float]]) -> Curve:
 
 
 def _read_kernel(path: Path) -> NDArray[Any]:
-    """The numbers of a kernel's file; those of a picture over their sum, as a picture cannot hold a sum of one."""
+    """Read a kernel file; an image is divided by its sum."""
     data = read_regular(path, MOST_KERNEL_BYTES)
     if path.suffix == ".npy":
         return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
@@ -176,7 +176,7 @@ def _delimiter(path: Path) -> str | None:
 
 
 def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str) -> Camera:
-    """The camera whose image is a region of the detector, its pixels joined ``binning`` by ``binning``.
+    """Return the camera of an image of a detector region with ``binning`` by ``binning`` pixels joined.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning:
 
 
 def read_sensor(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binning: int) -> Sensor:
-    """The sensor whose image is that region: wider pixels, the fixed pattern of the place."""
+    """Return the sensor of that region: larger pixels, the fixed pattern at its place."""
     x0, y0 = (roi_px or (0, 0))[:2]
     detector = sensor.detector
     if detector is not None:

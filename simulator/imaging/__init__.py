@@ -1,4 +1,4 @@
-"""From a scene to one picture: exposure in time, motion blur, metering, and image formation by lens and detector.
+"""Image formation from a scene: exposure in time, motion blur, metering, lens and detector.
 
 No labels.
 """

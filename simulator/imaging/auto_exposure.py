@@ -1,4 +1,4 @@
-"""Automatic exposure: a loop with lag that depends on the flight alone, so that any frame can be drawn by itself."""
+"""Automatic exposure: a loop with lag that depends on the flight alone, so that each frame can be drawn alone."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 STEPS_PER_LAG = 2
 MEMORY_LAGS = 12
-"""What happened longer ago has faded below 1e-5 and is not looked at."""
+"""Lags after which the past has faded below 1e-5 and is ignored."""
 
 
 class AutoExposure(Section, frozen=True, kw_only=True):
-    """With this section the exposure follows what the camera sees, with lag; ``exposure_s`` is not used.
+    """Automatic exposure that follows the scene with lag, in place of ``exposure_s``.
 
     ``level``: signal, 1 at full scale, that ``share`` of what is lit on the image stays below.
     """
@@ -35,7 +35,7 @@ class AutoExposure(Section, frozen=True, kw_only=True):
     longest_s: Annotated[float, within(EXPOSURE_S)] = 0.1
 
     def wanted_s(self, radiance_w_m2_sr: float, full_scale_j_m2_sr: float) -> float:
-        """Exposure that brings a radiance to the level [s].
+        """Return the exposure that brings a radiance to the level [s].
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class AutoExposure(Section, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class ExposureTrack:
-    """The exposure along a flight, from what the meter wants at fixed times.
+    """The exposure along a flight, from the meter's values at fixed times.
 
     The loop is run on a grid of ``lag_s / 2`` from the flight's start; to know it at one time, the last twelve lags are
     enough. So it is a function of time, whatever other frames are drawn.
@@ -64,7 +64,7 @@ class ExposureTrack:
     _known: dict[int, float] = field(default_factory=dict)
 
     def exposure_s(self, t_s: float) -> float:
-        """The exposure at ``t_s``; at the flight's start the loop has settled."""
+        """Return the exposure at ``t_s``; the loop is settled at the flight's start."""
         step = self.settings.lag_s / STEPS_PER_LAG
         last = int(np.floor(t_s / step + 1e-9))
         first = max(0, last - STEPS_PER_LAG * MEMORY_LAGS)

@@ -1,4 +1,4 @@
-"""Pictures for a screen: digital numbers become light, and light is shown as a photograph would.
+"""Images for a screen: digital numbers to light, with a photographic tone curve.
 
 A screen takes sRGB numbers. Linear ones sent there as they are look too dark and too contrasty, colours too saturated.
 """
@@ -24,17 +24,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SHOULDER = 4.0
-"""Light x of full scale is shown as (1 + s) x / (s + x): a third of a stop brighter, with highlights that roll off."""
+"""Shoulder s of the tone curve (1 + s) x / (s + x) of relative light x: a third of a stop brighter, with a highlight
+roll-off."""
 
 TOE_SIGMAS = 3.0
-"""Toe of the curve, in standard deviations of the noise without light: sRGB would show nothing as a grey grain."""
+"""Toe of the curve, in standard deviations of the dark noise, which sRGB would show as grey grain."""
 
 _FULL = 16_383
-"""Full scale of light in sixteen bits: a colour may be four times as bright in one of a screen's primaries."""
+"""Full scale of light in sixteen bits; a colour may be four times as bright in one of a screen's primaries."""
 
 
 def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
-    """Return an image as a screen shows it to people: sRGB, with a filmic toe and shoulder.
+    """Return an image as displayed: sRGB, with a filmic toe and shoulder.
 
     Parameters
     ----------
@@ -55,19 +56,19 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
 
 
 def shown_light(light: FloatArray) -> FloatArray:
-    """Return sRGB numbers, 0 to 1, that show linear light, 1 at full scale."""
+    """Return sRGB numbers, 0 to 1, for linear light, 1 at full scale."""
     x = np.clip(light, 0.0, 1.0)
     return encode((1 + SHOULDER) * x / (SHOULDER + x), "srgb")
 
 
 def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
-    """Return the upper eight bits of an image's numbers, as they are."""
+    """Return the upper eight bits of an image's numbers."""
     return np.asarray(image >> max(bits - 8, 0), np.uint8)
 
 
 @lru_cache(maxsize=32)
 def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
-    """Return the light, `_FULL` at full scale, of each of an image's numbers."""
+    """Return the light of each of an image's numbers, `_FULL` at full scale."""
     numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
     full, black = linear.scale_dn
     light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
@@ -76,7 +77,7 @@ def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=32)
 def _shown_table(sensor: Sensor) -> ByteArray:
-    """Return the number that is shown for each light, `_FULL` and above at full scale."""
+    """Return the displayed number for each light, `_FULL` and above at full scale."""
     light = np.arange(1 << 16) / _FULL
     toe = TOE_SIGMAS * noise_sigma(sensor)
     return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(

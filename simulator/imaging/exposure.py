@@ -1,4 +1,4 @@
-"""The exposure in time: a picture as the mean of instants (motion blur) and of bands of rows (rolling shutter).
+"""The exposure in time: an image as the mean of instants (motion blur) and of bands of rows (rolling shutter).
 
 Each instant is a whole scene, moved by the propagated rates and drawn anew, so that the smear of the craft, of the
 ground and of the stars is each its own motion's. A picture in which nothing moves by as much as ``STILL_PX`` is drawn
@@ -37,23 +37,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 STILL_PX = 0.3
-"""Motion during the exposure below which one instant serves: its smear is under a tenth of a pixel rms."""
+"""Motion during the exposure below which one instant suffices: its blur is under a tenth of a pixel rms [px]."""
 INSTANT_PX = 1.0
-"""Motion between instants. A pixel integrates over itself, so steps of one pixel leave no gap in a smear."""
+"""Motion between instants [px]. A pixel integrates over itself, so that steps of one pixel leave no gap."""
 GAUSS_PX = (1.1, 2.1, 3.1)
-"""Motion up to which 2, 3 and 4 instants at Gauss's places serve: up to Nyquist's frequency the contrast of what is
-smeared is within 2 % of the still one's, against 3 to 8 % with instants evenly spread."""
+"""Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]: up to the Nyquist frequency the blurred
+contrast is within 2 %, against 3 to 8 % with uniform instants."""
 LONGEST_BLUR_PX = 32.0
-"""Of the ground; longer ones are drawn instant by instant."""
+"""Longest blur of the ground [px]; longer ones are drawn instant by instant."""
 STRAIGHT_PX = 0.05
-"""What the middle of the ground's way may be off the middle of its ends."""
+"""Largest deviation of the ground's path from a straight line, at its middle [px]."""
 ONCE_PX, DRAWN_PX = 1.0, 5.0
-"""Motion of the ground up to which it is drawn once, and between its drawings where it is more: what the renderer makes
-of clouds and of a city's lights depends a little on where in a pixel they fall, and is to be averaged (0.11 digital
-numbers rms above the lights of `tango-night`, 0.07 with twice as many drawings)."""
+"""Motion of the ground up to which it is drawn once, and between drawings beyond that [px]; averaging removes the
+dependence of clouds and city lights on sub-pixel positions."""
 LOW_ORBIT_M = 5e7
 FEW_PLACES, LENS_PLACES = 5, 17
-"""Places along each side of the image where the ground is looked for."""
+"""Points along each side of the image at which the ground is tested, without and with lens distortion."""
 MAX_INSTANTS = 256
 
 
@@ -65,12 +64,12 @@ class Instants:
     weights: tuple[float, ...] = (1.0,)
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of instants."""
         return len(self.times_s)
 
 
 def instants_of(motion_px: float, exposure_s: float) -> Instants:
-    """The instants that a motion asks for; one where it is too small to be seen."""
+    """Return the instants for a motion; one if it is invisible."""
     if motion_px < STILL_PX:
         return Instants()
     for n, most in enumerate(GAUSS_PX, start=2):
@@ -83,7 +82,7 @@ def instants_of(motion_px: float, exposure_s: float) -> Instants:
 
 
 def instants(scene: SceneState, target: Target, at: Callable[[float], SceneState] | None = None) -> Instants:
-    """The instants to draw a whole scene at; ``at``: `moments_of` the scene."""
+    """Return the instants of a whole scene; ``at``: `moments_of` the scene."""
     if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < STILL_PX:
         return Instants()
     return instants_of(image_motion_px(scene, target, scene.exposure_s, at), scene.exposure_s)
@@ -91,7 +90,7 @@ def instants(scene: SceneState, target: Target, at: Callable[[float], SceneState
 
 @dataclass(frozen=True, eq=False)
 class Exposed:
-    """Mean radiance over the exposure (H, W[, 3]) [W m-2 sr-1], and the ledger of drawing it."""
+    """Mean radiance over the exposure (H, W[, 3]) [W m-2 sr-1], and the timings of drawing it."""
 
     radiance: Float32Array
     stage_ms: dict[str, float]
@@ -128,7 +127,7 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
 
 
 def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | None = None) -> int:
-    """How often ground that fills the image is to be drawn and smeared; 0 where it does not, or goes too far.
+    """Return how often ground that fills the image is drawn and smeared; 0 if it does not fill it, or moves too far.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
 
 
 def _all_ground(scene: SceneState, pixels: FloatArray) -> bool:
-    """Whether rays through (K, 2) pixels all meet the globe, be it where it is lowest."""
+    """Return True if rays through (K, 2) pixels all hit the globe, even its lowest surface."""
     body = scene.globe.body
     r = np.subtract(scene.r_camera_eci_m, scene.globe.r_eci_m)
     along = -scene.camera.rays(pixels) @ matrix_from_quat(scene.q_camera_from_eci_wxyz) @ r
@@ -171,7 +170,9 @@ def _over_passing_ground(
     n_drawings: int,
     at: Callable[[float], SceneState],
 ) -> Exposed:
-    """The ground's mean, and before it the craft's: what of one changes while the other's edge passes is left out."""
+    """Average the moving ground and the craft separately over the exposure, then composite them. Occlusion changes
+    during the exposure are ignored.
+    """
     stage_ms: dict[str, float] = {"motion_blur": 0.0}
     mean: Float32Array | None = None
     for mid, early, late in _spans(scene, n_drawings, at):
@@ -201,7 +202,7 @@ def _over_passing_ground(
 def _spans(
     scene: SceneState, n: int, at: Callable[[float], SceneState]
 ) -> list[tuple[SceneState, SceneState, SceneState]]:
-    """Middle, beginning and end of ``n`` equal parts of an exposure."""
+    """Return the middle, beginning and end of ``n`` equal parts of an exposure."""
     parts = [[(k + part) / n - 0.5 for part in (0.5, 0.0, 1.0)] for k in range(n)]
     return [
         (at(m * scene.exposure_s), at(a * scene.exposure_s), at(b * scene.exposure_s)) for m, a, b in parts
@@ -209,7 +210,7 @@ def _spans(
 
 
 def _smeared(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
-    """A craft's light and coverage smeared along its flow, in a window that holds the smear."""
+    """Smear a craft's radiance and coverage along its flow, in a window that contains the smear."""
     if craft.coverage is None or not craft.radiance.size or flow.longest_px < STILL_PX:
         return craft
     reach = int(np.ceil(flow.longest_px / 2)) + 2
@@ -227,7 +228,7 @@ def _smeared(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
 
 
 def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
-    """Put the mean of crafts before a ground (H, W[, bands]), in place."""
+    """Composite the mean of craft images over a ground (H, W[, bands]), in place."""
     kept = [craft for craft in crafts if craft.radiance.size]
     if not kept:
         return
@@ -253,11 +254,11 @@ def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
 
 
 def _ways_px(mid: SceneState, early: SceneState, late: SceneState, pixels: FloatArray) -> FloatArray:
-    """(K, 2) ways from ``early`` to ``late`` of what is behind (K, 2) pixels of ``mid`` [px]."""
+    """Return (K, 2) displacements from ``early`` to ``late`` of the background at (K, 2) pixels of ``mid`` [px]."""
     return np.asarray(background_px(mid, late, pixels) - background_px(mid, early, pixels))
 
 
 def add_times(total_ms: dict[str, float], more_ms: dict[str, float]) -> None:
-    """Add one drawing's ledger to another's."""
+    """Add one drawing's timings to another's."""
     for name, ms in more_ms.items():
         total_ms[name] = total_ms.get(name, 0.0) + ms

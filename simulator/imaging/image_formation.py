@@ -39,7 +39,7 @@ _SHORT_VALUES = 3 << 16  # of more threads
 
 @dataclass(frozen=True, eq=False)
 class ViewingConditions:
-    """What the optics need to know of a frame besides its picture.
+    """Parameters of a frame that the optics need besides its image.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def expose(
     optics: Optics | None = None,
     around: ViewingConditions | None = None,
 ) -> Float32Array:
-    """Noise-free signal on the detector: vignetting and glare, exposure, the PSF.
+    """Return the noise-free signal on the detector: vignetting and glare, exposure, PSF.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def expose(
 
 
 def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingConditions) -> Float32Array:
-    """Vignetting, veiling glare, glow, scatter; the picture itself where there is none."""
+    """Apply vignetting, veiling glare, glow and scatter; return the image itself if there are none."""
     share = vignetting(around.camera, optics)
     if share is not None:
         image = image * (share if image.ndim == 2 else share[..., None])
@@ -100,7 +100,7 @@ def _through_the_lens(image: Float32Array, optics: Optics, around: ViewingCondit
 
 
 def noise_sigma(sensor: Sensor, signal: float = 0.0, exposure_s: float = 0.0) -> float:
-    """Standard deviation of the noise on a 0..1 signal, quantisation included [1]."""
+    """Return the standard deviation of the noise on a 0..1 signal, quantisation included [1]."""
     if sensor.detector is not None:
         return detector_sigma(sensor, signal, exposure_s)
     step = 1.0 / (2**sensor.bits - 1)
@@ -116,7 +116,7 @@ def digitise(
     band_gain: ArrayLike = 1.0,
     noise: Callable[[], ImageNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
+    """Return digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
     The order of the thesis recipe is not given in its source; here speckle ``I + n I`` with uniform n comes
     first, then the Gaussian term, then the clip, as MATLAB's ``imnoise`` would be called in sequence.
@@ -160,7 +160,7 @@ def digitise(
 
 
 def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
-    """Draw the additive noise of a scene's picture on another thread; the result is for `digitise_scene`."""
+    """Draw the additive noise of a scene's image on another thread; the result is for `digitise_scene`."""
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
     sensor = converter(scene.sensor, scene.camera.pixel_encoding)
@@ -168,7 +168,7 @@ def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
 
 
 def expose_scene(scene: SceneState, radiance_w_m2_sr: Float32Array) -> Float32Array:
-    """Noise-free signal of a drawn scene, 1 at full scale: lens, exposure, PSF.
+    """Return the noise-free signal of a drawn scene, 1 at full scale: lens, exposure, PSF.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def digitise_scene(
     sensor: Sensor | None = None,
     noise: Callable[[], ImageNoise] | None = None,
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers of an exposed scene, encoded as its camera delivers them.
+    """Return the digital numbers of an exposed scene, encoded as its camera delivers them.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def digitise_scene(
 
 
 def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
-    """Irradiance of the Sun at the camera per band, less what hides it [W m-2].
+    """Return the Sun's irradiance at the camera per band, without the hidden part [W m-2].
 
     In the shadow of the Earth it is the target's share; where the disc is in the image, what the picture shows of it.
     """

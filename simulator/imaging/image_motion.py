@@ -1,4 +1,4 @@
-"""How far things go across the image during an exposure: of the craft its box's corners, of ground and sky a grid."""
+"""Motion across the image during an exposure: of the corners of the craft's box, and of a grid on ground and sky."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 SMEARED_PX, PARALLAX_PX = 2.5, 0.5
-"""Of a craft that is drawn once and smeared: its longest way, as light changes where it turns; and what a point's way
-may be off the flow, as depth makes it, so that a smear's ends are within a quarter of a pixel."""
+"""Largest displacement of a craft that is drawn once and smeared, and largest deviation of a point from the planar
+flow [px]; a smear's ends are then within a quarter of a pixel."""
 FASTEST_GROUND_M_S = 1.6e3
-"""The Earth's equator turns at 465 m/s, that of Mars at 240."""
+"""Bound on ground speed from rotation [m s-1]: the Earth's equator moves at 465, that of Mars at 240."""
 
 
 @dataclass(frozen=True, eq=False)
 class CraftFlow:
-    """Where a craft goes across the image, as a plane through the ways of its box's corners.
+    """Motion of a craft across the image, as a plane through the displacements of its box's corners.
 
     Parameters
     ----------
@@ -42,17 +42,19 @@ class CraftFlow:
     off_px: float
 
     def ways_px(self, pixels: FloatArray) -> FloatArray:
-        """(K, 2) ways of what is at (K, 2) pixels [px]."""
+        """Return (K, 2) displacements at (K, 2) pixels [px]."""
         return np.asarray(self.affine[0] + pixels @ self.affine[1:])
 
     @property
     def drawings(self) -> int:
-        """How often the craft is to be drawn and smeared."""
+        """Number of drawings to smear."""
         return max(math.ceil(self.longest_px / SMEARED_PX), math.ceil(self.off_px / PARALLAX_PX), 1)
 
 
 def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Target) -> CraftFlow:
-    """The flow from ``early`` to ``late`` of a craft where ``mid`` shows it; corners behind the camera stay."""
+    """Return the flow of a craft from ``early`` to ``late`` at its position in ``mid``; corners behind the camera
+    stay.
+    """
     places, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
     known = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
     ways = np.nan_to_num(end - start)
@@ -61,14 +63,14 @@ def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Tar
 
 
 def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
-    """`propagated_scene` of one scene, each moment worked out once: the ends of an exposure are asked for often."""
+    """Return `propagated_scene` of one scene, cached by time."""
     return cache(partial(propagated_scene, scene))
 
 
 def image_motion_px(
     scene: SceneState, target: Target, span_s: float, at: Callable[[float], SceneState] | None = None
 ) -> float:
-    """Largest way that anything on the image goes in ``span_s`` about mid-exposure [px].
+    """Return the largest displacement of anything in the image during ``span_s`` about mid-exposure [px].
 
     Followed are the corners of the box about the craft, and a grid of directions: where one meets the Earth, the
     ground there, else the sky.
@@ -86,7 +88,7 @@ def image_motion_px(
 
 
 def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
-    """A motion that `image_motion_px` is never above, for a fraction of its cost; infinite where it is not known."""
+    """Return an upper bound of `image_motion_px`, at a fraction of its cost; infinite if unknown."""
     camera, size = scene.camera, float(np.linalg.norm(box_3d_m(target), axis=1).max())
     t = scene.t_camera_from_target_m
     central, body = scene.central, scene.central.body
@@ -108,7 +110,7 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
 
 
 def _followed_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
-    """(K, 2) where the followed points of ``scene`` are seen in the scene ``then``; NaN behind the camera."""
+    """Return (K, 2) positions in the scene ``then`` of the tracked points of ``scene``; NaN behind the camera."""
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
     behind = background_px(scene, then, np.stack([u.ravel(), v.ravel()], axis=1))
@@ -116,7 +118,7 @@ def _followed_px(scene: SceneState, then: SceneState, target: Target) -> FloatAr
 
 
 def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> FloatArray:
-    """(K, 2) where the ground or sky at pixels of ``scene`` is seen in the scene ``then``."""
+    """Return (K, 2) positions in the scene ``then`` of the ground or sky at pixels of ``scene``."""
     d = scene.camera.rays(pixels)
     d = d @ matrix_from_quat(scene.q_camera_from_eci_wxyz)  # in ECI
     body, states = scene.central.body, (scene.central, then.central)
@@ -133,7 +135,7 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
 
 
 def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
-    """(8, 2) corners of the box about the craft in the scene ``then``; zeros where they are not in the image."""
+    """Return (8, 2) corners of the craft's box in the scene ``then``; zeros if they are not in the image."""
     corners, c = box_3d_m(target), scene.camera
     craft = then.camera.project(then.camera_from_target.apply(corners))
     at = scene.camera.project(scene.camera_from_target.apply(corners))

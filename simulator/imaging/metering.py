@@ -1,4 +1,4 @@
-"""An exposure meter that needs no picture: the radiance that a camera will see, predicted from the geometry.
+"""An exposure meter without an image: the radiance predicted from the geometry.
 
 Lambert's law on a few hundred points of the craft and on the ground that the image shows. It leaves out highlights,
 shadows, clouds and light thrown from one thing on another: a meter sets an exposure, it does not measure light.
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 POINTS = 600
 GRID = (16, 12)
 LOWEST_W_M2_SR = 1e-4
-"""What counts as dark: the sunlit Earth and any sunlit paint are five orders of magnitude above."""
+"""Radiance that counts as dark: sunlit Earth or paint are five orders of magnitude above [W m-2 sr-1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class MeterPoints:
 
 @lru_cache(maxsize=4)
 def meter_points(target: Target) -> MeterPoints:
-    """Points of a target, one for each equal share of its surface."""
+    """Return points of a target, one per equal share of its surface."""
     base = {m.name: m for m in target.materials}
     corners, albedo = [], []
     for part in target.parts:
@@ -62,7 +62,7 @@ def meter_points(target: Target) -> MeterPoints:
 
 
 def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) -> float:
-    """Panchromatic radiance that ``share`` of what is lit on the image stays below; 0 where nothing is lit.
+    """Return the panchromatic radiance that ``share`` of the lit image stays below; 0 if nothing is lit.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) ->
 
 
 def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
-    """Radiance of the craft's points and the pixels that each stands for (0 where it is not seen)."""
+    """Return the radiance of the craft's points and the pixels that each represents (0 if hidden)."""
     points = meter_points(target)
     pose, c = scene.camera_from_target, scene.camera
     p, n = pose.apply(points.positions_m), points.normals @ pose.R.T
@@ -102,7 +102,7 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
 
 
 def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
-    """Radiance of the ground of the body that is circled, on a grid over the image, and each point's pixels."""
+    """Return the radiance of the central body's ground on a grid over the image, and each point's pixels."""
     c, central, body = scene.camera, scene.central, scene.central.body
     u = (np.arange(GRID[0]) + 0.5) / GRID[0] * c.width_px - 0.5
     v = (np.arange(GRID[1]) + 0.5) / GRID[1] * c.height_px - 0.5
@@ -124,7 +124,7 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
 
 
 def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
-    """Exposure that the meter wants for a scene [s]."""
+    """Return the meter's exposure for a scene [s]."""
     # an even grey picture, exposed for a second, tells how bright the sensor takes a unit of radiance to be
     signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
     return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)

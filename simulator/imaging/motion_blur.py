@@ -1,4 +1,4 @@
-"""Smear of a picture along its own flow: what a detector sees of a ground that passes during the exposure.
+"""Smear of an image along its own flow: ground that moves during the exposure.
 
 The ground's motion across the image is smooth, so that the mean over the exposure of a picture drawn once is its
 convolution, tile by tile, with the way that is gone there.
@@ -26,7 +26,7 @@ _TILE_PX = (32, 256)
 
 
 def _cubic(x: FloatArray) -> FloatArray:
-    """Weights of cubic interpolation, exact for parabolas.
+    """Return the weights of cubic interpolation, exact for parabolas.
 
     References
     ----------
@@ -39,7 +39,7 @@ def _cubic(x: FloatArray) -> FloatArray:
 
 
 def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
-    """Mean of the shifts along straight ways, their middles at the kernels'; the sum of each is one.
+    """Return the mean of shifts along straight displacements, centred in the kernels; the sum of each is one.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
 
 
 def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArray]) -> Float32Array:
-    """Mean of a picture over an exposure in which each of its points goes its own way.
+    """Average an image over an exposure in which each point has its own displacement.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
 def _tile_size(
     width: int, height: int, ways_px: Callable[[FloatArray], FloatArray], nodes: int = 9
 ) -> tuple[int, int]:
-    """Sides of tiles across which ways are much the same [px]."""
+    """Return sizes of tiles within which displacements are nearly constant [px]."""
     x, y = np.linspace(0, width - 1, nodes), np.linspace(0, height - 1, nodes)
     u, v = np.meshgrid(x, y)
     ways = ways_px(np.stack([u.ravel(), v.ravel()], axis=1)).reshape(nodes, nodes, 2)
@@ -108,5 +108,5 @@ def _tile_size(
 
 
 def _edges(size: int, step: int) -> IntArray:
-    """Edges of about equal tiles, at whole pixels."""
+    """Return edges of nearly equal tiles, at whole pixels."""
     return np.rint(np.linspace(0, size, -(-size // step) + 1)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""A rolling shutter: bands of rows that are exposed together, and the scene at the row in which a point is seen."""
+"""A rolling shutter: bands of rows exposed together, and the scene at the row in which a point is seen."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 BAND_PX = 0.2
-"""Motion between bands of rows of a rolling shutter: labels and picture are within half of it of the true row's."""
+"""Motion between bands of rows [px]; labels and image are within half of it of the true row's."""
 
 
 @dataclass(frozen=True)
 class RowBand:
-    """Rows ``y0 <= y < y1``, exposed about ``dt_s`` from the picture's mid-exposure."""
+    """Rows ``y0 <= y < y1``, exposed about ``dt_s`` from the image's mid-exposure."""
 
     y0: int
     y1: int
@@ -30,14 +30,14 @@ class RowBand:
 
 
 def crop(camera: Camera, x0: int, y0: int, width_px: int, height_px: int) -> Camera:
-    """The camera that sees a window of the image, or beyond its edges."""
+    """Return the camera of a window of the image, possibly beyond its edges."""
     return replace(
         camera, width_px=width_px, height_px=height_px, cx_px=camera.cx_px - x0, cy_px=camera.cy_px - y0
     )
 
 
 def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
-    """Bands of rows of equal height that a rolling shutter is drawn in; the last may overlap the one before."""
+    """Return bands of rows of equal height; the last may overlap the one before."""
     height = scene.camera.height_px
     if not scene.shutter.is_rolling:
         return (RowBand(0, height, 0.0),)
@@ -53,7 +53,8 @@ def row_bands(scene: SceneState, target: Target) -> tuple[RowBand, ...]:
 
 
 def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneState, ...]:
-    """The scene at the mid-exposure of the row that each point is seen in; the picture's own for a global shutter.
+    """Return the scene at the mid-exposure of the row in which each point is seen; the image's own for a global
+    shutter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Boxes about the craft on the image: of the visible mask, and of the whole projected craft."""
+"""Boxes of the craft in the image: of the visible mask, and of the whole projected craft."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEAREST_M = 1e-3  # what is closer than this to the lens's plane, or behind it, 
 
 
 def craft_window(mask: ByteArray) -> tuple[slice, slice]:
-    """Rows and columns that hold all of a mask: most of an image is not craft, and need not be walked through."""
+    """Return rows and columns that contain a mask, so that the rest of the image need not be processed."""
     rows = np.flatnonzero(mask.any(axis=1))
     if not rows.size:
         return slice(0, 0), slice(0, 0)
@@ -27,7 +27,7 @@ def craft_window(mask: ByteArray) -> tuple[slice, slice]:
 
 
 def mask_box(mask: ByteArray) -> Box | None:
-    """x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
+    """Return x0 y0 x1 y1 of a mask at pixel edges: a one-pixel mask at (3, 4) gives 2.5 3.5 3.5 4.5."""
     rows, columns = craft_window(mask)
     if rows.stop == 0:
         return None
@@ -35,7 +35,7 @@ def mask_box(mask: ByteArray) -> Box | None:
 
 
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
-    """Bounds of all projected vertices, not clipped to the image; None when part is behind the camera."""
+    """Return bounds of all projected vertices, not clipped to the image; None if part is behind the camera."""
     mesh = mesh_of(target)
     # without a lens that bends it, the outermost of a projection are corners of the convex hull
     points = mesh.hull_m if scene.camera.distortion.is_none else mesh.positions_m

@@ -1,4 +1,4 @@
-"""Whether a frame can be solved at all: enough of the silhouette inside, enough wireframe above the noise."""
+"""Feasibility of a frame: enough of the silhouette inside, enough wireframe above the noise."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TOO_FAR_PX = 40.0
 
 
 def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[FloatArray, FloatArray]:
-    """Points on the visible wireframe inside the image, about every four pixels.
+    """Return points on the visible wireframe inside the image, about every four pixels.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
 def wireframe_step_share(
     scene: SceneState, views: Sequence[ProjectedEdge], signal: Float32Array, level: float
 ) -> float:
-    """Share of the visible wireframe's length whose step in the noise-free image reaches one sigma.
+    """Return the share of the visible wireframe's length whose step in the noise-free image reaches one sigma.
 
     Parameters
     ----------
@@ -93,14 +93,14 @@ def wireframe_step_share(
 
 
 def mono_signal(signal: Float32Array) -> Float32Array:
-    """(H, W) mean of a signal's bands (H, W, 3), each within the scale, as pixels are; one band is left alone."""
+    """Return the (H, W) mean of a signal's clipped bands (H, W, 3); a single band is returned unchanged."""
     if signal.ndim == 2:
         return signal
     return np.asarray(np.clip(signal, 0, 1).mean(axis=2), np.float32)
 
 
 def mean_level(signal: Float32Array) -> float:
-    """Mean of a signal (H, W) within the detector's scale.
+    """Return the mean of a signal (H, W) within the detector's scale.
 
     In few steps that let go of Python's lock: it is worked out beside other things.
     """
@@ -110,14 +110,16 @@ def mean_level(signal: Float32Array) -> float:
 
 
 def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:
-    """Bilinear values of an image at pixel positions (S, 2)."""
+    """Interpolate an image bilinearly at pixel positions (S, 2)."""
     x, y = (pixels[:, k].astype(np.float32).reshape(-1, 1) for k in (0, 1))
     values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, float).ravel()
 
 
 def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
-    """Why a frame cannot be solved, or nothing: cropped first, then dark or, for a small target, too far."""
+    """Return why a frame is infeasible, or an empty string: cropped first, then dark or, for a small target, too
+    far.
+    """
     if silhouette_inside < SILHOUETTE_SHARE:
         return "cropped"
     if step_share >= STEP_SHARE:

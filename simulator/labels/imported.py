@@ -1,4 +1,4 @@
-"""The record of a picture that others took: its pose and what follows of it, with no scene that it was drawn from."""
+"""The record of an imported image: its pose and what follows from it, without a scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 
 
 class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known of a picture with a pose: the fields have the meaning that they have in `Truth`.
+    """Record of an image with a pose; the fields have their meaning in `Truth`.
 
     Nothing is known of its light. A keypoint's ``state`` is by the geometry alone: out_of_frame, self_occluded or
     visible. The mask is the model's silhouette at the pose, and a frame is feasible unless it is cropped.
@@ -73,7 +73,7 @@ def read_label_record(path: str | Path) -> LabelRecord:
 
 
 def parse_label_record(data: bytes, path: Path) -> LabelRecord:
-    """The record out of its text; ``path`` is what errors call it.
+    """Parse the record from its text; ``path`` names it in errors.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Keypoint labels: pixel position and the first reason why the point cannot be used, if any."""
+"""Keypoint labels: pixel position and the first reason why the point is not visible, if any."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONTRAST_RADIUS_PX = 2
 def label_keypoints(
     scene: SceneState, target: Target, mesh: TriangleMesh, signal: Float32Array
 ) -> tuple[KeypointLabel, ...]:
-    """Labels of all keypoints of a target.
+    """Label all keypoints of a target.
 
     Parameters
     ----------
@@ -59,17 +59,17 @@ def label_keypoints(
 
 
 def pixel_or_none(pixel: FloatArray) -> tuple[float, float] | None:
-    """A pixel position as a record keeps it: None behind the camera."""
+    """Return a pixel position for a record; None behind the camera."""
     return (float(pixel[0]), float(pixel[1])) if np.isfinite(pixel).all() else None
 
 
 def keypoint_scenes(scene: SceneState, target: Target) -> tuple[SceneState, ...]:
-    """The scene that each keypoint is seen in: a rolling shutter sees each at the time of its row."""
+    """Return the scene of each keypoint: under a rolling shutter, at the time of its row."""
     return pose_at_rows(scene, _positions(target))
 
 
 def project_keypoints(scenes: Sequence[SceneState], target: Target) -> FloatArray:
-    """Pixels (K, 2) of a target's keypoints, each seen in its own scene; NaN behind the camera."""
+    """Project a target's keypoints to pixels (K, 2), each in its own scene; NaN behind the camera."""
     points = _positions(target)
     pixels = np.full((len(points), 2), np.nan)
     for scene, which in _by_scene(scenes):
@@ -82,7 +82,7 @@ def _positions(target: Target) -> FloatArray:
 
 
 def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArray]]:
-    """Each distinct scene (by identity) and the indices it stands at."""
+    """Yield each distinct scene (by identity) and its indices."""
     for scene in {id(s): s for s in scenes}.values():
         yield scene, np.flatnonzero([s is scene for s in scenes])
 
@@ -90,7 +90,7 @@ def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArr
 def geometric_states(
     scene: SceneState, target: Target, mesh: TriangleMesh, scenes: Sequence[SceneState] | None = None
 ) -> tuple[KeypointState | None, ...]:
-    """State of each keypoint by geometry alone; None where it is lit and in sight, and the picture decides.
+    """Return the state of each keypoint by geometry alone; None if it is lit and unoccluded, so that the image decides.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def geometric_states(
 
 
 def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array) -> KeypointState:
-    """Return what the noise-free image lets see of a keypoint that nothing hides: saturated, below_noise or visible.
+    """Return the state of an unoccluded keypoint in the noise-free image: saturated, below_noise or visible.
 
     Parameters
     ----------

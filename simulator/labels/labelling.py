@@ -1,4 +1,4 @@
-"""Labels of one picture: the truth record, the mask, and the layers that were asked for."""
+"""Labels of one image: truth record, mask, and the requested layers."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ ROW_POSES = 33
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """What is known of a picture.
+    """Labels of an image.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def label_picture(
     signal: Float32Array,
     image: NDArray[np.unsignedinteger],
 ) -> Labels:
-    """The labels of a picture.
+    """Label an image.
 
     The geometry is worked out while the driver draws the label raster on threads of its own, and another thread hashes
     what is ready. It takes few long steps without Python's lock: each hand-over of that costs.
@@ -143,7 +143,7 @@ def truth_record(
     wireframe: bool,
     software: Software,
 ) -> Truth:
-    """The truth record of a scene and its noise-free signal, all but what it says of the written images.
+    """Build the truth record of a scene and its noise-free signal, without the hashes of the written images.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def truth_record(
 
 
 def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
-    """Poses at some rows of a rolling shutter, from the first to the last; none for a global one.
+    """Return poses at some rows of a rolling shutter, from first to last; none for a global one.
 
     Between them rates are constant: a straight line in position and the shortest turn meet every row.
     """

@@ -1,4 +1,4 @@
-"""Label layers: images of the camera's size (the amodal mask may be larger) that say something of every pixel."""
+"""Label layers: images of the camera's size (the amodal mask may be larger) with a value per pixel."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ AMODAL_REACH = 1.0  # how far beyond the image the amodal mask goes, in its larg
 
 @dataclass(frozen=True, eq=False)
 class AmodalMask:
-    """The craft's whole silhouette: ``mask`` (H', W') 0 or 255, whose first pixel is ``origin_px`` of the image."""
+    """The craft's whole silhouette: ``mask`` (H', W') 0 or 255, whose first pixel is at ``origin_px`` of the image."""
 
     mask: ByteArray
     origin_px: tuple[int, int]
 
 
 def visible_mask(seen: Surfaces) -> ByteArray:
-    """(H, W) 255 where the craft covers a pixel's centre."""
+    """Return (H, W) 255 where the craft covers a pixel's centre."""
     mask = np.zeros(seen.depth_m.shape, np.uint8)
     on = np.isfinite(seen.depth_m[seen.window]).view(np.uint8)
     mask[seen.window] = np.negative(on, out=on)  # 1 becomes 255
@@ -58,7 +58,7 @@ def draw_layers(
     mask: ByteArray,
     amodal_box: Box | None,
 ) -> tuple[dict[str, NDArray[Any]], tuple[int, int] | None]:
-    """The layers that were asked for, by name, but for flow and clean twin; and the amodal mask's origin.
+    """Draw the requested layers by name, except flow and clean twin. Return them with the amodal mask's origin.
 
     Parameters
     ----------
@@ -81,17 +81,17 @@ def draw_layers(
 
 
 def wants_surfaces(request: LabelRequest) -> bool:
-    """Whether the label pass must write normals and parts."""
+    """Return True if the label pass must write normals and parts."""
     return not OF_SURFACES.isdisjoint(request.layers)
 
 
 def pixel_hash(image: NDArray[Any]) -> str:
-    """SHA-256 of an image's pixels, row by row, whatever file they are kept in."""
+    """Return the SHA-256 of an image's pixels, row by row, independent of the file."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
 def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
-    """SHA-256 of a layer's values, row by row, whatever file they are kept in.
+    """Return the SHA-256 of a layer's values, row by row, independent of the file.
 
     Depth, parts, normals and flow are hashed where ``mask`` is set, for they are empty elsewhere; other layers whole.
     """
@@ -105,14 +105,14 @@ def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
 
 
 def clean_twin(scene: SceneState, signal: Float32Array) -> NDArray[np.unsignedinteger]:
-    """The image as the detector would give it without noise: same optics, scale and bits."""
+    """Return the image without noise: same optics, scale and bits."""
     return digitise_scene(scene, signal, noiseless(scene.sensor))
 
 
 def amodal_mask(
     renderer: Renderer, scene: SceneState, target: Target, mask: ByteArray, box: Box | None
 ) -> AmodalMask:
-    """The whole silhouette, also where it lies beyond the image's edges, by at most an image's larger side.
+    """Return the whole silhouette, up to an image's larger side beyond the edges.
 
     Inside the image it is the visible mask: nothing ever stands before the craft. A lens that distorts is known on the
     image only, so there the mask ends with it.
@@ -141,7 +141,7 @@ def amodal_mask(
 
 
 def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask: ByteArray) -> Float32Array:
-    """(H, W, 2) way of what each pixel shows to where the next frame has it [px], x right, y down.
+    """Return the (H, W, 2) displacement of each pixel's surface point to the next frame [px], x right, y down.
 
     NaN off the craft, and where the next frame has the point behind the camera. For a global shutter.
     """
@@ -167,7 +167,7 @@ def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask
 def _pinhole_flow(
     camera: Camera, R: FloatArray, t: FloatArray, depth_m: Float32Array, window: tuple[slice, slice]
 ) -> Float32Array:
-    """Flow (h, w, 2) of a window of the image by a camera whose lens does not bend; NaN where depth is.
+    """Return the flow (h, w, 2) of a window for a pinhole camera; NaN without depth.
 
     Parameters
     ----------

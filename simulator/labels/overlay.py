@@ -1,4 +1,4 @@
-"""Truth drawn over an image, for people to look at: wireframe, keypoints by state, box, model axes."""
+"""Truth drawn over an image: wireframe, keypoints by state, box, model axes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FARTHEST_PX = 1e5
 
 
 def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
-    """Return an RGB copy of an image (H, W) or (H, W, 3) as a screen shows it: see `display_picture`."""
+    """Return an RGB copy of an image (H, W) or (H, W, 3) as displayed: see `display_picture`."""
     shown = display_picture(image, sensor, encoding)
     return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown
 
@@ -38,7 +38,7 @@ def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Enc
 def draw_truth(
     image: NDArray[np.unsignedinteger], truth: Truth, target: Target, *, wireframe: bool = True
 ) -> ByteArray:
-    """An RGB copy of an image, as a screen shows it, with its labels drawn on it.
+    """Return an RGB copy of an image, as displayed, with its labels drawn on it.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def draw_truth(
 def draw_wireframe(
     canvas: ByteArray, camera: Camera, pose: Pose, target: Target, colour: tuple[int, int, int] = BLUE
 ) -> ByteArray:
-    """What a camera sees of a target's edges at a pose, over an RGB image."""
+    """Draw the visible edges of a target at a pose over an RGB image."""
     drawn = canvas.copy()
     for view in view_edges(camera, pose, target, mesh_of(target)):
         for stretch in view.stretches:
@@ -69,7 +69,7 @@ def draw_wireframe(
 
 
 def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray:
-    """A box, if there is one, over an RGB image."""
+    """Draw a box, if there is one, over an RGB image."""
     drawn = canvas.copy()
     if box_px is not None:
         x0, y0, x1, y1 = (round(v) for v in box_px)
@@ -78,7 +78,7 @@ def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray
 
 
 def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
-    """Keypoints over an RGB image: green where visible, orange where light fails them, grey where hidden."""
+    """Draw keypoints over an RGB image: green if visible, orange if light fails, grey if hidden."""
     drawn, weight = canvas.copy(), _weight(camera)
     for k in keypoints:
         if k.pixel_px is None or k.state == "out_of_frame":
@@ -91,7 +91,7 @@ def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointL
 
 
 def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArray:
-    """The outline of a mask, over an RGB image."""
+    """Draw the outline of a mask over an RGB image."""
     drawn = canvas.copy()
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(drawn, outlines, -1, ORANGE, _weight(camera))
@@ -99,7 +99,7 @@ def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArra
 
 
 def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) -> ByteArray:
-    """The model's axes as arrows over an RGB image: x red, y green, z blue; one that reaches behind is left out.
+    """Draw the model's axes as arrows over an RGB image: x red, y green, z blue; none that reach behind the camera.
 
     Parameters
     ----------
@@ -122,13 +122,13 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 def draw_pose(
     canvas: ByteArray, truth: Truth, target: Target, q_wxyz: tuple[float, ...], t_m: tuple[float, ...]
 ) -> ByteArray:
-    """The wireframe at an estimated pose, in orange, over an RGB image."""
+    """Draw the wireframe at an estimated pose, in orange, over an RGB image."""
     pose = type(truth.scene.camera_from_target).of("camera", "target", q_wxyz, t_m)
     return draw_wireframe(canvas, truth.camera, pose, target, ORANGE)
 
 
 def _weight(camera: Camera) -> int:
-    """Width of lines [px]."""
+    """Return the width of lines [px]."""
     return max(1, round(camera.width_px / 1900))
 
 

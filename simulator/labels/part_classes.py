@@ -1,4 +1,4 @@
-"""Seven classes of parts that every craft has some of, by the names of its parts: what an inspection looks for.
+"""Seven classes of parts, by the names of the parts.
 
 First that applies: solar_array, antenna, propulsion, docking, sensor, radiator, else body.
 """
@@ -49,14 +49,14 @@ _STEMS: dict[PartClass, str] = {
     "sensor": "startracker|telescope|camera|spectrometer|magnetometer",
     "radiator": "radiator",
 }
-"""Words that are found within a longer one, of names that run together."""
+"""Words recognised within longer ones, for run-together names."""
 _RULES = tuple((name, re.compile(rf"(?:^|_)(?:{words})(?:_|$)")) for name, words in _WORDS.items())
 _WITHIN = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")
 
 
 def known_class(part: str) -> PartClass | None:
-    """Return the class that a part's name says, or None.
+    """Return the class that a part's name implies, or None.
 
     Words are told apart by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
     """
@@ -71,12 +71,12 @@ def part_class(part: str) -> PartClass:
 
 
 def target_classes(target: Target) -> tuple[PartClass, ...]:
-    """Return the classes of a target's parts in their order: those that were set, else by their names."""
+    """Return the classes of a target's parts in order: those set explicitly, else by name."""
     return tuple(target.part_classes.get(part.name) or part_class(part.name) for part in target.parts)
 
 
 def class_lines(target: Target) -> list[str]:
-    """Return lines for the user: the classes that parts have, and the parts whose names say none."""
+    """Return lines for the user: the classes of the parts, and the parts whose names imply none."""
     of_class: dict[str, list[str]] = {}
     unknown = []
     for part, chosen in zip(target.parts, target_classes(target), strict=True):
@@ -91,12 +91,12 @@ def class_lines(target: Target) -> list[str]:
 
 
 def _named(parts: list[str]) -> str:
-    """Return how many parts there are, and the names of the first."""
+    """Return the number of parts, and the names of the first."""
     return f"{len(parts)} ({', '.join(p[:60] for p in parts[:5])}{', ...' * (len(parts) > 5)})"
 
 
 class PartClassFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file that sets classes: by name of a part, or by a pattern with ``*`` and ``?``; the last that fits counts."""
+    """A file that sets classes by part name, or by a pattern with ``*`` and ``?``; the last match counts."""
 
     schema: Literal["flyaround.part_classes"]
     version: Literal[1]

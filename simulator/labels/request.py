@@ -1,4 +1,4 @@
-"""Which labels a frame gets beyond its truth record and mask: the names of the layers on request."""
+"""Requested labels of a frame besides truth record and mask."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.labels.truth import FlowLabel
 
 LAYERS = ("amodal", "parts", "depth", "normals", "flow", "clean", "wireframe")
-"""``wireframe`` goes into the truth record, every other layer into a file of its own."""
+"""Layer names; ``wireframe`` is part of the truth record, every other layer a file."""
 
 OF_SURFACES = frozenset({"parts", "normals"})
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabelRequest:
-    """What to label.
+    """Labels to produce.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class LabelRequest:
 
 
 def parse_labels(text: str) -> tuple[str, ...]:
-    """Layers from a comma-separated list, ``all`` or ``none``, in the order of ``LAYERS``.
+    """Parse layers from a comma-separated list, ``all`` or ``none``, in the order of ``LAYERS``.
 
     Raises
     ------

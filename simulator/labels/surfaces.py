@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def start_surfaces(
     renderer: Renderer, scene: SceneState, target: Target, *, layers: bool
 ) -> Callable[[], Surfaces]:
-    """`surfaces`, which the driver draws while other things are done; the result, called once, waits for it."""
+    """Start `surfaces` asynchronously; the returned function, called once, waits for the result."""
     if len(row_bands(scene, target)) > 1:
         return partial(surfaces, renderer, scene, target, layers=layers)
     return renderer.start_surfaces(scene, target, layers=layers)
@@ -32,7 +32,7 @@ def start_surfaces(
 def surfaces(
     renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
 ) -> Surfaces:
-    """What lies at each pixel's centre at mid-exposure, each row at its own; ``margin_px`` pixels beyond the edges."""
+    """Return the surface at each pixel's centre at mid-exposure, rows at their own; ``margin_px`` beyond the edges."""
     height, m = scene.camera.height_px, margin_px
     bands = row_bands(scene, target)
     found: Surfaces | None = None

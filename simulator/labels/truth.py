@@ -28,7 +28,7 @@ Box = tuple[float, float, float, float]
 
 
 class KeypointLabel(msgspec.Struct, frozen=True, kw_only=True):
-    """One keypoint: where it is on the model, where it is in the image, and how it is seen."""
+    """One keypoint: position on the model, position in the image, and state."""
 
     name: str
     target_m: Vec3
@@ -37,7 +37,7 @@ class KeypointLabel(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlowLabel(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the optical flow leads: time and pose of the next frame."""
+    """Target of the optical flow: time and pose of the next frame."""
 
     t_s: float
     q_camera_from_target_wxyz: Quat
@@ -45,7 +45,7 @@ class FlowLabel(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WireLabel(msgspec.Struct, frozen=True, kw_only=True):
-    """One edge of the wireframe: where its ends project, and which shares 0..1 of it the craft leaves in sight.
+    """One edge of the wireframe: projected ends, and visible shares 0..1.
 
     The ends are not clipped to the image; an edge that reaches behind the camera is left out. Where the lens bends the
     edge, shares are of its straight projection without the lens.
@@ -66,14 +66,14 @@ class RowPose(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Software(msgspec.Struct, frozen=True, kw_only=True):
-    """What drew the frame."""
+    """Version and renderer that drew the frame."""
 
     flyaround: str
     gl_renderer: str
 
 
 class Truth(msgspec.Struct, frozen=True, kw_only=True, dict=True):
-    """Everything known of one frame, at mid-exposure.
+    """The ground truth of one frame, at mid-exposure.
 
     ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again. The hashes are
     of the pixels, row by row, as written (RGB order, little-endian), not of the PNG files.
@@ -120,12 +120,12 @@ class Truth(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
 
 def truth_to_json(truth: Truth) -> bytes:
-    """The record as indented JSON; floats round-trip exactly."""
+    """Return the record as indented JSON; floats round-trip exactly."""
     return msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
 
 
 def truth_document(truth: Truth) -> dict[str, Any]:
-    """The record as a JSON-able document."""
+    """Return the record as a JSON-able document."""
     return dict(msgspec.json.decode(msgspec.json.encode(truth)))
 
 
@@ -142,7 +142,7 @@ def read_truth(path: str | Path) -> Truth:
 
 
 def parse_truth(data: bytes, path: Path) -> Truth:
-    """A truth record out of its text; ``path`` is what errors call it.
+    """Parse a truth record from its text; ``path`` names it in errors.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def parse_truth(data: bytes, path: Path) -> Truth:
 
 
 def read_record_bytes(path: Path) -> bytes:
-    """The text of a record, not longer nor nested deeper than one is.
+    """Read the text of a record, limited in length and nesting.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Exact visibility of points on the mesh: whether a triangle comes before them along a ray, by projection.
+"""Exact visibility of points on the mesh, by projection of the triangles.
 
 All rays of one query share a centre (the camera) or a direction (the Sun), so the mesh is projected once
 and each point is compared with the few triangles whose projection covers it.
@@ -35,7 +35,7 @@ _seen_along = lru_cache(maxsize=2)(project_along)
 
 
 def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
-    """Whether the mesh hides each point from a pinhole at the camera's origin.
+    """Return whether the mesh hides each point from a pinhole at the camera's origin.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
 
 
 def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
-    """Whether the mesh stands between each point and a source at infinity (the Sun).
+    """Return whether the mesh stands between each point and a source at infinity (the Sun).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which stretch of each model edge a camera sees: analytic hidden-line removal against the mesh.
+"""Visible stretches of each model edge: analytic hidden-line removal against the mesh.
 
 Both an edge and a triangle have an inverse depth that is linear on the screen. So each triangle whose
 projection an edge crosses hides it over one interval: the part of the edge inside the triangle, cut where the
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 NEAR_M = 0.05
 ROD = 1.2
-"""Radii about a rod's axis within which a surface is taken for the rod's own: rods taper, their radius is a mean."""
+"""Radii around a rod's axis within which a surface counts as the rod's own; rods taper, and their radius is a mean."""
 END_ON = 0.1
-"""Sine of the angle between a rod and the line of sight below which the rod counts as seen from its end."""
+"""Sine of the angle between a rod and the line of sight below which the rod is seen end-on."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedEdge:
-    """One edge as a camera sees it.
+    """One projected edge.
 
     Parameters
     ----------
@@ -61,14 +61,14 @@ class ProjectedEdge:
         return float(np.hypot(*(self.ends_px[1] - self.ends_px[0])))
 
     def at(self, share: FloatArray) -> FloatArray:
-        """Pixels (S, 2) at shares (S,) of the projected edge."""
+        """Return pixels (S, 2) at shares (S,) of the projected edge."""
         a, b = self.ends_px if self.straight_px is None else self.straight_px
         straight = np.asarray(a + share[:, None] * (b - a))
         return straight if self.lens is None else bent(self.lens, straight)
 
 
 def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
-    """Pixels (S, 2) of a projection without the lens, as the lens bends them."""
+    """Apply the lens distortion to pixels (S, 2) of an undistorted projection."""
     xy = (straight_px - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
     return camera.project(np.concatenate([xy, np.ones((len(xy), 1))], axis=1))
 
@@ -76,7 +76,7 @@ def bent(camera: Camera, straight_px: FloatArray) -> FloatArray:
 def view_edges(
     camera: Camera, camera_from_target: Pose, target: Target, mesh: TriangleMesh
 ) -> tuple[ProjectedEdge, ...]:
-    """All edges of a target that lie before the camera, with their visible stretches.
+    """Return all edges of a target in front of the camera, with their visible stretches.
 
     An edge whose faces all look away has no visible stretch. A rod's edge is its axis, which its own surface hides:
     it is tested against what lies nearer than the rod, whose surface a slanting line of sight meets the longer before
@@ -113,7 +113,9 @@ def view_edges(
 
 
 def _sine_to_sight(ends_m: FloatArray) -> FloatArray:
-    """(E, 2) sine of the angle between each edge (E, 2, 3) and the line of sight to its ends, camera frame."""
+    """Return the (E, 2) sine of the angle between each edge (E, 2, 3) and the line of sight to its ends, camera
+    frame.
+    """
     way = ends_m[:, 1:] - ends_m[:, :1]
     product = np.linalg.norm(np.cross(ends_m, way), axis=2)
     length = np.linalg.norm(way, axis=2) * np.linalg.norm(ends_m, axis=2)
@@ -136,7 +138,7 @@ class _Wires:
     owner: IntArray
 
     def facing(self, eye_m: FloatArray) -> BoolArray:
-        """(E,) whether a face of each edge looks at the eye; true for an edge without faces."""
+        """Return (E,) whether a face of each edge faces the eye; true for an edge without faces."""
         seen = np.ones(len(self.ends_m), bool)
         seen[self.owner] = False
         seen[self.owner[self.planes @ np.append(eye_m, 1.0) > 0]] = True

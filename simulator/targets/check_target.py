@@ -24,13 +24,14 @@ if TYPE_CHECKING:
     )
 
 KEYPOINT_REACH = 0.02
-"""Share of the craft's size by which a keypoint may lie off its surface: fillets and coarse levels do."""
+"""Largest distance of a keypoint from the surface, as a share of the craft's size; fillets and coarse levels need
+it."""
 SMALLEST_AREA_M2 = 1e-14
-"""Twice this is a square of 0.1 micrometre: no modeller means such a triangle."""
+"""Smallest area of a triangle: twice this is a square of 0.1 micrometre."""
 
 
 def check_target(target: Target, where: str) -> None:
-    """Refuse a target that cannot be drawn, labelled or propagated.
+    """Raise if a target cannot be drawn, labelled or propagated.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def check_target(target: Target, where: str) -> None:
 
 
 def check_part(part: Part, where: str) -> None:
-    """Vertices finite, indices in range, unit normals, no triangle without area or wound inside out."""
+    """Check for finite vertices, valid indices, unit normals, and no degenerate or inverted triangle."""
     place = f"{where}, part {part.name!r}"
     p, n, t = part.positions_m.astype(float), part.normals.astype(float), part.triangles
     finite = np.isfinite(p).all(axis=1)
@@ -75,7 +76,7 @@ def check_part(part: Part, where: str) -> None:
 
 
 def check_keypoints_on_mesh(target: Target, where: str) -> None:
-    """Every keypoint lies on the mesh, to a fiftieth of the craft: elsewhere its visibility means nothing.
+    """Check that every keypoint lies on the mesh, to a fiftieth of the craft; elsewhere its visibility is meaningless.
 
     Not asked of coarse levels, which keep labels and leave small parts out.
     """
@@ -100,7 +101,7 @@ def check_keypoints_on_mesh(target: Target, where: str) -> None:
 
 
 def check_grain(materials: Sequence[Material], where: str) -> None:
-    """A brushed metal has a direction."""
+    """Check that brushed metals have a grain direction."""
     for m in materials:
         length = float(np.linalg.norm(m.grain))
         if m.anisotropy > 0 and not (np.isfinite(length) and length > 0):
@@ -110,7 +111,7 @@ def check_grain(materials: Sequence[Material], where: str) -> None:
 
 
 def check_textures(target: Target, where: str) -> None:
-    """Every texture that a material names is there as PNG or JPEG, and parts that use it have coordinates."""
+    """Check that every texture of a material exists as PNG or JPEG, and that parts that use it have coordinates."""
     held = {p.name: p.data for p in target.pictures}
     for name, data in held.items():
         if not mime_of(data):
@@ -141,7 +142,7 @@ def check_textures(target: Target, where: str) -> None:
 def check_labels(
     keypoints: Sequence[Keypoint], wireframe: Sequence[Edge], occluders: Occluders, where: str
 ) -> None:
-    """Names unique, numbers finite, edges of some length, occluders within their vertices."""
+    """Check for unique names, finite numbers, edges of finite length, and occluder indices in range."""
     for kind, names in (("keypoint", [k.name for k in keypoints]), ("edge", [e.name for e in wireframe])):
         twice = next((n for k, n in enumerate(names) if n in names[:k]), None)
         if twice is not None:
@@ -160,7 +161,7 @@ def check_labels(
 
 
 def check_mass(mass: MassProperties, where: str) -> None:
-    """Mass positive; inertia symmetric, positive definite, and within the triangle inequality."""
+    """Check that mass is positive, and inertia symmetric, positive definite and within the triangle inequality."""
     I = np.asarray(mass.inertia_kg_m2)
     if not (np.isfinite(mass.mass_kg) and mass.mass_kg > 0 and np.isfinite(mass.com_m).all()):
         raise UserError(f"{where}: mass must be positive and centre of mass finite; correct them")

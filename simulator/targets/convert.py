@@ -1,4 +1,4 @@
-"""Between a Target and its records, and the hash that names a target."""
+"""Conversion between a Target and its records, and the hash of a target."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def content_sha256(
     occluders: Occluders,
     pictures: Sequence[TextureImage] = (),
 ) -> str:
-    """SHA-256 of everything that a picture or a label of the target depends on.
+    """Return the SHA-256 of everything that affects an image or a label of the target.
 
     The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
     keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
@@ -83,7 +83,7 @@ def content_sha256(
 
 
 def _material_head(material: Material) -> dict[str, Any]:
-    """The material without empty texture names and without grain: targets that have none keep the hash they had."""
+    """Return the material without empty textures and grain, so that targets without them keep their hash."""
     absent = () if material.anisotropy > 0 else ("anisotropy", "grain", "turned")
     return {
         k: v
@@ -93,7 +93,7 @@ def _material_head(material: Material) -> dict[str, Any]:
 
 
 def record_of(target: Target) -> TargetRecord:
-    """The target's data beside its geometry and materials."""
+    """Return the target's data besides its geometry and materials."""
     return TargetRecord(
         schema="flyaround.target",
         version=1,
@@ -115,12 +115,12 @@ def record_of(target: Target) -> TargetRecord:
 
 
 def keypoints_of(record: TargetRecord) -> tuple[Keypoint, ...]:
-    """Keypoints of a record."""
+    """Return the keypoints of a record."""
     return tuple(Keypoint(name=k.name, position_m=k.position_m) for k in record.keypoints)
 
 
 def wireframe_of(record: TargetRecord) -> tuple[Edge, ...]:
-    """Wireframe of a record."""
+    """Return the wireframe of a record."""
     return tuple(
         Edge(name=e.name, a_m=e.a_m, b_m=e.b_m, normals=e.normals, radius_m=e.radius_m)
         for e in record.wireframe
@@ -128,7 +128,7 @@ def wireframe_of(record: TargetRecord) -> tuple[Edge, ...]:
 
 
 def occluders_of(record: TargetRecord) -> Occluders:
-    """Occluders of a record."""
+    """Return the occluders of a record."""
     return Occluders(
         vertices_m=np.array(record.occluders.vertices_m, float).reshape(-1, 3),
         triangles=np.array(record.occluders.triangles, np.int64).reshape(-1, 3),
@@ -136,11 +136,11 @@ def occluders_of(record: TargetRecord) -> Occluders:
 
 
 def mass_of(record: TargetRecord) -> MassProperties:
-    """Mass properties of a record."""
+    """Return the mass properties of a record."""
     m = record.mass
     return MassProperties(mass_kg=m.mass_kg, com_m=m.com_m, inertia_kg_m2=m.inertia_kg_m2)
 
 
 def frames_of(record: TargetRecord) -> dict[str, tuple[Vec3, Vec3]]:
-    """Named frames of a record."""
+    """Return the named frames of a record."""
     return {name: (f.origin_m, f.axis) for name, f in record.frames.items()}

@@ -1,4 +1,4 @@
-"""The user's own targets: target files in the user's data folder, found by name beside the built-in ones."""
+"""The user's own targets: target files in the user's data folder, listed with the built-in ones."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,62}")
 
 
 def user_folder() -> Path:
-    """Where a user's targets are kept: ``FLYAROUND_DATA_DIR`` or the user's data folder."""
+    """Return the folder of the user's targets: ``FLYAROUND_DATA_DIR`` or the user's data folder."""
     chosen = os.environ.get("FLYAROUND_DATA_DIR")
     return (Path(chosen) if chosen else platformdirs.user_data_path("flyaround", False)) / "targets"
 
 
 def user_targets() -> tuple[str, ...]:
-    """Names of the user's targets, sorted."""
+    """Return the names of the user's targets, sorted."""
     folder = user_folder()
     return tuple(sorted(p.stem for p in folder.glob("*.glb"))) if folder.is_dir() else ()
 
 
 def user_file(name: str) -> Path:
-    """Path of the user's target called ``name``, whether it is there or not."""
+    """Return the path of the user's target called ``name``, whether it exists or not."""
     return user_folder() / f"{name}.glb"
 
 
 def sheet_folder(name: str) -> Path:
-    """Where the contact sheet of the user's target called ``name`` goes."""
+    """Return the folder of the contact sheet of the user's target called ``name``."""
     return user_folder() / f"{name}-sheet"
 
 
 def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
-    """Refuse a name that is taken or cannot be a file's.
+    """Raise if a name is taken or cannot be a file's.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
 
 
 def install(target: Target) -> Path:
-    """Write the target file into the user's data folder and read it back; returns its path.
+    """Write the target file into the user's data folder and read it back. Return its path.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def install(target: Target) -> Path:
 
 
 def remove(name: str, built_in: Sequence[str]) -> Path:
-    """Delete a user's target; returns the path it had.
+    """Delete a user's target. Return its former path.
 
     Raises
     ------

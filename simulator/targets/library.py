@@ -1,4 +1,4 @@
-"""Targets by name: the built-in ones, those that the user added, those of other packages; and target files.
+"""Targets by name: built-in, added by the user, or of other packages; and target files.
 
 The built-in targets are the files of ``assets/targets``, which `tools.craft` writes. Each comes in three levels of
 detail: ``tango`` is Tango in full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The
@@ -30,7 +30,7 @@ _MOST_IN_USE = 4  # targets that one process keeps: megabytes each
 
 
 def list_targets() -> tuple[str, ...]:
-    """Names of the built-in targets, then of those the user added, then of those that other packages add."""
+    """Return the names of the targets: built-in, added by the user, then of other packages."""
     built_in = built_in_targets()
     users = [n for n in user_targets() if n not in built_in]
     return (*built_in, *users, *(n for n in plugins("target") if n not in {*built_in, *users}))
@@ -45,7 +45,7 @@ def built_in_targets() -> tuple[str, ...]:
 
 
 def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
-    """A built-in target or one that the user added by name, or a target file (``.glb``).
+    """Load a target by name, built-in or added, or from a target file (``.glb``).
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
 
 
 def _added(plugin: Plugin) -> Target:
-    """A target of another package: a function that builds it, or the path of a target file.
+    """Return a target of another package: from its function, or its target file.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def _added(plugin: Plugin) -> Target:
 
 @functools.lru_cache(maxsize=_MOST_IN_USE)
 def target_in_use(name: str, sha256: str) -> Target:
-    """`load_target`, the same object again for the same craft: what is worked out of its mesh is kept with it.
+    """Load a target as `load_target` does, cached by craft, so that derived data of its mesh are kept.
 
     For processes that are told a target's name with each frame. A mesh that the user imports anew has another hash and
     is read anew.

@@ -50,7 +50,7 @@ class Material:
 
     @property
     def textures(self) -> tuple[str, str, str]:
-        """Names of the pictures of base colour, of metalness and roughness, and of normals; empty where none."""
+        """Names of the base-colour, metalness-roughness and normal textures; empty if absent."""
         return (self.base_color_texture, self.metallic_roughness_texture, self.normal_texture)
 
 
@@ -84,7 +84,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Keypoint:
-    """A named point of the model that labels report."""
+    """A named point of the model that is labelled."""
 
     name: str
     position_m: Vec3
@@ -108,7 +108,7 @@ class Edge:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Occluders:
-    """Coarse closed bodies that stand for the craft when a board asks what hides a point.
+    """Coarse closed bodies that represent the craft in a board's visibility tests.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ class MassProperties:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """One spacecraft as everything else sees it: the target file, read.
+    """One spacecraft: the contents of its target file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The target file's own data, as typed records: what stands beside the geometry in a GLB.
+"""Typed records of a target file: the data besides geometry in a GLB.
 
 These structs are the schema: `flyaround.schemas` writes them out as JSON Schema.
 """

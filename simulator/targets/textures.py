@@ -1,4 +1,4 @@
-"""Textures of a target: image formats and size limits, pictures embedded in glTF buffers, references to them."""
+"""Textures of a target: formats, size limits, images embedded in glTF buffers, and references to them."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MOST_SIDE_PX, MOST_PIXELS = 16_384, 8192 * 8192
-"""What a picture is decoded to at most: 200 MB. A hundred kilobytes can hold a hundred times as much."""
+"""Largest decoded size of an image: 200 MB. A hundred kilobytes may decode to a hundred times as much."""
 _DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
 
 def mime_of(data: bytes) -> str:
-    """The type of a picture's bytes, by their first ones; empty for what glTF 2.0 does not hold."""
+    """Return the MIME type of an image by its signature; empty if glTF 2.0 does not support it."""
     return next((mime for magic, mime in MIME.items() if data.startswith(magic)), "")
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that a picture's head says, without decoding it; None where it is none that is read."""
+    """Return width and height from an image's header, without decoding; None if it is not supported."""
     from PIL import Image  # noqa: PLC0415 - few targets have pictures
 
     try:
@@ -36,7 +36,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
 
 
 def check_picture(data: bytes, where: str) -> None:
-    """Refuse a picture that would take more memory than a texture needs, before it is decoded.
+    """Raise if an image would need too much memory, before it is decoded.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def check_picture(data: bytes, where: str) -> None:
 
 
 def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
-    """The embedded pictures of a document."""
+    """Return the embedded pictures of a document."""
     out = []
     for k, image in enumerate(document.get("images") or []):
         view = document["bufferViews"][image["bufferView"]]
@@ -66,7 +66,7 @@ def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ..
 def texture_name(
     document: dict[str, Any], info: dict[str, Any] | None, pictures: tuple[TextureImage, ...]
 ) -> str:
-    """The name of the picture that a texture reference means; empty when there is none."""
+    """Return the name of the image of a texture reference; empty if there is none."""
     if info is None:
         return ""
     return pictures[document["textures"][info["index"]]["source"]].name

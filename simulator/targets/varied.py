@@ -1,4 +1,4 @@
-"""A craft as built, not as drawn: its model stretched by millimetres, its surfaces other than the model has them.
+"""A varied craft: its model stretched by millimetres, its surface parameters changed.
 
 The stretch is one small symmetric matrix for the whole craft, ``x' = x + A x``: no part moves against another, straight
 edges stay straight, and the axes of the model are still those of the craft. Keypoints and wireframe go along, so that
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):
-    """What a material is multiplied by; roughness and reflectance stay within 0.02 to 1."""
+    """Factors on a material's parameters; roughness and reflectance stay within 0.02 to 1."""
 
     reflectance: float = 1.0
     roughness: float = 1.0
@@ -49,13 +49,13 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
     surfaces: dict[str, SurfaceVariation] = msgspec.field(default_factory=dict)
 
     def moved(self, points_m: ArrayLike) -> FloatArray:
-        """Points (..., 3) of the model where they are on the craft [m]."""
+        """Return points (..., 3) of the model at their positions on the craft [m]."""
         points = np.asarray(points_m, float)
         return points + points @ np.asarray(self.stretch).T
 
 
 def varied_target(base: Target, variation: CraftVariation) -> Target:
-    """The craft as it differs from its model; the same object again for the same craft.
+    """Return the varied craft, cached.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def varied_target(base: Target, variation: CraftVariation) -> Target:
 
 
 def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, base: Target | None) -> Target:
-    """The craft that a scene names, varied or not.
+    """Return the craft of a scene, varied or not.
 
     Parameters
     ----------

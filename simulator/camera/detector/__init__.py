@@ -1,1 +1,1 @@
-"""What light becomes: optics, point spread function, electrons, noise and digital numbers. No scene, no GL."""
+"""The detector: optics, point spread function, electrons, noise and digital numbers. No scene, no GL."""

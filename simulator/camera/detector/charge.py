@@ -1,4 +1,4 @@
-"""Charge in the wells of one exposure: photo-electrons, dark current and its pattern, particles, blooming, read noise.
+"""Charge of one exposure: photo-electrons, dark current and its pattern, cosmic rays, blooming, read noise.
 
 Where the read noise smears whole electrons anyway, and the well is not near its brim, photon and read noise are drawn
 as one deviate of their sum's law: half the random numbers for the same digital numbers.
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 JOINED_FROM_E = 2.0
-"""Read noise from which the sum's law is drawn: its skewness is below 0.2, its comb of electrons below 1e-30."""
+"""Read noise above which the distribution of the sum is sampled: its skewness is below 0.2, its quantisation below
+1e-30 [e]."""
 BRIM_SIGMAS = 6.0
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
@@ -48,7 +49,7 @@ class FixedPattern:
 
 
 def fixed_pattern(detector: Detector, height: int, width: int) -> FixedPattern:
-    """The fixed pattern of a detector, at the image's pixels.
+    """Return the fixed pattern of a detector, at the image's pixels.
 
     Each physical row has random numbers of its own, so that a region of interest sees the pixels that the whole
     image would.
@@ -116,7 +117,7 @@ class Exposure:
         return self.detector.full_well_e * self.detector.pixels_per_bin
 
     def mean(self, signal: Float32Array, rows: slice) -> Float32Array:
-        """(rows, W) expected electrons of light and heat."""
+        """Return (rows, W) expected electrons from light and dark current."""
         saturation = self.sensor.saturation_e
         sensitivity, dark = self.pattern.sensitivity, self.pattern.dark_e_s
         if sensitivity is None:
@@ -131,7 +132,7 @@ class Exposure:
     def charge(
         self, mean: Float32Array, rows: slice, source: np.random.SFC64, *, particles_too: bool = True
     ) -> Float32Array:
-        """(rows, W) what is read of each pixel [e]: electrons up to the well's brim, with read noise."""
+        """Return the (rows, W) charge read from each pixel [e]: electrons up to the full well, with read noise."""
         d, well = self.detector, np.float32(self.well_e)
         particles = self.particles[rows] if particles_too and self.particles is not None else None
         if not d.shot_noise or d.read_noise_per_pixel_e < JOINED_FROM_E:
@@ -168,7 +169,7 @@ class Exposure:
     def collect(
         self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
     ) -> Float32Array:
-        """Charge in whole electrons, as if wells had no brim; ``mean`` is lost."""
+        """Draw the charge in whole electrons, without a full well; overwrites ``mean``."""
         # a thousand wells are as good as any more; the Sun's disc would overflow what is counted
         np.minimum(mean, np.float32(1000 * self.well_e), out=mean)
         electrons = poisson(mean, source) if self.detector.shot_noise else mean
@@ -177,7 +178,7 @@ class Exposure:
         return electrons
 
     def join(self, mean: Float32Array, light: Float32Array, source: np.random.SFC64) -> Float32Array:
-        """Charge with the noise of photons and read-out [e], by the second-order expansion of their sum's law.
+        """Draw the charge with photon and read noise [e], by the second-order expansion of their sum's distribution.
 
         For mean m and variance v = n + r^2, where n electrons were drawn and none cut off, as the third cumulant is n:
         m + z sqrt(v) + (z^2 - 1) n / (6 v). Terms of the next order stay below a fiftieth of sigma up to three sigma.
@@ -198,7 +199,7 @@ class Exposure:
         return out
 
     def add_read_noise(self, charge: Float32Array, source: np.random.SFC64) -> None:
-        """What one read-out adds to each pixel, in place."""
+        """Add the noise of one read-out to each pixel, in place."""
         if self.detector.read_noise_e > 0:
             add_normal(charge, self.read_tables, source)
 
@@ -239,7 +240,7 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
 def cosmic_ray_charge(
     sensor: Sensor, height: int, width: int, exposure_s: float, seed: int, frame_index: int
 ) -> Float32Array | None:
-    """(H, W) electrons of the tracks, or None without any.
+    """Return (H, W) electrons of particle tracks, or None.
 
     Directions are even over the sky, so that the number through a flat layer goes with the cosine of the angle.
     """

@@ -1,4 +1,4 @@
-"""Random deviates fast enough for video: normal and uniform numbers from whole random bytes, Poisson counts.
+"""Random deviates fast enough for video: normal and uniform numbers from random bytes, and Poisson counts.
 
 A normal deviate takes two bytes. Each picks one of the 256 equal slices of a bell curve (its mean), and the two are
 added with unequal weights, which gives 65536 different values. A small cubic term makes the fourth moment that of
@@ -30,7 +30,7 @@ NOISE_BANDS = 8
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 EXACT_BELOW_E = 12.0
-"""Mean up to which the law is drawn exactly; above, its normal expansion differs by less than 1e-3 anywhere."""
+"""Mean up to which the distribution is sampled exactly; above, its normal expansion deviates by less than 1e-3 [e]."""
 _LEVELS_PER_E = 16
 _CELL_BITS = 12
 _REST_BITS = 32 - _CELL_BITS
@@ -49,23 +49,23 @@ def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
 
 @lru_cache(maxsize=1)
 def _threads(_process: int) -> ThreadPoolExecutor:
-    """Two threads that wait for work: starting them takes as long as a band. A forked process needs its own."""
+    """Return two waiting threads, because starting them takes as long as a band; a forked process needs its own."""
     return ThreadPoolExecutor(2, thread_name_prefix="flyaround-sensor")
 
 
 def bit_source(seed: int, *key: int) -> np.random.SFC64:
-    """Random bits that depend on (seed, key) alone."""
+    """Return a bit generator that depends on (seed, key) alone."""
     return np.random.SFC64(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def random_bytes(source: np.random.SFC64, shape: tuple[int, ...]) -> ByteArray:
-    """Even random bytes."""
+    """Return uniform random bytes."""
     count = int(np.prod(shape))
     return _raw(source, -(-count // 8)).view(np.uint8)[:count].reshape(shape)
 
 
 def random_words(source: np.random.SFC64, count: int) -> NDArray[np.uint32]:
-    """(count,) even random words of 32 bits."""
+    """Return (count,) uniform random words of 32 bits."""
     return _raw(source, -(-count // 2)).view(np.uint32)[:count]
 
 
@@ -76,7 +76,7 @@ def _raw(source: np.random.SFC64, count: int) -> NDArray[np.uint64]:
 
 @lru_cache(maxsize=1)
 def _slices() -> FloatArray:
-    """The 256 values of a byte, of variance one; their sum with the weights has the normal law's kurtosis."""
+    """Return the 256 values of a byte, of variance one; their weighted sum has the normal distribution's kurtosis."""
     edges = ndtri(np.arange(257) / 256)
     density = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
     means = (density[:-1] - density[1:]) * 256
@@ -93,7 +93,7 @@ def _slices() -> FloatArray:
 
 
 def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -> tuple[NDArray[Any], ...]:
-    """Tables for `add_normal` that give deviates of the standard deviation ``sigma``, float32 or int16.
+    """Return tables for `add_normal` that give deviates of standard deviation ``sigma``, float32 or int16.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def add_normal(values: NDArray[Any], tables: tuple[NDArray[Any], ...], source: n
 
 
 def uniform_factors(shape: tuple[int, ...], half_width: float, source: np.random.SFC64) -> Float32Array:
-    """Factors 1 + n, n even between -``half_width`` and ``half_width``."""
+    """Return factors 1 + n, with n uniform between -``half_width`` and ``half_width``."""
     words = random_bytes(source, (*shape[:-1], shape[-1] * 2)).view(np.uint16)
     factor = words.astype(np.float32)
     step = np.float32(2 * half_width / 65536)
@@ -130,7 +130,7 @@ def _unit_tables() -> tuple[NDArray[Any], ...]:
 
 
 def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Electrons of each pixel, drawn with the given mean.
+    """Draw the electrons of each pixel with the given mean.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def poisson(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 
 
 def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Third-order normal expansion (skewness 1 / sqrt(mean), excess 1 / mean), in whole electrons.
+    """Draw from the third-order normal expansion (skewness 1 / sqrt(mean), excess 1 / mean), in whole electrons.
 
     References
     ----------
@@ -170,7 +170,7 @@ def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 
 
 def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
-    """Exact draws for means below `EXACT_BELOW_E`, (n,).
+    """Draw exactly for means below `EXACT_BELOW_E`, (n,).
 
     A mean is a multiple of 1/16 e and a rest. Counts of the multiple come from the inverse of its distribution
     function: twelve random bits decide all but one draw in two hundred, and more bits decide those. The rest adds
@@ -201,7 +201,7 @@ def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 
 @lru_cache(maxsize=1)
 def _inverse_tables() -> tuple[ByteArray, FloatArray]:
-    """Of every multiple of 1/16 e: the count of each of 4096 equal cells of probability; (levels, 64) P(<= k)."""
+    """Return tables for multiples of 1/16 e: counts of 4096 equal probability cells, and (levels, 64) P(<= k)."""
     means = np.arange(int(EXACT_BELOW_E * _LEVELS_PER_E) + 1) / _LEVELS_PER_E
     cumulated = np.asarray(pdtr(np.arange(_LARGEST_COUNT)[None, :], means[:, None]), float)
     edges = np.arange(2**_CELL_BITS + 1) / 2**_CELL_BITS

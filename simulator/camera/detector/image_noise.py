@@ -1,4 +1,4 @@
-"""Additive and speckle noise of an image scaled to 0..1, drawn apart from the image and ahead of it.
+"""Additive and speckle noise of an image scaled to 0..1, drawn independently of the image and ahead of it.
 
 They depend on (seed, frame, size, recipe) alone. They are a few long calls that leave Python's lock alone, so that a
 thread draws it while the renderer's first commands keep one processor busy.
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array
 
 MIN_SHIFT = 4
-"""Fewer steps than 16 a digital number are not fine enough: then the arithmetic is in floating point."""
+"""Least fixed-point resolution, 16 steps per digital number; below it the arithmetic is floating point."""
 MIN_THREADED_VALUES = 1 << 17
-"""Values of a field that is worth a thread: waking one takes as long as to draw a smaller one."""
+"""Least size of a field that is worth a thread."""
 _ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
 _STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Number format of an image on its way to digital numbers: int16 in fractions of one, or float32.
+    """Number format of an image before quantisation: fixed-point int16, or float32.
 
     Parameters
     ----------
@@ -53,22 +53,22 @@ class Arithmetic:
 
     @property
     def fixed_point(self) -> bool:
-        """Whether the steps are whole numbers."""
+        """True for integer steps."""
         return self.steps_per_dn > 1
 
     @property
     def dtype(self) -> np.dtype[np.int16] | np.dtype[np.float32]:
-        """Of the values."""
+        """Type of the values."""
         return np.dtype(np.int16) if self.fixed_point else np.dtype(np.float32)
 
     @property
     def shift(self) -> int:
-        """Steps of one digital number, as a power of two."""
+        """Steps per digital number, as a power of two."""
         return self.steps_per_dn.bit_length() - 1
 
 
 def arithmetic_of(sensor: Sensor) -> Arithmetic:
-    """The format for a sensor: as many steps per digital number as int16 holds with 4.3 sigma to spare."""
+    """Return the format for a sensor: as many steps per digital number as int16 holds with 4.3 sigma of headroom."""
     full = 2**sensor.bits - 1
     sigma_dn = full * float(np.sqrt(sensor.gaussian_variance))
     brightest = full * (1 + np.sqrt(3 * sensor.speckle_variance)) + 4.3 * sigma_dn + 1
@@ -78,7 +78,7 @@ def arithmetic_of(sensor: Sensor) -> Arithmetic:
 
 @dataclass(frozen=True, eq=False)
 class ImageNoise:
-    """The random part of one picture.
+    """The random part of one image.
 
     Parameters
     ----------
@@ -107,12 +107,12 @@ def start_noise(
 
 @lru_cache(maxsize=1)
 def _thread(_process: int) -> ThreadPoolExecutor:
-    """One thread that waits for work. A forked process needs its own."""
+    """Return a waiting thread; a forked process needs its own."""
     return ThreadPoolExecutor(1, thread_name_prefix="flyaround-noise")
 
 
 def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: int) -> ImageNoise:
-    """The noise of one image, for a sensor that is a noise recipe."""
+    """Draw the noise of one image for a sensor defined by a noise recipe."""
     size = shape[0], int(np.prod(shape[1:]))
     factors = None
     if sensor.speckle_variance > 0:
@@ -128,7 +128,7 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
 
 
 def _table_sums(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Sums of two tables' entries for bytes (2, rows, columns); in strips that OpenCV keeps to this thread.
+    """Return sums of two tables' entries for bytes (2, rows, columns), in strips small enough to stay on this thread.
 
     Its pool of threads spins while it waits, and takes the processors from the driver, which is drawing.
     """

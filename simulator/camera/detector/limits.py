@@ -1,4 +1,4 @@
-"""Valid ranges of the parameters of a sensor and its optics: those of files too, whose sections are made from these."""
+"""Valid ranges of the parameters of a sensor and its optics, from which the sections of files are made."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OPTICS, DETECTOR, SENSOR = bounds_of(Optics), bounds_of(Detector), bounds_of(Sen
 
 
 def optics_problem(optics: Optics) -> str | None:
-    """First invalid parameter of the optics: field, value, allowed range; `None` if all are valid."""
+    """Return the first invalid parameter of the optics: field, value, allowed range; None if all are valid."""
     problem = _out_of_range(optics, "optics") or _curve_problem(
         optics.transmission_curve, "optics.transmission_curve"
     )
@@ -50,7 +50,7 @@ def optics_problem(optics: Optics) -> str | None:
 
 
 def sensor_problem(sensor: Sensor) -> str | None:
-    """First invalid parameter of the sensor: field, value, allowed range; `None` if all are valid."""
+    """Return the first invalid parameter of the sensor: field, value, allowed range; None if all are valid."""
     problem = _out_of_range(sensor, "sensor")
     if problem is not None or sensor.detector is None:
         return problem
@@ -84,7 +84,7 @@ def sensor_problem(sensor: Sensor) -> str | None:
 
 
 def response_problem(sensor: Sensor, optics: Optics, bands: int) -> str | None:
-    """Which of one or three bands the detector and the glass leave without any light; None when there is none."""
+    """Return which of one or three bands receives no light through detector and lens; None if all do."""
     d = sensor.detector
     if d is None:
         return None

@@ -1,4 +1,4 @@
-"""Optics of the lens besides its distortion: aperture, transmission, vignetting, blur, glare."""
+"""Optics of the lens apart from distortion: aperture, transmission, vignetting, blur, glare."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PsfKind = Literal["none", "gaussian", "airy", "kernel"]
 
 @dataclass(frozen=True, kw_only=True)
 class Optics:
-    """Parameters of the lens; the defaults are a perfect lens (what blur there is comes from the sensor's recipe).
+    """Parameters of the lens; the defaults are a perfect lens (the blur is then the sensor recipe's).
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ class Optics:
     glare_limit_deg: float = bounded(60.0, 0.0, 180.0)
 
     def focal_length_m(self, camera: Camera, sensor: Sensor) -> float:
-        """Focal length from the intrinsics and the pixel's pitch [m]."""
+        """Return the focal length from the intrinsics and the pixel pitch [m]."""
         return camera.fx_px * sensor.pixel_pitch_x_m
 
     def defocus_diameter_px(self, camera: Camera, sensor: Sensor, distance_m: float) -> float:
-        """Diameter of the blur disc of a point at a distance [px].
+        """Return the diameter of the blur disc of a point at a distance [px].
 
         The lens of focal length f and aperture D = f / N, focused at s, puts a point at d out of focus by
         D f |d - s| / (d (s - f)); for s at infinity D f / d.

@@ -1,4 +1,4 @@
-"""Named sensors: noise recipes of public data sets, and detectors by their public data sheets."""
+"""Named sensors: noise recipes of public data sets, and detectors from their data sheets."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ _PRESETS = {
 
 
 def list_sensor_presets() -> tuple[str, ...]:
-    """Names of the built-in recipes."""
+    """Return the names of the built-in presets."""
     return tuple(_PRESETS)
 
 
 def sensor_preset(name: str) -> Sensor:
-    """The recipe called ``name``.
+    """Return the preset called ``name``.
 
     Raises
     ------

@@ -40,7 +40,7 @@ _WORTH_TWO = 3 << 19
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
-    """Transfer function of a clear round aperture without aberrations.
+    """Return the transfer function of an unobstructed circular aperture without aberrations.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
 
 
 def disc_mtf(frequency: FloatArray, diameter: float) -> FloatArray:
-    """Transfer function of an even blur disc (defocus in geometrical optics)."""
+    """Return the transfer function of a uniform blur disc (defocus in geometrical optics)."""
     x = np.pi * np.abs(frequency) * diameter
     return np.asarray(np.where(x < 1e-6, 1.0, 2 * j1(np.maximum(x, 1e-6)) / np.maximum(x, 1e-6)))
 
@@ -63,7 +63,7 @@ def disc_mtf(frequency: FloatArray, diameter: float) -> FloatArray:
 def optics_mtf(
     frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
 ) -> FloatArray:
-    """Transfer function of the optics without a measured kernel; frequencies in cycles per pixel.
+    """Return the transfer function of the optics without a measured kernel; frequencies in cycles per pixel.
 
     Parameters
     ----------
@@ -79,14 +79,14 @@ def optics_mtf(
 
 
 def gaussian_variance_px2(optics: Optics, sensor: Sensor) -> float:
-    """Variance of the Gaussian parts of the blur [px2]: the recipe's and the optics'."""
+    """Return the variance of the Gaussian parts of the blur [px2]: the recipe's and the optics'."""
     own = optics.psf_sigma_px if optics.psf in {"gaussian", "airy"} else 0.0
     return sensor.blur_sigma_px**2 + own**2
 
 
 @lru_cache(maxsize=64)
 def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | None:
-    """(n, n) kernel whose sum is one, or None where a Gaussian alone (or nothing) will do.
+    """Return an (n, n) kernel of sum one, or None if a Gaussian (or nothing) suffices.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
 @lru_cache(maxsize=64)
 def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
-    """Diffraction as a pyramid: a quarter of the kernel's cost; None where it is too coarse, as for a wide disc's rim.
+    """Return diffraction as a pyramid at a quarter of the kernel's cost; None if it is too coarse, as for a wide disc.
 
     It is used where its transfer function is within `_PYRAMID_ERROR` of the optics', or not further off than the
     kernel's own, up to `_SEEN`.
@@ -149,7 +149,7 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
 
 
 def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
-    """A measured kernel as a pyramid, where that is cheaper and within `_KERNEL_ERROR` at every frequency."""
+    """Return a measured kernel as a pyramid, if that is cheaper and within `_KERNEL_ERROR` at every frequency."""
     kernel = psf_kernel(optics, sensor, disc_px)
     if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
         return None
@@ -162,7 +162,7 @@ def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid |
 def kernel_transfer(
     kernel: FloatArray, frequency_x: FloatArray, frequency_y: FloatArray
 ) -> NDArray[np.complex128]:
-    """Transfer function of a kernel."""
+    """Return the transfer function of a kernel."""
     rows, columns = (np.arange(n) - n // 2 for n in kernel.shape)
     wave_x = np.exp(-2j * np.pi * frequency_x[..., None] * columns)
     wave_y = np.exp(-2j * np.pi * frequency_y[..., None] * rows)
@@ -172,7 +172,7 @@ def kernel_transfer(
 def applied_mtf(
     frequency_x: FloatArray, frequency_y: FloatArray, optics: Optics, sensor: Sensor, disc_px: float = 0.0
 ) -> FloatArray:
-    """Modulation transfer function of the blur that is applied; `optics_mtf` is that of the optics."""
+    """Return the modulation transfer function of the applied blur; `optics_mtf` is that of the optics."""
     pyramid, kernel = psf_pyramid(optics, sensor, disc_px), psf_kernel(optics, sensor, disc_px)
     out = np.ones(np.shape(frequency_x), complex)
     if pyramid is not None:
@@ -188,14 +188,14 @@ def applied_mtf(
 
 
 def _residual_gaussian_px(optics: Optics, sensor: Sensor, disc_px: float) -> float:
-    """Standard deviation of the Gaussian that is not in the kernel [px]."""
+    """Return the standard deviation of the Gaussian that is not in the kernel [px]."""
     inside = optics.psf == "airy" or disc_px > 0
     return 0.0 if inside else float(np.sqrt(gaussian_variance_px2(optics, sensor)))
 
 
 @lru_cache(maxsize=64)
 def gaussian_taps(sigma_px: float) -> Float32Array:
-    """(2 n + 1,) taps along one axis, n three sigma, as in the public recipe's 7 taps for one pixel.
+    """Return (2 n + 1,) taps along one axis, n three sigma, as the public recipe's 7 taps for one pixel.
 
     A narrow Gaussian taken at whole pixels would be another: its taps are those without negative ones whose transfer
     function is nearest.
@@ -211,7 +211,7 @@ def gaussian_taps(sigma_px: float) -> Float32Array:
 
 
 def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Convolution of two kernels at full size."""
+    """Return the convolution of two kernels at full size."""
     shape = [n + m - 1 for n, m in zip(a.shape, b.shape, strict=True)]
     return np.asarray(np.fft.irfft2(np.fft.rfft2(a, shape) * np.fft.rfft2(b, shape), shape))
 
@@ -219,7 +219,7 @@ def _joined(a: FloatArray, b: FloatArray) -> FloatArray:
 def blur(
     image: Float32Array, optics: Optics, sensor: Sensor, disc_px: float, gain: float | Float32Array
 ) -> Float32Array:
-    """The image through the point spread function, times ``gain`` (one a band); its border is repeated outwards."""
+    """Convolve the image with the point spread function, times ``gain`` (one per band); the border is replicated."""
     pyramid = psf_pyramid(optics, sensor, disc_px)
     kernel = psf_kernel(optics, sensor, disc_px)
     sigma = _residual_gaussian_px(optics, sensor, disc_px)
@@ -240,13 +240,13 @@ def blur(
 
 
 def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
-    """Rows (K, W, n) of a picture, each band times its gain (n,): whole pixels, as numpy is slow on three at a time."""
+    """Multiply rows (K, W, n) of an image by the gain (n,) of each band."""
     by_value = np.tile(gain, image.shape[1])
     return np.asarray(image.reshape(len(image), -1) * by_value, np.float32).reshape(image.shape)
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
-    """A Gaussian blur times ``gain``, in pieces of rows, so that OpenCV leaves its threads alone.
+    """Apply a Gaussian blur times ``gain``, in pieces of rows, so that OpenCV uses no threads.
 
     They spin for two milliseconds after it, while the driver is to draw the next frame. A picture of more than a
     megapixel is shared out between two threads of Python; beside one, another draws the noise.
@@ -278,7 +278,9 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
 def _blurred_in_pieces(
     image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
 ) -> Float32Array:
-    """`gaussian_blur` by taps along rows and columns, shared out; by_value: (W n,) factors of a row, if any."""
+    """Apply `gaussian_blur` by taps along rows and columns, in parallel pieces; by_value: (W n,) factors of a row,
+    if any.
+    """
     reach, height = len(across) // 2, len(image)
     pieces = pieces_of(height, image.size // _PIECE_VALUES)
     shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])
@@ -305,6 +307,6 @@ def _blurred_in_pieces(
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:
-    """Diameter of the blur disc at a distance, to a twentieth of a pixel; less than half a pixel is none [px]."""
+    """Return the diameter of the blur disc at a distance, to a twentieth of a pixel; zero below half a pixel [px]."""
     disc = optics.defocus_diameter_px(camera, sensor, distance_m)
     return 0.0 if disc < 0.5 else round(disc * 20) / 20

@@ -1,4 +1,4 @@
-"""A wide convolution kernel as small kernels on the levels of an image pyramid: fast and never negative.
+"""A wide convolution kernel as small kernels on the levels of an image pyramid; fast and never negative.
 
 Each level of the pyramid (Burt & Adelson 1983) has a few taps of its own, which are fitted to a transfer function by
 non-negative least squares: light has no negative taps, so that nothing beside the Sun's disc can turn dark. Going down
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 REACH = (3, 2, 2, 2, 2, 2, 2, 3)
-"""Taps each side of the middle, at full size, half, quarter, ..."""
+"""Taps on each side of the centre, at full size, half, quarter, ..."""
 _BINOMIAL = (
     np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
 )  # down and up by cv2.pyrDown and pyrUp: 1 4 6 4 1 twice
@@ -50,7 +50,7 @@ class Pyramid:
     taps: tuple[Float32Array, ...]
 
     def transfer(self, frequency_x: FloatArray, frequency_y: FloatArray) -> NDArray[np.complex128]:
-        """Transfer function at frequencies in cycles per pixel, mean over the places of a point on the pixels."""
+        """Return the transfer function at frequencies in cycles per pixel, averaged over sub-pixel positions."""
         out = np.zeros(np.broadcast(frequency_x, frequency_y).shape, complex)
         for level, taps in enumerate(self.taps):
             at = (np.arange(taps.shape[0]) - taps.shape[0] // 2) * 2**level
@@ -62,7 +62,7 @@ class Pyramid:
         return out
 
     def blur(self, image: Float32Array, gain: float) -> Float32Array:
-        """The image, (H, W) or (H, W, n), through all levels, times ``gain``; the same on any number of threads."""
+        """Blur the image, (H, W) or (H, W, n), times ``gain``; the result does not depend on the number of threads."""
         height, reach = image.shape[0], self.taps[0].shape[0] // 2
         core = _turned(self.taps[0], gain)
         out = np.empty(image.shape, np.float32)
@@ -84,7 +84,7 @@ class Pyramid:
         return out if wide is None else np.asarray(cv2.add(out, wide, dst=out))
 
     def _skirt(self, image: Float32Array, gain: float) -> Float32Array | None:
-        """Sum of all levels but the first, at full size."""
+        """Return the sum of all levels but the first, at full size."""
         last = max((k for k, taps in enumerate(self.taps) if taps.any()), default=0)
         levels = [image]
         for _ in range(last):
@@ -103,7 +103,7 @@ class Pyramid:
 def fit_pyramid(
     transfer: Callable[[FloatArray, FloatArray], FloatArray], *, round_: bool, wing_px: float = 0.0
 ) -> Pyramid:
-    """The taps whose transfer function is nearest to a given one.
+    """Fit the taps to a transfer function.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def fit_pyramid(
 
 
 def fit_kernel(kernel: FloatArray) -> Pyramid:
-    """The taps that together are nearest to a kernel, (odd, odd) not negative; their sum is one."""
+    """Fit the taps to a non-negative kernel of odd size; their sum is one."""
     reach_y, reach_x = (max(n // 2, 3) + _BESIDE_PX for n in kernel.shape)
     at_y, at_x = np.arange(-reach_y, reach_y + 1.0), np.arange(-reach_x, reach_x + 1.0)
     wanted = np.zeros((at_y.size, at_x.size))
@@ -178,12 +178,12 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
 
 
 def _turned(taps: Float32Array, gain: float) -> Float32Array:
-    """Taps for OpenCV's filter2D, which correlates."""
+    """Return flipped taps for OpenCV's filter2D, which correlates."""
     return np.ascontiguousarray(taps[::-1, ::-1] * np.float32(gain), np.float32)
 
 
 def _base_transfer(level: int, frequency: FloatArray) -> FloatArray:
-    """Along one axis, of going down to a level and up again."""
+    """Return the transfer function, along one axis, of going down to a level and up again."""
     out = np.ones(np.shape(frequency))
     for k in range(level):
         out = out * np.cos(np.pi * 2**k * np.asarray(frequency)) ** 8
@@ -191,7 +191,7 @@ def _base_transfer(level: int, frequency: FloatArray) -> FloatArray:
 
 
 def _base(level: int, x_px: FloatArray) -> FloatArray:
-    """The same as a kernel, at distances from its middle."""
+    """Return the same as a kernel, at distances from its centre."""
     kernel = np.ones(1)
     for k in range(level):
         spread = np.zeros(8 * 2**k + 1)

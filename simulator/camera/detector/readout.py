@@ -1,4 +1,4 @@
-"""From expected photo-electrons to digital numbers, grey or in colour, band of rows by band of rows.
+"""Read-out: from expected photo-electrons to digital numbers, mono or colour, by bands of rows.
 
 The order is that of the charge: photo-electrons and dark current (Poisson), particles, full well and blooming, then
 what the read-out adds (fixed offset, noise of pixel, row and column), gain, black level, converter.
@@ -39,7 +39,7 @@ _DEMOSAIC = {
 
 
 def detector_sigma(sensor: Sensor, signal: float, exposure_s: float) -> float:
-    """Standard deviation of the noise that differs from frame to frame or pixel to pixel, over saturation [1]."""
+    """Return the standard deviation of noise and pixel-to-pixel variation, relative to saturation [1]."""
     d = sensor.detector
     if d is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
@@ -66,7 +66,7 @@ def detect(
     exposure_s: float,
     band_gain: ArrayLike = 1.0,
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers of an exposed signal.
+    """Return the digital numbers of an exposed signal.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def detect(
 
 
 def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
-    """Colour filter mosaic (H, W) of three planes (H, W, 3): each pixel keeps the band of its filter."""
+    """Return the colour filter mosaic (H, W) of three planes (H, W, 3): each pixel keeps its filter's band."""
     out = np.empty(signal.shape[:2], np.float32)
     for k, name in enumerate(image_filter(detector)):
         y, x = divmod(k, 2)
@@ -108,7 +108,7 @@ def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
 
 
 def image_filter(detector: Detector) -> str:
-    """The mosaic's first two by two pixels in the image: the pattern belongs to the detector, not to the region read.
+    """Return the mosaic's first two by two pixels in the image; the pattern belongs to the detector, not to the region.
 
     Pixels that are joined have one colour, so that the mosaic of the joined ones is the detector's own.
     """
@@ -131,7 +131,7 @@ def _balanced(
 def read_out(
     signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
 ) -> NDArray[np.unsignedinteger]:
-    """Digital numbers (H, W) of one exposure; parameters as of `detect`."""
+    """Return the digital numbers (H, W) of one exposure; parameters as of `detect`."""
     height, width = signal.shape
     sigma_dn = (d.full_well_e * d.pixels_per_bin) ** 0.5 / d.gain_e_per_dn
     e = Exposure(

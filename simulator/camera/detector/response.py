@@ -1,4 +1,4 @@
-"""A detector's response to sunlight in the camera's bands: spectrum, glass, quantum efficiency, white balance."""
+"""A detector's response to sunlight per band: spectrum, lens, quantum efficiency, white balance."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 PLANCK_J_S = 6.62607015e-34
-"""Exact in the SI."""
+"""Planck constant, exact in the SI."""
 MONO_BAND_NM = (450.0, 750.0)
 """Limits of the panchromatic band."""
 RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
 """Limits of red, green and blue: thirds of 400 to 700 nm."""
 
 Curve = tuple[tuple[float, float], ...]
-"""A share by wavelength: (wavelength [m], share), straight between its points and nothing beyond its ends."""
+"""A share by wavelength: (wavelength [m], share), linear between points and zero beyond the ends."""
 
 # Extraterrestrial solar spectral irradiance at 1 au, mean of each 50 nm interval from 400 nm [W m-2 nm-1].
 # ASTM G173-03 (2012), Reference solar spectral irradiances, column "etr".
@@ -35,19 +35,19 @@ _SPECTRUM_W_M2_NM = np.array([1.734, 1.994, 1.872, 1.823, 1.677, 1.502, 1.343])
 
 
 def limits_nm(bands: int) -> tuple[tuple[float, float], ...]:
-    """Lower and upper limit of each of one or three bands [nm]."""
+    """Return the lower and upper limit of each of one or three bands [nm]."""
     return (MONO_BAND_NM,) if bands == 1 else RGB_BANDS_NM
 
 
 def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
-    """Solar irradiance between two wavelengths of 400 to 750 nm at 1 au, normal incidence [W m-2]."""
+    """Return the solar irradiance between two wavelengths of 400 to 750 nm at 1 au, normal incidence [W m-2]."""
     edges = _SPECTRUM_START_NM + _SPECTRUM_STEP_NM * np.arange(len(_SPECTRUM_W_M2_NM) + 1)
     overlap = np.clip(np.minimum(edges[1:], high_nm) - np.maximum(edges[:-1], low_nm), 0, None)
     return float(overlap @ _SPECTRUM_W_M2_NM)
 
 
 def electrons_per_joule(detector: Detector, optics: Optics, bands: int) -> FloatArray:
-    """Electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
+    """Return the electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
 
     The integral over the band of spectral irradiance, transmission, quantum efficiency and wavelength, over h c times
     that of spectral irradiance. Light of another colour is counted with the Sun's photons.
@@ -83,7 +83,7 @@ def _electrons_per_joule(
 def sample_curve(
     curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float
 ) -> FloatArray:
-    """A curve at wavelengths (K,), nothing beyond its ends; ``otherwise`` where there is no curve."""
+    """Interpolate a curve at wavelengths (K,), zero beyond its ends; ``otherwise`` without a curve."""
     if not curve:
         return np.full(len(wavelength_nm), otherwise)
     at_m, share = np.array(curve).T
@@ -91,7 +91,7 @@ def sample_curve(
 
 
 def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
-    """Electrons that one W m-2 sr-1 in each band makes in an image pixel on the axis [e / (W m-2 sr-1)].
+    """Return the electrons per W m-2 sr-1 of each band in an image pixel on the axis [e / (W m-2 sr-1)].
 
     Irradiance behind an aplanatic lens: pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
     """
@@ -103,7 +103,7 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
 
 
 def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
-    """Factors on the digital numbers of a detector's bands that make a white plate in sunlight grey (n,), least 1.
+    """Return the factors on a detector's bands that make a white plate in sunlight grey (n,), the least 1.
 
     Parameters
     ----------

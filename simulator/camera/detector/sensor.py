@@ -1,4 +1,4 @@
-"""Parameters of the sensor: a noise recipe on a 0..1 image, or a detector counted in electrons."""
+"""Parameters of the sensor: a noise recipe on a 0..1 image, or a detector in electrons."""
 
 from __future__ import annotations
 
@@ -78,12 +78,12 @@ class Detector:
 
     @property
     def pixels_per_bin(self) -> int:
-        """Physical pixels in one of the image."""
+        """Number of physical pixels per image pixel."""
         return self.binning * self.binning
 
     @property
     def read_noise_per_pixel_e(self) -> float:
-        """Read noise of an image pixel [e]: charge added before the read-out is read once."""
+        """Read noise of an image pixel [e]; charge binned before the read-out is read once."""
         return self.read_noise_e if self.charge_binning else self.read_noise_e * self.binning
 
 
@@ -118,7 +118,7 @@ class Sensor:
 
     @property
     def saturation_e(self) -> float:
-        """Charge of an image pixel at which the image saturates [e], of the detector's well or its converter.
+        """Charge of an image pixel at saturation [e], of the full well or the converter.
 
         Raises
         ------
@@ -153,7 +153,7 @@ def with_bits(sensor: Sensor, bits: int) -> Sensor:
 
 
 def noiseless(sensor: Sensor) -> Sensor:
-    """The same sensor without noise: same scale, blur, bits, colour filter and saturation; for clean twins."""
+    """Return the same sensor without noise, for clean twins."""
     detector = sensor.detector
     if detector is not None:
         detector = replace(

@@ -1,4 +1,4 @@
-"""Vignetting, the share of the light that reaches each pixel; veiling glare and glow, the light that is scattered."""
+"""Vignetting, veiling glare and glow: the light that is lost, and the light that is scattered."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SCATTER_POWER = 2.5  # of the distance, by which the wings of the PSF fall
 
 @lru_cache(maxsize=4)
 def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
-    """(H, W) share of the light that reaches each pixel, or None for all of it.
+    """Return the (H, W) share of light that reaches each pixel, or None without vignetting.
 
     cos^4 of the angle from the axis; and the aperture as a unit disc, part of which a rear rim (a disc of
     ``rim_radius``) hides when it is seen from an angle: their centres are ``mechanical_vignetting`` x tan(angle) apart.
@@ -48,7 +48,7 @@ def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
 
 
 def disc_overlap_area(distance: FloatArray, a: float, b: float) -> FloatArray:
-    """Area that two discs of radii ``a`` and ``b`` share."""
+    """Return the overlap area of two discs of radii ``a`` and ``b``."""
     d = np.clip(distance, abs(a - b) + 1e-12, a + b - 1e-12)
     at_a = np.arccos(np.clip((d * d + a * a - b * b) / (2 * d * a), -1, 1))
     at_b = np.arccos(np.clip((d * d + b * b - a * a) / (2 * d * b), -1, 1))
@@ -60,7 +60,7 @@ def disc_overlap_area(distance: FloatArray, a: float, b: float) -> FloatArray:
 def veiling_glare(
     camera: Camera, optics: Optics, sun_direction: FloatArray, sun_irradiance_w_m2: FloatArray
 ) -> Float32Array | None:
-    """(H, W) or (H, W, n) radiance that the Sun scatters into the picture [W m-2 sr-1], or None.
+    """Return (H, W) or (H, W, n) radiance that the Sun scatters into the image [W m-2 sr-1], or None.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def veiling_glare(
 
 
 def _square_deg2(rays: FloatArray, sun_direction: FloatArray) -> FloatArray:
-    """Square of the angle from the Sun [deg2]."""
+    """Return the squared angle from the Sun [deg2]."""
     return np.asarray(np.rad2deg(np.arccos(np.clip(rays @ sun_direction, -1, 1))) ** 2)
 
 
 def _window_around(camera: Camera, direction: FloatArray) -> tuple[slice, slice] | None:
-    """Rows and columns of the image near a direction; None where there are none."""
+    """Return rows and columns of the image near a direction; None if there are none."""
     if direction[2] <= 0:
         return None
     x, y = camera.project(direction)
@@ -107,7 +107,7 @@ def _window_around(camera: Camera, direction: FloatArray) -> tuple[slice, slice]
 
 
 def _coarse_rays(camera: Camera) -> FloatArray:
-    """Rays of a grid of points from corner to corner of the image."""
+    """Return rays of a grid of points from corner to corner of the image."""
     columns, rows = (-(-n // _STEP_PX) + 1 for n in (camera.width_px, camera.height_px))
     x, y = np.meshgrid(
         np.linspace(0, camera.width_px - 1, columns), np.linspace(0, camera.height_px - 1, rows)
@@ -116,14 +116,14 @@ def _coarse_rays(camera: Camera) -> FloatArray:
 
 
 def _interpolated(camera: Camera, coarse: FloatArray) -> Float32Array:
-    """The grid's values at every pixel, by cubic splines."""
+    """Interpolate the grid's values at every pixel by cubic splines."""
     down, across = _weights(coarse.shape[0], camera.height_px), _weights(coarse.shape[1], camera.width_px)
     return np.asarray(down @ (coarse.astype(np.float32) @ across.T), np.float32)
 
 
 @lru_cache(maxsize=8)
 def _weights(nodes: int, count: int) -> Float32Array:
-    """(count, nodes) share of each node of an even grid in points between its ends."""
+    """Return the (count, nodes) weights of a uniform grid's nodes at points between its ends."""
     from scipy.interpolate import make_interp_spline  # noqa: PLC0415 - slow to import, and few cameras shade
 
     spline = make_interp_spline(np.linspace(0, 1, nodes), np.eye(nodes), k=min(3, nodes - 1))
@@ -170,7 +170,7 @@ def scatter(image: Float32Array, optics: Optics) -> Float32Array:
 
 @lru_cache(maxsize=8)
 def scattering_pyramid(share: float) -> Pyramid:
-    """The wings as Gaussians an octave apart, one on each level of a pyramid; together nearly a power law."""
+    """Return the wings as Gaussians an octave apart, one per pyramid level, which approximate a power law."""
     weights = 2.0 ** (-(_SCATTER_POWER - 2) * np.arange(1, len(REACH)))
     at = np.arange(-_SCATTER_TAPS, _SCATTER_TAPS + 1)
     bell = np.exp(-(at**2) / 2)

@@ -1,4 +1,4 @@
-"""The shutter: when each row of a picture is exposed."""
+"""The shutter: exposure times of an image's rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ READOUT_S = (0.0, 10.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Shutter:
-    """How rows are exposed.
+    """Shutter of a camera.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ class Shutter:
 
     @property
     def is_rolling(self) -> bool:
-        """Whether rows differ in time."""
+        """True if rows are exposed at different times."""
         return self.kind == "rolling" and self.readout_s > 0
 
     def row_time_s(self, row_px: ArrayLike, height_px: int) -> FloatArray:
-        """Mid-exposure of rows, from that of the picture's middle; rows beyond the image count as its edge."""
+        """Return mid-exposure times of rows relative to the image's centre; rows beyond the image count as its edge."""
         row = np.clip(np.asarray(row_px, float), -0.5, height_px - 0.5)
         if not self.is_rolling:
             return np.zeros_like(row)

@@ -1,4 +1,4 @@
-"""A camera's output from its detector's numbers: these, or eight bits encoded by a curve.
+"""A camera's output from the detector's digital numbers: unchanged, or 8 bits encoded by a curve.
 
 Colour cameras mostly deliver 8 bits encoded by a curve, after a converter of more bits and with the black level taken
 off. A raw mosaic is always linear.
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.encoding import Encoding
 
 ENCODED_BITS = 8
-"""Depth of an encoded image."""
+"""Bit depth of an encoded image."""
 CONVERTER_BITS = 14
-"""Depth before a curve is applied: one step of 14 bits is a fifth of sRGB's first step of 8."""
+"""Bit depth before a curve is applied: one step of 14 bits is a fifth of sRGB's first 8-bit step."""
 
 
 def default_encoding(sensor: Sensor, bands: str) -> Encoding:
-    """Return the encoding of images that name none: sRGB for 8 bits in colour, else linear."""
+    """Return the default encoding: sRGB for 8 bits in colour, else linear."""
     return "srgb" if bands == "rgb" and encoding_problem("srgb", sensor) is None else "linear"
 
 
@@ -46,14 +46,14 @@ def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
 
 
 def converter(sensor: Sensor, encoding: Encoding) -> Sensor:
-    """Return the sensor whose numbers a curve is applied to: itself for linear images, else one of 14 bits."""
+    """Return the sensor that the curve is applied to: itself for linear images, else one of 14 bits."""
     return sensor if encoding == "linear" else with_bits(sensor, CONVERTER_BITS)
 
 
 def encode_numbers(
     numbers: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
 ) -> NDArray[np.unsignedinteger]:
-    """Return the image that a camera delivers of its converter's numbers.
+    """Encode the converter's numbers as the camera delivers them.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def encode_numbers(
 def decode_numbers(
     image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
 ) -> tuple[NDArray[np.unsignedinteger], Sensor]:
-    """Return linear digital numbers of a delivered image, and the sensor that they are numbers of.
+    """Decode a delivered image to linear digital numbers. Return them with their sensor.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def _black_dn(sensor: Sensor) -> float:
 
 @lru_cache(maxsize=16)
 def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
-    """Return the delivered number (16384,) of each of the converter's."""
+    """Return the delivered number (16384,) for each converter number."""
     full = 2**CONVERTER_BITS - 1
     light = np.clip((np.arange(full + 1) - black_dn) / (full - black_dn), 0, 1)
     return np.rint(encode(light, encoding) * 255).astype(np.uint8)

@@ -1,1 +1,1 @@
-"""Where light goes: intrinsics, distortion, projection, camera files. No light levels and no noise."""
+"""The lens: intrinsics, distortion, projection, camera files. No light levels and no noise."""

@@ -1,4 +1,4 @@
-"""A camera's geometry: intrinsics and lens, projection and its inverse in OpenCV's conventions.
+"""Geometry of a camera: intrinsics and lens, projection and its inverse in OpenCV's conventions.
 
 x right, y down, z forward; pixel (0, 0) is the centre of the top-left pixel.
 """
@@ -74,7 +74,7 @@ class Camera:
         return _domain(self)
 
     def project(self, points_camera_m: ArrayLike) -> FloatArray:
-        """Pixel positions of points in the camera frame; NaN for points behind the camera.
+        """Return pixel positions of points in the camera frame; NaN for points behind the camera.
 
         What the image shows is projected as OpenCV does; what lies further out than the lens is used stays outside.
 
@@ -94,7 +94,7 @@ class Camera:
         return xy * (self.fx_px, self.fy_px) + (self.cx_px, self.cy_px)
 
     def unproject(self, pixels_px: ArrayLike) -> FloatArray:
-        """Undistorted rays (x / z, y / z) of pixel positions; NaN where the lens does not see.
+        """Return undistorted rays (x / z, y / z) of pixel positions; NaN outside the lens's field of view.
 
         Parameters
         ----------
@@ -108,24 +108,28 @@ class Camera:
         return image_xy if self.distortion.is_none else self.domain.undistort(image_xy)
 
     def rays(self, pixels_px: ArrayLike) -> FloatArray:
-        """Unit vectors (..., 3) in the camera frame through pixel positions (..., 2)."""
+        """Return the unit vectors (..., 3) in the camera frame through pixel positions (..., 2)."""
         xy = self.unproject(pixels_px)
         ray = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
         return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
 
     def pixel_solid_angle_sr(self, pixels_px: ArrayLike) -> FloatArray:
-        """Solid angle (...) of one pixel at pixel positions (..., 2) [sr]."""
+        """Return the solid angle (...) of one pixel at pixel positions (..., 2) [sr]."""
         return self.ray_solid_angle_sr(self.unproject(pixels_px))
 
     def ray_solid_angle_sr(self, xy: FloatArray) -> FloatArray:
-        """Solid angle (...) of one pixel where undistorted rays (..., 2) of (x / z, y / z) meet the image [sr]."""
+        """Return the solid angle (...) of one pixel where undistorted rays (..., 2) of (x / z, y / z) meet the image
+        [sr].
+        """
         area = 1 / (self.fx_px * self.fy_px * (1 + (xy**2).sum(axis=-1)) ** 1.5)
         if self.distortion.is_none:
             return np.asarray(area)
         return np.asarray(area / np.linalg.det(jacobian(self.distortion, xy)))
 
     def border(self, count: int = 33, margin_px: float = 0.0) -> FloatArray:
-        """Pixel positions (4 count, 2) around the image's edge, corners included, ``margin_px`` further out."""
+        """Return the pixel positions (4 count, 2) around the image's edge, corners included, ``margin_px`` further
+        out.
+        """
         x = np.linspace(-0.5 - margin_px, self.width_px - 0.5 + margin_px, count)
         y = np.linspace(-0.5 - margin_px, self.height_px - 0.5 + margin_px, count)
         return np.concatenate(
@@ -138,17 +142,18 @@ class Camera:
         )
 
     def half_angle_rad(self) -> float:
-        """Largest angle from the boresight that the image shows [rad]."""
+        """Return the largest angle from the boresight that the image shows [rad]."""
         return _half_angle_rad(self)
 
     def pixel_angle_rad(self) -> float:
-        """Largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
+        """Return the largest angle that one pixel of the image spans [rad]; at a pinhole's principal point 1 / f."""
         if self.distortion.is_none:
             return 1 / min(self.fx_px, self.fy_px)
         return _pixel_angle_rad(self)
 
     def bending_px_rad2(self, bounds_px: tuple[float, float, float, float] | None = None) -> float:
-        """How strongly the lens bends straight lines: the most that a great circle's picture turns aside [px rad-2].
+        """Return how strongly the lens bends straight lines: the largest curvature of a great circle's image [px
+        rad-2].
 
         A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much beside its bent picture.
 
@@ -167,7 +172,7 @@ class Camera:
         return float(bending.max(initial=0.0))
 
     def contains(self, pixels_px: ArrayLike) -> np.typing.NDArray[np.bool_]:
-        """Whether pixel positions lie on the image (its edges are at -0.5 and size - 0.5)."""
+        """Return True for pixel positions in the image (its edges are at -0.5 and size - 0.5)."""
         p = np.asarray(pixels_px, float)
         with np.errstate(invalid="ignore"):
             inside = (
@@ -209,7 +214,7 @@ def _pixel_angle_rad(camera: Camera) -> float:
 
 @lru_cache(maxsize=64)
 def _bending(camera: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Columns, rows and values (N, N) of `Camera.bending_px_rad2` on a grid over the image."""
+    """Return columns, rows and values (N, N) of `Camera.bending_px_rad2` on a grid over the image."""
     x = np.linspace(-0.5, camera.width_px - 0.5, _NODES)
     y = np.linspace(-0.5, camera.height_px - 0.5, _NODES)
     ray = camera.rays(np.stack(np.meshgrid(x, y), axis=-1))
@@ -240,7 +245,7 @@ def _border_xy(camera: Camera) -> FloatArray:
 
 
 def camera_problem(camera: Camera) -> str | None:
-    """First invalid parameter of a camera's lens: field, value, allowed range; `None` if the lens can be used."""
+    """Return the first invalid parameter of a camera's lens: field, value, allowed range; None if it is usable."""
     distortion = camera.distortion
     allowed = COEFFICIENT_COUNTS[distortion.model]
     if len(distortion.coefficients) not in allowed:

@@ -33,9 +33,9 @@ COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "kannala_brandt": (4,),
 }
 MARGIN = 1.05
-"""The polynomial is used to this many times the radius of the image's farthest corner, where it does not turn back."""
+"""Factor over the radius of the image's farthest corner up to which the polynomial is used, unless it folds back."""
 LARGEST_ANGLE_RAD = np.deg2rad(85.0)
-"""Camera z is the depth that labels hold; beyond this angle from the axis it says too little."""
+"""Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
 _TABLE = 4096
 _NEWTON_STEPS = 12
 
@@ -49,12 +49,12 @@ class Distortion:
 
     @property
     def is_none(self) -> bool:
-        """True if the lens draws straight lines straight; a fish-eye does not, even if all its coefficients are 0."""
+        """True if the lens keeps straight lines straight; a fish-eye does not, even with all coefficients 0."""
         return self.model != "kannala_brandt" and not any(self.coefficients)
 
 
 def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:
-    """Distorted normalised coordinates (..., 2) of undistorted ones, by the bare polynomial."""
+    """Apply the bare polynomial to undistorted normalised coordinates (..., 2)."""
     xy = np.asarray(xy, float)
     if distortion.model == "none":
         return xy.copy()
@@ -69,7 +69,7 @@ def distort(distortion: Distortion, xy: FloatArray) -> FloatArray:
 
 
 def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
-    """(..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
+    """Return the (..., 2, 2) derivative of `distort`: [[dxd/dx, dxd/dy], [dyd/dx, dyd/dy]]."""
     xy = np.asarray(xy, float)
     if distortion.model == "none":
         return np.broadcast_to(np.eye(2), (*xy.shape, 2)).copy()
@@ -89,7 +89,7 @@ def jacobian(distortion: Distortion, xy: FloatArray) -> FloatArray:
 
 
 def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Factor of the radial part and its derivative by s, the square of the undistorted radius."""
+    """Return the radial factor and its derivative by s, the squared undistorted radius."""
     if distortion.model == "brown_conrady":
         k = np.zeros(8)
         k[: len(distortion.coefficients)] = distortion.coefficients
@@ -112,7 +112,7 @@ def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArr
 
 @dataclass(frozen=True, eq=False)
 class LensDomain:
-    """Where a lens is used: up to an undistorted radius just outside the image.
+    """Domain of a lens: up to an undistorted radius just outside the image.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class LensDomain:
     image_radius: FloatArray
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Distorted coordinates (..., 2); beyond ``limit`` in proportion to the radius."""
+        """Return distorted coordinates (..., 2); beyond ``limit`` in proportion to the radius."""
         xy = np.asarray(xy, float)
         if self.distortion.is_none:
             return xy.copy()
@@ -136,7 +136,7 @@ class LensDomain:
             return distort(self.distortion, xy / beyond) * beyond
 
     def undistort(self, image_xy: FloatArray) -> FloatArray:
-        """Undistorted coordinates (..., 2) of distorted ones, to 1e-13; NaN where the lens is not used."""
+        """Return undistorted coordinates (..., 2), to 1e-13; NaN outside the domain."""
         image_xy = np.asarray(image_xy, float)
         if self.distortion.is_none:
             return image_xy.copy()
@@ -165,7 +165,7 @@ class LensDomain:
 
 
 def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool = True) -> LensDomain:
-    """The lens over an image whose border is at distorted coordinates ``border_xy`` (K, 2).
+    """Return the domain of a lens over an image whose border is at distorted coordinates ``border_xy`` (K, 2).
 
     Parameters
     ----------

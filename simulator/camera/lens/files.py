@@ -1,4 +1,4 @@
-"""Reading a camera from a file of any known format, or by the name of a built-in one."""
+"""Reader of cameras: from a file of any known format, or by the name of a built-in one."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ MOST_BYTES = 4_000_000  # of a camera file: a calibration may have its points wi
 
 
 def list_cameras() -> tuple[str, ...]:
-    """Names of the built-in cameras."""
+    """Return the names of the built-in cameras."""
     folder = files("flyaround.assets").joinpath("cameras")
     return tuple(sorted(f.name.removesuffix(".json") for f in folder.iterdir() if f.name.endswith(".json")))
 
 
 def load_camera(name_or_path: str | Path) -> Camera:
-    """A camera from the name of a built-in one or from a CAMERA.json.
+    """Load a camera by the name of a built-in one or from a camera file.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def load_camera(name_or_path: str | Path) -> Camera:
 
 
 def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> CameraFile:
-    """The camera as its file has it, with name and notes; a relative path is looked for in ``folder``.
+    """Read a camera file with name and notes; a relative path is looked up in ``folder``.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     notes: str = ""
 
     def camera(self, where: str) -> Camera:
-        """The camera model.
+        """Return the camera model.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Intrinsics from what a data sheet says: focal length, pixel pitch, sensor size, aperture angle."""
+"""Intrinsics from a data sheet: focal length, pixel pitch, sensor size, aperture angle."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flyaround.simulator.camera.lens.files_native import CameraFile, CentrePx, D
 from flyaround.simulator.errors import UserError
 
 CONSISTENT = 2e-3
-"""Relative difference up to which two ways to the same number agree: data sheets are rounded."""
+"""Relative tolerance between two ways to the same number; data sheets are rounded."""
 _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 # a list, not a tuple: msgspec 0.22 corrupts memory on a union of a number and a fixed tuple
 _Pair = _Positive | Annotated[list[_Positive], Meta(min_length=2, max_length=2)]
 
 
 class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A camera by its data sheet: any of the four quantities that fix the rest.
+    """A camera by its data sheet: any of four quantities that determine the rest.
 
     For d the pitch, N the number of pixels and f the focal length: sensor size s = d N, aperture angle
     alpha = 2 atan(d N / 2 f), focal length in pixels f / d; each across and down, where two numbers are given.
@@ -38,7 +38,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     notes: str = ""
 
     def solved(self, where: str) -> CameraFile:
-        """The camera in pixels; without a principal point it is the image's middle.
+        """Return the camera in pixels; the principal point defaults to the image's centre.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         fx: float,
         fy: float | None,
     ) -> tuple[float, float] | None:
-        """Pixel pitch across and down where the file fixes it, directly, by the detector's size or the focal length."""
+        """Return the pixel pitch across and down, if given directly or by detector size or focal length."""
         across, down = (
             d if d is not None or s is None else s / count * 1e3
             for d, s, count in zip(pitch, size, (self.width_px, self.height_px), strict=True)
@@ -93,7 +93,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def _focal_px(
         self, where: str, count: int, pitch_um: float | None, size_mm: float | None, angle_deg: float | None
     ) -> float | None:
-        """Focal length over the pitch along one axis."""
+        """Return the focal length over the pitch along one axis."""
         by_size = None if size_mm is None else size_mm / count * 1e3
         d_um = _agree(where, "the pixel pitch [um]", pitch_um, by_size)
         by_length = None
@@ -108,7 +108,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None, float | None]:
-    """Across and down; one number is both, or the one across."""
+    """Return the values across and down; a single number is both, or the one across."""
     if value is None:
         return None, None
     if isinstance(value, list):
@@ -117,7 +117,7 @@ def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None
 
 
 def _agree(where: str, what: str, first: float | None, second: float | None) -> float | None:
-    """The number that two ways lead to, or the only one."""
+    """Return the number that two ways agree on, or the only one."""
     if first is None or second is None:
         return second if first is None else first
     if abs(first / second - 1) > CONSISTENT:

@@ -1,1 +1,1 @@
-"""Target files: a target to and from binary glTF 2.0, to the bit. Files of others are read by importing/."""
+"""Target files: a target as binary glTF 2.0, exact to the bit. Other files are read by importing/."""

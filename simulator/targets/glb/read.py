@@ -1,4 +1,4 @@
-"""Target files: a Target read from binary glTF 2.0, to the same bits that `glb_write` wrote.
+"""Reader of target files: a Target from binary glTF 2.0, exact to the bit.
 
 Mesh data are in the model frame: the rotation of the root node, which is for viewers, is ignored.
 """
@@ -36,7 +36,7 @@ CLEARCOAT, ANISOTROPY = "KHR_materials_clearcoat", "KHR_materials_anisotropy"
 TYPES = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}  # glTF 2.0 specification, section 3.6.2.2
 LARGEST_FILE_BYTES = 2 << 30
 BROKEN = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
-"""What a document that breaks glTF's rules raises where it is read."""
+"""Exceptions raised when reading a document that violates glTF."""
 
 
 def load_glb(path: str | Path) -> Target:
@@ -111,7 +111,7 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
 
 
 def holds_target(path: Path) -> bool:
-    """Whether a GLB file says that it is a target file, sound or not."""
+    """Return True if a GLB file claims to be a target file, valid or not."""
     try:
         document, _ = read_chunks(read_regular(path, LARGEST_FILE_BYTES), path)
     except (OSError, UserError):
@@ -120,7 +120,7 @@ def holds_target(path: Path) -> bool:
 
 
 def read_chunks(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
+    """Return the JSON and the binary chunk of a GLB file (glTF 2.0 specification, section 4.4)."""
     if data[:4] != b"glTF":
         raise UserError(f"{path} is not a binary glTF file (.glb); export the model as one")
     if len(data) < 20:
@@ -163,7 +163,7 @@ def _record(document: dict[str, Any], path: Path) -> TargetRecord:
 
 
 def _extras(document: dict[str, Any]) -> object:
-    """What a target file keeps in its scene, unchecked; None in a plain model."""
+    """Return the target data in a document's scene, unchecked; None in a plain model."""
     scenes = document.get("scenes")
     first = scenes[0] if isinstance(scenes, list) and scenes else None
     extras = first.get("extras") if isinstance(first, dict) else None
@@ -234,11 +234,11 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
 
 
 MOST_VALUES = 2_000_000
-"""Values and brackets of a document: as Python objects they take a hundred times the bytes of the file."""
+"""Largest number of values and brackets in a document; as Python objects they take a hundred times the file's size."""
 
 
 def parse_json(data: bytes) -> object:
-    """The value of a JSON text.
+    """Parse a JSON text.
 
     Raises
     ------
@@ -256,5 +256,5 @@ def parse_json(data: bytes) -> object:
 
 
 def _refuse_constant(text: str) -> None:
-    """JSON has no NaN and no Infinity, though Python's reader would take them."""
+    """Raise for NaN and Infinity, which JSON lacks but Python's reader accepts."""
     raise ValueError(f"{text} is no number of JSON")

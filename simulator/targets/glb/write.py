@@ -1,4 +1,4 @@
-"""Target files written: a Target as binary glTF 2.0, which `glb` reads back to the same bits.
+"""Writer of target files: a Target as binary glTF 2.0, exact to the bit.
 
 One node and one mesh per part; a root node turns the model's z axis to glTF's y for viewers. The document is plain
 JSON of glTF 2.0, sections 3 and 5: a library's classes for it took as long as building a craft.
@@ -45,7 +45,7 @@ def write_glb(target: Target, path: str | Path) -> None:
 
 
 def glb_bytes(target: Target) -> bytes:
-    """What a target file of ``target`` holds."""
+    """Return the contents of a target file."""
     document: Json = {
         "asset": {"version": "2.0", "generator": "flyaround"},
         "accessors": [],
@@ -92,7 +92,7 @@ def glb_bytes(target: Target) -> bytes:
 
 
 def _chunks(document: Json, blob: bytes) -> bytes:
-    """A GLB file of a document and its buffer (glTF 2.0 specification, section 4.4)."""
+    """Return a GLB file of a document and its buffer (glTF 2.0 specification, section 4.4)."""
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     blob += b"\0" * (-len(blob) % 4)
@@ -131,7 +131,7 @@ def _gltf_material(m: Material, pictures: tuple[TextureImage, ...]) -> Json:
 
 
 def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
-    """(N, 4) glTF tangents of a brushed part: across the grain, the way in which its highlight is wide."""
+    """Return (N, 4) glTF tangents of a brushed part: across the grain, the direction of its wide highlight."""
     axis = np.asarray(brushed.grain, float) / np.linalg.norm(brushed.grain)
     n = part.normals.astype(float)
     across = axis - (n @ axis)[:, None] * n if brushed.turned else np.cross(n, axis)
@@ -144,7 +144,7 @@ def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
 
 
 def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> int:
-    """Append an array to the buffer; returns the number of its accessor."""
+    """Append an array to the buffer. Return the number of its accessor."""
     view = {"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes, "target": use}
     document["bufferViews"].append(view)
     accessor: Json = {"bufferView": len(document["bufferViews"]) - 1, "byteOffset": 0}

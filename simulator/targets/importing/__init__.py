@@ -1,1 +1,1 @@
-"""A user's mesh made into a target: read, check, repair, propose labels, install. No GL, no built-in craft."""
+"""Import of a user's mesh as a target: read, check, repair, propose labels, install. No GL, no built-in craft."""

@@ -1,4 +1,4 @@
-"""From a mesh file to a target, step by step: read, place, check, repair, shade, propose labels."""
+"""The steps from a mesh file to a target: read, place, check, repair, shade, propose labels."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """What the user says about a mesh.
+    """A user's options about a mesh.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class ImportOptions:
 
 @dataclass
 class Findings:
-    """What was found, assumed, repaired or lost, by weight: a line each, with the option that changes it.
+    """Findings, assumptions, repairs and losses by severity: one line each, with the option that changes it.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ class Findings:
     repairs: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """Return all lines, the weightiest first."""
+        """Return all lines, the most severe first."""
         return [*self.shape, *self.look, *self.repairs]
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
-    """A target from a mesh file, and a line for each thing that was found, assumed, repaired or lost.
+    """Import a target from a mesh file. Return it with a line for each finding, assumption, repair and loss.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
 def read_surface(
     path: Path, options: ImportOptions
 ) -> tuple[RawModel, list[MeshBody], float, list[Material], list[Part], list[str]]:
-    """A mesh file read, placed, checked, repaired and shaded: everything of an import but labels and mass.
+    """Read a mesh file and place, check, repair and shade it: an import without labels and mass.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def _check_weights(options: ImportOptions) -> None:
 
 
 def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
-    """The file itself when it is a target file and nothing is to be changed.
+    """Return the file itself if it is a target file and no option changes it.
 
     A target file that is unsound is refused: as a plain mesh it would quietly lose its keypoints.
     """
@@ -211,7 +211,7 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
 
 
 def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[list[MeshBody], float]:
-    """Welded, reduced, filled and outward bodies, and the craft's extent [m]."""
+    """Return welded, reduced, filled and outward-facing bodies, and the craft's extent [m]."""
     low, high = bounds(model)
     extent = float((high - low).max())
     tally = RepairCounts()
@@ -255,7 +255,9 @@ def _checked(
     *,
     reduced: bool,
 ) -> list[MeshBody]:
-    """Return the bodies wound outwards; open outlines and branching edges are counted, or refused by ``--strict``."""
+    """Return the bodies wound outwards; open outlines and non-manifold edges are counted, or refused by
+    ``--strict``.
+    """
     holes = rims = branches = one_sided = 0
     lenient = not options.strict or reduced  # reducing may open seams and pinch edges
     out = []
@@ -314,7 +316,7 @@ def _parts(
 
 
 def _summary(target: Target, openings: int | None = None) -> str:
-    """Return what the target is: size, parts, triangles and, where they were counted, openings."""
+    """Return a summary of the target: size, parts, triangles and, if counted, openings."""
     size = np.ptp(np.concatenate([p.positions_m for p in target.parts]), axis=0)
     triangles, parts = sum(len(p.triangles) for p in target.parts), len(target.parts)
     what = (

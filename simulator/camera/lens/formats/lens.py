@@ -1,4 +1,4 @@
-"""From the numbers of another program's file to a camera: names of lens models, counts of coefficients, bounds."""
+"""From the numbers of a foreign file to a camera: lens models, counts of coefficients, bounds."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
 
 
 def not_drawn(place: str, value: object, read: str) -> UserError:
-    """Return the error for a lens model that is not drawn, with the way out.
+    """Return the error for an unsupported lens model, with the alternative.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def camera_file(
     pixel_pitch_um: tuple[float, float] | None = None,
     encoding: object = None,
 ) -> CameraFile:
-    """Return the camera of a file whose keys have all been read or named.
+    """Return the camera of a file whose keys have all been read or ignored by name.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well a stretch of an edge shows in pictures: small shaded pictures from many sides, drawn on the CPU.
+"""Contrast of edges in small shaded images from many sides, drawn on the CPU.
 
 A crease that a modeller drew may be invisible: a groove finer than a pixel, two faces alike in the light, an edge
 behind another body. So every candidate is looked at: the step of brightness across it, a little to either side,
@@ -26,11 +26,12 @@ VIEWS = sphere_directions(40)
 SIZE_PX = 256
 POINTS = 450_000
 ASIDE_PX = 2.5
-"""Where brightness is compared [pixels of 256]: as an estimator does that sees the craft 100 to 200 pixels large."""
+"""Distance from the edge at which brightness is compared [pixels of 256], as an estimator does on a craft of 100 to
+200 pixels."""
 SKIN = 0.012
-"""Share of the craft by which a point of an edge may lie behind the picture's surface and still count as seen."""
+"""Share of the craft by which a point of an edge may lie behind the image's surface and count as visible."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
-"""Angles [deg] of the Sun from the line of sight and round it: ahead, and three times from a side."""
+"""Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
 AMBIENT = 0.02
 
 
@@ -41,7 +42,7 @@ def contrast_of(
     b_m: FloatArray,
     skin_m: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean step of brightness (K,) across stretches where they are seen, and how often they are (K,).
+    """Return the mean brightness step (K,) across stretches where they are visible, and their visibility (K,).
 
     The step is relative to the brightness of the craft's brightest surface, 0..1; how often is the share of views and
     of places along the stretch in which nothing hides it.
@@ -80,7 +81,7 @@ def contrast_of(
 
 
 def _axes(direction: FloatArray) -> FloatArray:
-    """(3, 3) rows: right, up, and towards the camera."""
+    """Return the (3, 3) rows: right, up, and towards the camera."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     x = np.cross(helper, direction)
     x /= np.linalg.norm(x)
@@ -88,14 +89,14 @@ def _axes(direction: FloatArray) -> FloatArray:
 
 
 def _pixels(xy: FloatArray | Float32Array, radius: float) -> FloatArray:
-    """Places in the picture, its border kept free for looking aside."""
+    """Return positions in the image, with a margin for the comparison on both sides."""
     return np.asarray((xy / radius * 0.94 + 1) * (SIZE_PX - 1) / 2)
 
 
 def _picture(
     surface: SurfacePoints, albedo: FloatArray, center: FloatArray, radius: float, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Nearest surface to the camera (H, W), -inf outside, and its brightness under each of the lights (L, H, W)."""
+    """Return the nearest surface to the camera (H, W), -inf outside, and its brightness under each light (L, H, W)."""
     # single precision: only places in a small picture are asked for
     at = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
     x, y = np.rint(_pixels(at[:, :2], radius)).astype(np.int32).T
@@ -123,7 +124,7 @@ def _picture(
 
 
 def _closed(depth: FloatArray) -> FloatArray:
-    """Empty cells with at least five full neighbours get the nearest of them."""
+    """Fill empty cells that have at least five full neighbours with the nearest of them."""
     padded = np.pad(depth, 1, constant_values=-np.inf)
     near = np.stack(
         [padded[1 + i : 1 + i + SIZE_PX, 1 + j : 1 + j + SIZE_PX] for i in (-1, 0, 1) for j in (-1, 0, 1)]
@@ -133,7 +134,7 @@ def _closed(depth: FloatArray) -> FloatArray:
 
 
 def _spread(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
-    """Cells that are filled and have no point of their own take a neighbour's."""
+    """Assign filled cells without a point of their own a neighbour's point."""
     out = winner.copy()
     padded = np.pad(winner, 1, constant_values=-1)
     for i, j in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):

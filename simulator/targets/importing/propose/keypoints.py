@@ -1,4 +1,4 @@
-"""Keypoints proposed from the shape: sharp corners and extremities, spread by farthest-point sampling."""
+"""Keypoints proposed from the shape: corners and extremities, spread by farthest-point sampling."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ WANTED = 16
 MOST_CANDIDATES = 4000
 FEWEST_VIEWS = 3
 CLOSEST = 0.02
-"""Share of the craft: nearer points would be one to an estimator."""
+"""Least distance between keypoints as a share of the craft; closer ones are one to an estimator."""
 SAMPLES, NEIGHBOURHOOD = 6000, 0.12
-"""Points of the surface, and the radius about a keypoint as a share of the craft, that tell a boom from a body."""
+"""Number of surface points, and the radius around a keypoint as a share of the craft, for telling a boom from a
+body."""
 BROAD, ON_A_BOOM = 0.4, 0.3
-"""Ratio of principal axes from which a surface is no boom, and the weight of a point on a line."""
+"""Ratio of principal axes above which a surface is no boom, and the weight of a point on a boom."""
 TURN_COS = float(np.cos(np.deg2rad(25.0)))
 
 
 def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:
-    """Up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
+    """Propose up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
 
     The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
     from more sides counts more, corners count a quarter more than round rims, and what sticks out (the hull of
@@ -82,7 +83,7 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
 
 
 def _breadth(bodies: list[MeshBody], points: FloatArray, extent_m: float) -> FloatArray:
-    """(K,) ratio of the second to the first principal axis of the surface about each point: small along a boom."""
+    """Return the (K,) ratio of second to first principal axis of the surface around each point: small along a boom."""
     samples = surface_points(bodies, SAMPLES, vertices=False).points_m
     tree = cKDTree(samples)
     out = np.ones(len(points))
@@ -111,7 +112,7 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
 
 
 def _corner_vertices(body: MeshBody) -> np.ndarray:
-    """Vertices where three or more creases meet, or two at a real bend."""
+    """Return the vertices where three or more creases meet, or two at a marked bend."""
     ends, _, _ = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return np.zeros(0, np.int64)
@@ -127,7 +128,7 @@ def _corner_vertices(body: MeshBody) -> np.ndarray:
 
 
 def _tips(points: FloatArray) -> FloatArray:
-    """Vertices of the convex hull, or all points of a flat shape's outline box."""
+    """Return the vertices of the convex hull, or all points of a flat shape's bounding box."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
@@ -136,7 +137,7 @@ def _tips(points: FloatArray) -> FloatArray:
 
 
 def _on_hull(points: FloatArray) -> np.ndarray:
-    """(K,) vertices of the hull of all points."""
+    """Return (K,) which points are vertices of the convex hull."""
     out = np.zeros(len(points), bool)
     try:
         out[ConvexHull(points).vertices] = True
@@ -148,12 +149,12 @@ def _on_hull(points: FloatArray) -> np.ndarray:
 SIZE_PX = 384
 MOST_TRIANGLES = 15_000
 TOLERANCE = 0.012
-"""As a share of the craft: what a coarse mesh and a coarse picture may be wrong by."""
+"""Tolerance of a coarse mesh and a coarse image, as a share of the craft."""
 DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
 def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> IntArray:
-    """(K,) from how many of 26 directions each point (K, 3) is not hidden by the bodies."""
+    """Return (K,) the number of 26 directions from which each point (K, 3) is visible."""
     if sum(len(b.triangles) for b in bodies) > MOST_TRIANGLES:
         bodies = decimate(bodies, MOST_TRIANGLES)
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
@@ -187,7 +188,9 @@ def _pixels(xy: FloatArray, radius: float) -> IntArray:
 
 
 def _depth_picture(corners: FloatArray, radius: float) -> FloatArray:
-    """Distance of the nearest face at each pixel, the farther of its 3 x 3 neighbours; background infinite."""
+    """Return the distance of the nearest face at each pixel, the farthest of its 3 x 3 neighbours; background
+    infinite.
+    """
     depth = corners[..., 2].mean(axis=1)
     flat = _pixels(corners[..., :2].reshape(-1, 2), radius).reshape(-1, 3, 2).astype(np.int32)
     picture = np.full((SIZE_PX, SIZE_PX), 1e9, np.float32)

@@ -1,4 +1,4 @@
-"""Mass properties of a mesh: a uniform solid of stated density or mass, or a shell where it has no volume."""
+"""Mass properties of a mesh: a uniform solid of given density or mass, or a shell if it has no volume."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from flyaround.simulator.runtime.arrays import FloatArray, vec3
 from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
-"""Whole spacecraft weigh 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
+"""Default density: whole spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
 SHELL_KG_M2 = 10.0
 HOLLOW = 1e-3
-"""Below this volume over area to the 3/2 a mesh is sheets, not bodies (a sphere has 0.094)."""
+"""Volume over area to the 3/2 below which a mesh is made of sheets, not bodies (a sphere has 0.094)."""
 
 
 def mass_properties_of(
     bodies: list[MeshBody], mass_kg: float | None, density_kg_m3: float | None
 ) -> tuple[MassProperties, str]:
-    """Mass, centre of mass and inertia, and one line on how they were found.
+    """Return mass, centre of mass and inertia, and one line on how they were derived.
 
     Volume integrals over the tetrahedra between the origin and each face (Tonon 2004); of sheets, the surface.
     """
@@ -50,7 +50,7 @@ def mass_properties_of(
 
 
 def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
-    """Centre and second moments about it of simplices with corners (F, 3, 3), and the origin if ``apex``."""
+    """Return the centre and second moments about it of simplices with corners (F, 3, 3), and the origin if ``apex``."""
     total = weight.sum()
     corners, n = c.sum(axis=1), 4 if apex else 3
     centre = (weight[:, None] * corners).sum(axis=0) / n / total

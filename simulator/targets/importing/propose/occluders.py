@@ -1,4 +1,4 @@
-"""Coarse closed bodies that stand for the craft in visibility tests and as its silhouette: few convex hulls.
+"""Coarse convex bodies that represent the craft in visibility tests and as its silhouette.
 
 Each connected piece is one hull; a piece that fills its hull badly is cut in two where the hulls of the halves are
 smallest, the worst first. What matters is the outline: to an estimator light beside it is a sign of a wrong pose.
@@ -20,25 +20,25 @@ from flyaround.simulator.targets.model import Occluders
 
 POINTS = 120_000
 HULL_POINTS = 1500
-"""Points that a hull is tried with while cuts are searched."""
+"""Number of points of a hull during the search for cuts."""
 MOST_PIECES = 40
 MOST_TRIANGLES = 600
 SMALLEST = 0.0015
-"""Share of the craft's mean silhouette below which a piece is left out."""
+"""Share of the craft's mean silhouette below which a piece is dropped."""
 SETTLED = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
 CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
 FACETS = (64, 40, 26, 14, 10)
-"""Directions in which a hull's corners are sought: as many as the budget of triangles allows."""
+"""Directions in which a hull's corners are sought; the first count within the triangle budget is used."""
 INSET = 0.99
-"""Occluders are drawn in a little, so that they do not hide the edges on their own surface."""
+"""Scale of occluders, slightly below 1 so that they do not hide edges on their own surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Leaf:
-    """A set of surface points with the mean silhouette of its hull [m2], and how much of that is not its own."""
+    """A set of surface points with the mean silhouette of its hull [m2], and the part of it that is empty."""
 
     points: FloatArray
     shadow: float
@@ -46,7 +46,7 @@ class _Leaf:
 
 
 def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
-    """Convex bodies of together at most some 600 triangles whose outline is nearly the craft's."""
+    """Propose convex bodies with some 600 triangles in total whose outline approximates the craft's."""
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
@@ -70,7 +70,7 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
 
 
 def _joined(leaves: list[_Leaf]) -> Occluders:
-    """The hulls with as many facets as the budget allows, the same fineness for all."""
+    """Merge the hulls, all with the same number of facets that the budget allows."""
     for fineness in FACETS:
         directions = sphere_directions(fineness)
         hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
@@ -93,7 +93,7 @@ def _joined(leaves: list[_Leaf]) -> Occluders:
 
 
 def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
-    """The points that reach farthest in each direction, and in those of the axes' corners: a box keeps its own."""
+    """Return the extreme points in each direction, and towards the corners of the axes, so that a box keeps its own."""
     corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     size = np.maximum(np.ptp(points, axis=0), 1e-9)
     # seen in the box's own proportions: a plate's corners are as far apart as a cube's
@@ -102,7 +102,7 @@ def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
 
 
 def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | None:
-    """A set of points with its hull's silhouette; sheets are given a little thickness; None for lines and specks."""
+    """Return a set of points with its hull's silhouette; sheets are thickened slightly; None for lines and specks."""
     if len(points) < 4:
         return None
     hull = _hull(points)
@@ -122,13 +122,13 @@ def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | N
 
 
 def _thickened(points: FloatArray, thickness: float) -> FloatArray:
-    """A flat sheet's points on both sides of it."""
+    """Return a flat sheet's points offset to both sides."""
     normal = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][2]
     return np.concatenate([points + normal * thickness / 2, points - normal * thickness / 2])
 
 
 def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
-    """How much of its hull's silhouette a set of points fills, in the mean over some views."""
+    """Return the share of its hull's silhouette that a set of points fills, averaged over views."""
     own = all_of = 0
     for view in VIEWS:
         helper = np.eye(3)[int(np.argmin(np.abs(view)))]
@@ -153,7 +153,7 @@ def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
 
 
 def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
-    """The leaf in two, by the plane across an axis for which both hulls together are smallest."""
+    """Split the leaf by the axis-aligned plane for which both hulls together are smallest."""
     p = leaf.points
     step = max(1, len(p) // HULL_POINTS)
     few = p[::step]
@@ -176,7 +176,7 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
 
 
 def _not_inside(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
-    """Without those that lie within the hull of a larger one: cells on a panel, fittings on a plate."""
+    """Drop the leaves within the hull of a larger one: cells on a panel, fittings on a plate."""
     kept: list[_Leaf] = []
     planes: list[FloatArray] = []
     for leaf in leaves:
@@ -200,7 +200,7 @@ def _shadow(points: FloatArray) -> float:
 
 
 def _hull(points: FloatArray) -> ConvexHull | None:
-    """The convex hull, or None where the points lie in a plane or on a line."""
+    """Return the convex hull, or None if the points are coplanar or collinear."""
     if len(points) <= points.shape[1]:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Slender round pieces of a mesh: antennas, struts, booms, drawn as an axis with a radius."""
+"""Slender round pieces of a mesh (antennas, struts, booms) as an axis with a radius."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, vec3
 from flyaround.simulator.targets.model import Edge
 
 SLENDER = 5.0
-"""Length over radius from which a round piece is a rod."""
+"""Ratio of length to radius above which a round piece is a rod."""
 ROUND = 0.25
-"""Spread of its surface's distance from the axis over the mean: tapered and faceted rods pass, bars do not."""
+"""Relative spread of the surface's distance from the axis; tapered and faceted rods are below, bars above."""
 THICKEST, SHORTEST = 0.05, 0.03
-"""Shares of the craft: a rod's radius at most, and its length at least."""
+"""Largest radius and least length of a rod, as shares of the craft."""
 FEWEST_FACES = 12
 
 
 def rods_of(body: MeshBody, extent: float) -> list[Edge]:
-    """The connected pieces that are rods."""
+    """Return the connected pieces that are rods."""
     count, label = face_bodies(body.triangles, edge_table(body.triangles))
     order = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[order], np.arange(count + 1))
@@ -67,7 +67,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
 
 
 def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
-    """(K,) which stretches run along a rod's surface: the rod's own outline stands for them."""
+    """Return (K,) which stretches run along a rod's surface, which the rod's own outline represents."""
     covered = np.zeros(len(a_m), bool)
     for rod in rods:
         start = np.asarray(rod.a_m)

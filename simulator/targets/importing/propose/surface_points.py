@@ -1,4 +1,4 @@
-"""Points spread evenly over the surface of bodies, each with its normal, material and connected piece."""
+"""Points spread evenly over the surface of bodies, with normal, material and connected piece."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SurfacePoints:
 
 
 def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True) -> SurfacePoints:
-    """About ``count`` points, evenly by area and the same for the same bodies, and every vertex of the bodies.
+    """Return about ``count`` points, uniform by area and deterministic, and every vertex of the bodies.
 
     Stratified along the list of faces, so that small faces get their share; seeded.
 

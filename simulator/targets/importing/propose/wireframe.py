@@ -1,4 +1,4 @@
-"""A wireframe proposed from creases: sharp and open edges chained into straight stretches.
+"""Wireframe proposed from creases: sharp and open edges chained into straight stretches.
 
 Stretches carry the mean normals of the faces on their two sides. Those that show in pictures are kept, the best first.
 """
@@ -28,22 +28,23 @@ if TYPE_CHECKING:
 
 CREASE_COS = float(np.cos(np.deg2rad(30.0)))
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
-"""A chain goes on through a vertex where it bends by less: rims of twelve or more sides are followed."""
+"""Cosine of the largest bend at which a chain continues; rims of twelve or more sides are followed."""
 STRAIGHT = 0.004
 SHORTEST = 0.03
-"""Shares of the craft: how far a stretch may leave its straight line, and how long it must be."""
+"""Largest deviation of a stretch from its straight line, and its least length, as shares of the craft."""
 BEVEL = 0.006
-"""Share of the craft within which parallel edges are one."""
+"""Distance within which parallel edges are merged, as a share of the craft."""
 FEWEST_EDGES, MOST_EDGES = 40, 100
 MOST_LOOKED_AT = 600
 FEWEST_SEEN = 0.04
-"""Share of the views and of its length in which an edge must be seen."""
+"""Least share of the views and of its length in which an edge must be visible."""
 FAINTEST = 0.1
-"""Mean step of brightness across an edge, over the brightest surface's, below which it is no edge to a camera."""
+"""Least mean brightness step across an edge, relative to the brightest surface."""
 ENOUGH = 0.97
-"""Share of all that shows (length times contrast times how often it is seen) after which further edges add clutter."""
+"""Share of the total visibility (length times contrast times frequency) after which further edges are clutter."""
 GAP = 0.06
-"""Share of the craft by which stretches on one line may be apart to become one: fittings interrupt a plate's edge."""
+"""Largest gap between collinear stretches that are joined, as a share of the craft: fittings interrupt a plate's
+edge."""
 PARALLEL = float(np.cos(np.deg2rad(1.0)))
 
 
@@ -57,7 +58,7 @@ class _Stretch:
 def propose_wireframe(
     bodies: list[MeshBody], extent: float, materials: Sequence[Material]
 ) -> tuple[tuple[Edge, ...], int]:
-    """Edges by how well they show, the best first, and how many more there were than are kept.
+    """Propose edges, the most visible first. Return them and the number of those dropped.
 
     What counts is length times contrast times how often an edge is in view; slender round pieces become rods.
     """
@@ -94,7 +95,7 @@ def propose_wireframe(
 
 
 def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """Stretches on one line with a small gap between them, and the same faces beside them, as one."""
+    """Join collinear stretches with a small gap and the same faces beside them."""
     out: list[_Stretch] = []
     a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
     for s in stretches:
@@ -121,7 +122,7 @@ def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
 
 
 def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
-    """(K,) which of the stretches from ``a`` to ``b`` (K, 3) ``s`` continues, but for a small gap."""
+    """Return (K,) which of the stretches from ``a`` to ``b`` (K, 3) continue ``s``, apart from a small gap."""
     chord, other = b - a, s.b - s.a
     length = np.linalg.norm(chord, axis=1)
     direction = chord / length[:, None]
@@ -139,13 +140,13 @@ def _same_sides(one: FloatArray, other: FloatArray) -> bool:
 
 
 def _both_sides(normals: FloatArray) -> tuple[Vec3, ...]:
-    """Normals of the two faces; a sheet's rim is seen from either side."""
+    """Return the normals of the two faces; the rim of a sheet is visible from both sides."""
     rows = [vec3(n / np.linalg.norm(n)) for n in normals]
     return tuple(rows) if len(rows) == 2 else (rows[0], vec3(-np.asarray(rows[0])))
 
 
 def crease_edges(body: MeshBody, table: EdgeTable) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Sharp and open edges: ends (C, 2), normal left of the edge and right of it (C, 3), NaN where no face is."""
+    """Return sharp and open edges: ends (C, 2), normals left and right (C, 3), NaN without a face."""
     unit = body.face_vectors
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
     start, face = body.triangles.ravel(), np.arange(body.triangles.size) // 3
@@ -183,7 +184,7 @@ def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
 
 
 def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArray) -> IntArray:
-    """(C, 2) the edge that continues each edge at its two ends, -1 where none does: the straightest, mutually."""
+    """Return (C, 2) the edge that continues each edge at its two ends, -1 for none: the straightest, mutually."""
     direction = p[ends[:, 1]] - p[ends[:, 0]]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     at: dict[int, list[tuple[int, int]]] = {}
@@ -209,7 +210,7 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
 
 
 def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatArray) -> bool:
-    """Whether the faces beside two edges at one vertex look nearly alike."""
+    """Return True if the faces beside two edges at one vertex have similar normals."""
     one, other = (left[f], right[f]) if s != r else (right[f], left[f])
     for a, b in ((left[e], one), (right[e], other)):
         if np.isnan(a[0]) != np.isnan(b[0]):
@@ -220,7 +221,7 @@ def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatAr
 
 
 def _walk(seed: int, side: int, ends: IntArray, follow: IntArray, done: np.ndarray) -> list[tuple[int, bool]]:
-    """Edges of a chain in order, each with whether it is run from its second end to its first."""
+    """Return the edges of a chain in order, each with whether it is reversed."""
     chain, edge, out = [], seed, side
     while edge >= 0 and not done[edge]:
         done[edge] = True
@@ -240,7 +241,7 @@ def _split(
     sides: tuple[FloatArray, FloatArray],
     tolerance: float,
 ) -> list[_Stretch]:
-    """Straight stretches of a chain: cut at the farthest point until all are near (Douglas and Peucker 1973)."""
+    """Split a chain into straight stretches (Douglas and Peucker 1973)."""
     first, backwards = chain[0]
     vertices = [int(ends[first, 1 if backwards else 0])]
     vertices += [int(ends[k, 0 if back else 1]) for k, back in chain]
@@ -265,7 +266,7 @@ def _split(
 def _mean_normals(
     chain: list[tuple[int, bool]], p: FloatArray, ends: IntArray, sides: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """(1 or 2, 3) normals beside a stretch, its longer edges counting more."""
+    """Return the (1 or 2, 3) normals beside a stretch, weighted by edge length."""
     total = np.zeros((2, 3))
     for k, backwards in chain:
         length = float(np.linalg.norm(p[ends[k, 1]] - p[ends[k, 0]]))
@@ -276,7 +277,7 @@ def _mean_normals(
 
 
 def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """The longest of those that run side by side within a bevel's width; it takes over the outermost normals.
+    """Keep the longest of stretches that run side by side within a bevel's width; it takes the outermost normals.
 
     Bodies that touch have their common edges twice; a bevelled edge is two lines that no camera tells apart.
     """
@@ -295,7 +296,7 @@ def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
 
 
 def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArray:
-    """(K,) whether both ends of ``s`` lie within ``reach`` of the stretches from ``a`` to ``b`` (K, 3)."""
+    """Return (K,) whether both ends of ``s`` lie within ``reach`` of the stretches from ``a`` to ``b`` (K, 3)."""
     chord = b - a
     length2 = np.einsum("ij,ij->i", chord, chord)
     near = np.ones(len(a), bool)
@@ -306,7 +307,7 @@ def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArra
 
 
 def _widest(normals: FloatArray) -> FloatArray:
-    """The two of some normals that look apart the most."""
+    """Return the two normals that differ most."""
     cosines = normals @ normals.T
     i, j = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
     return normals[[i, j]] if i != j else normals[:1]

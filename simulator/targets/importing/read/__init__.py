@@ -1,1 +1,1 @@
-"""Mesh files of others, read as they are: glTF (with Draco), OBJ, STL. Nothing is repaired or proposed here."""
+"""Readers of mesh files: glTF (with Draco), OBJ, STL. Nothing is repaired or proposed here."""

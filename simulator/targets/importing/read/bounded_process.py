@@ -1,4 +1,4 @@
-"""A process of its own for foreign decoders of untrusted bytes, with bounded memory, time and output."""
+"""Subprocess for foreign decoders of untrusted bytes, with bounded memory, time and output."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ DEADLINE_S = 120.0
 
 
 class DecoderError(Exception):
-    """A decoder that gave nothing: its message says why."""
+    """Failure of a decoder; its message says why."""
 
 
 def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
-    """Standard output of a module of this folder that is handed bytes on its standard input.
+    """Run a module of this folder on bytes on its standard input. Return its standard output.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
 
 
 def bound_memory(most_bytes: int) -> None:
-    """Bound the memory of this process: a few bytes may ask for any size."""
+    """Limit the memory of this process, because a few bytes may request any size."""
     try:
         import resource  # noqa: PLC0415 - Unix alone has it
     except ImportError:

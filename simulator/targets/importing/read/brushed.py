@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 STRAIGHT = 0.8
-"""Share of the faces' grain that must lie along one direction for that to be all of it."""
+"""Share of the faces' grain along one direction above which the material has that grain."""
 
 
 def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, float]:
-    """Strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide direction."""
+    """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide
+    direction.
+    """
     found = material.get("extensions", {}).get(extension, {})
     strength = float(np.clip(found.get("anisotropyStrength", 0.0), 0, 1))
     return strength, float(found.get("anisotropyRotation", 0.0))
@@ -26,7 +28,7 @@ def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, floa
 def face_grain(
     corners_m: FloatArray, tangents: FloatArray | None, corner_uv: FloatArray | None, turn_rad: float
 ) -> FloatArray:
-    """(3, 3) sum over faces of area times the dyad of their grain, which has no sign.
+    """Return the (3, 3) sum over faces of area times the dyad of their grain, which has no sign.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def face_grain(
 
 @dataclass(frozen=True)
 class Grain:
-    """The grain of a material: along ``axis`` or, ``turned``, around it; ``fits`` when nearly all faces have it so.
+    """The grain of a material: along ``axis`` or, if ``turned``, around it; ``fits`` if nearly all faces agree.
 
     Without tangents or texture coordinates the axis is zero.
     """
@@ -72,7 +74,7 @@ class Grain:
 
 
 def common_grain(dyads: FloatArray) -> Grain:
-    """The grain that most of a material's faces have, by the sum of their dyads."""
+    """Return the dominant grain of a material's faces, from the sum of their dyads."""
     total = float(np.trace(dyads))
     if total <= 0:
         return Grain((0.0, 0.0, 0.0), turned=False, fits=True)
@@ -85,5 +87,5 @@ def common_grain(dyads: FloatArray) -> Grain:
 
 
 def corners_of(values: FloatArray, triangles: IntArray) -> FloatArray:
-    """(F, 3, ...) what the corners of triangles have of per-vertex values; wrong indices are told of elsewhere."""
+    """Return per-vertex values at the corners of triangles (F, 3, ...); invalid indices are reported elsewhere."""
     return np.asarray(values[np.clip(triangles, 0, len(values) - 1)])

@@ -23,7 +23,7 @@ TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> list[bytes]:
-    """The buffers with what was packed, appended; the document's primitives then refer to it, in place.
+    """Decode packed primitives. Return the buffers with the data appended; the document then refers to it, in place.
 
     Primitives that hold the same geometry unpacked as well are left as they are.
 
@@ -59,7 +59,7 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
 
 
 class _Added:
-    """One more buffer, with the views and accessors on it."""
+    """An added buffer, with its views and accessors."""
 
     def __init__(self, document: dict[str, Any], buffer: int) -> None:
         self._document, self._buffer = document, buffer
@@ -104,12 +104,12 @@ class _Added:
         return self._known[key, kind, normalized]
 
     def data(self) -> bytes:
-        """All arrays, one after the other."""
+        """Return all arrays, concatenated."""
         return b"".join(self._blocks)
 
 
 def _is_plain(document: dict[str, Any], primitive: dict[str, Any]) -> bool:
-    """Whether the geometry is there unpacked, for readers without the extension."""
+    """Return True if the geometry is also present unpacked."""
     numbers = [
         primitive["attributes"]["POSITION"],
         *([primitive["indices"]] if "indices" in primitive else []),
@@ -127,7 +127,7 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
 
 
 def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTES) -> dict[str, NDArray[Any]]:
-    """Arrays by stream and attribute: as `draco_process` names them.
+    """Return arrays by stream and attribute, named as in `draco_process`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A process of its own that decodes Draco streams: native code on untrusted bytes, with bounded memory.
+"""Subprocess that decodes Draco streams: native code on untrusted bytes, with bounded memory.
 
 Its argument is the most bytes that a result may have. It reads streams from standard input, each after its length
 (uint64, little-endian), and writes to standard output a .npz archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for
@@ -18,7 +18,7 @@ MOST_MEMORY_BYTES = 1 << 30
 
 
 def main(most_bytes: int) -> int:
-    """Decode what stands on standard input; 0, or 1 with the reason on standard error.
+    """Decode standard input. Return 0, or 1 with the reason on standard error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A process of its own that turns .ply .off .dae .3mf .step into binary glTF, by trimesh and cascadio.
+"""Subprocess that converts .ply .off .dae .3mf .step to binary glTF, with trimesh and cascadio.
 
 Its arguments are the kind and the path, whose folder alone textures are taken from; standard input is the file. To
 standard output go a line of JSON, `Converted`, and the glTF.
@@ -39,7 +39,7 @@ METRES = {
 
 
 def main(kind: str, path: Path) -> int:
-    """Convert what stands on standard input; 0, or 1 with the reason on standard error."""
+    """Convert standard input. Return 0, or 1 with the reason on standard error."""
     try:
         for library in LIBRARIES[kind]:  # before memory is bounded
             import_module(library)
@@ -73,7 +73,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
     lost: list[str] = []
 
     class Beside(trimesh.resolvers.Resolver):  # type: ignore[misc]
-        """Textures that lie in the model's folder."""
+        """Resolver of textures in the model's folder."""
 
         def __init__(self) -> None:
             pass
@@ -106,7 +106,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
 
 
 def _axes(kind: str, scene: Any, data: bytes) -> dict[str, Any]:  # noqa: ANN401 - of trimesh
-    """Return metres to a unit of the file, and its axis that points up; None where the format says neither."""
+    """Return metres per unit of the file, and its up axis; None if the format defines neither."""
     if kind in ("ply", "off"):
         return {"metres": None, "up": None}
     if kind == "3mf":

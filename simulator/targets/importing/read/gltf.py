@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 ELSEWHERE = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
-"""Parts of a document that are reported and left out."""
+"""Parts of a document that are reported and skipped."""
 
 
 def read_gltf(path: Path, data: bytes) -> RawModel:
@@ -85,7 +85,7 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
 
 
 class _Reader:
-    """One document on its way to parts."""
+    """Converts one document to parts."""
 
     def __init__(
         self, path: Path, document: dict[str, Any], blob: bytes, lost: list[str], notes: list[str]
@@ -187,7 +187,7 @@ class _Reader:
         corner_uv: FloatArray | None,
         linear: FloatArray,
     ) -> None:
-        """Note in which directions the faces of a brushed material are brushed."""
+        """Add the grain of a brushed material's faces."""
         if "material" not in primitive:
             return
         number = int(primitive["material"])
@@ -205,7 +205,7 @@ class _Reader:
         self.grain[number] = self.grain.get(number, np.zeros((3, 3))) + dyads
 
     def _brushed(self, materials: list[Material]) -> list[Material]:
-        """The materials with the directions in which they are brushed."""
+        """Return the materials with their grain directions."""
         out = list(materials)
         for number, dyads in self.grain.items():
             grain = common_grain(dyads)
@@ -221,7 +221,7 @@ class _Reader:
         return [m if any(m.grain) else replace(m, anisotropy=0.0) for m in out]
 
     def _colours(self, primitive: dict[str, Any], triangles: IntArray, count: int) -> FloatArray | None:
-        """(F, 3) colour of each face from its vertices, where the file gives them one and no texture."""
+        """Return (F, 3) face colours from the vertices, if the file has them and no texture."""
         attributes, factor = primitive["attributes"], np.ones(3)
         if "COLOR_0" not in attributes:
             return None
@@ -235,7 +235,7 @@ class _Reader:
         return np.asarray(vertex[np.clip(triangles, 0, count - 1)].mean(axis=1) * factor)
 
     def _coordinates(self, primitive: dict[str, Any], triangles: IntArray) -> FloatArray | None:
-        """(F, 3, 2) texture coordinates of the corners for the material's textures."""
+        """Return (F, 3, 2) texture coordinates of the corners for the material's textures."""
         textures = self.materials.textures(primitive)
         if not textures:
             return None
@@ -306,7 +306,7 @@ def embedded(path: Path, uri: str, what: str) -> bytes | None:
 def _joined(
     rows: list[FloatArray | None], triangles: list[IntArray], shape: tuple[int, ...]
 ) -> FloatArray | None:
-    """What each face of all primitives has, NaN for those without; None when none has any."""
+    """Join per-face values of all primitives, NaN where missing; None if none has any."""
     if all(r is None for r in rows):
         return None
     blank = (np.full((len(t), *shape), np.nan) for t in triangles)

@@ -14,7 +14,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def read_accessor(document: dict[str, Any], buffers: list[bytes], number: int) -> FloatArray:
-    """(count, width) values of an accessor as float64 (glTF 2.0, 3.6.2); scalars are one column.
+    """Return (count, width) values of an accessor as float64 (glTF 2.0, 3.6.2); scalars are one column.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""glTF extensions: which are read, which change nothing that is drawn, which are reported, and which are refused."""
+"""glTF extensions: those read, those without visible effect, those reported, and those refused."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ LOST = {
 
 
 def check_extensions(path: Path, document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Return what a document's extensions ask for that is not carried over, and notes on unknown ones.
+    """Return what a document's extensions define that is not carried over, and notes on unknown ones.
 
     Raises
     ------

@@ -28,7 +28,7 @@ Change = tuple[tuple[float, float], float, tuple[float, float]]
 
 
 class GltfMaterials:
-    """The materials of one document.
+    """The materials of a document.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class GltfMaterials:
 
     @property
     def pictures(self) -> dict[str, TextureImage]:
-        """The textures that were read, by name."""
+        """The textures read, by name."""
         return {p.name: p for p in self._pictures.values() if p is not None}
 
     def all(self) -> list[Material]:
@@ -60,7 +60,7 @@ class GltfMaterials:
         return [self._material(m) for m in self._document.get("materials", [])]
 
     def textures(self, primitive: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return the references of a primitive's material to pictures that were read, the base colour first."""
+        """Return the texture references of a primitive's material that could be read, base colour first."""
         if "material" not in primitive:
             return []
         m = self._document["materials"][primitive["material"]]
@@ -69,7 +69,7 @@ class GltfMaterials:
         return [f for f in found if f is not None and self._picture(f, "")]
 
     def check_wrapping(self, reference: dict[str, Any], uv: FloatArray) -> None:
-        """Report a texture whose edges do not repeat where coordinates leave it: ours repeat."""
+        """Report a texture that clamps or mirrors where coordinates leave 0..1; ours repeat."""
         record = self._document["textures"][reference["index"]]
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
@@ -119,7 +119,7 @@ class GltfMaterials:
             self._lost.add("transparency (drawn opaque)")
 
     def _from_specular(self, old: dict[str, Any]) -> tuple[Vec3, float, float]:
-        """Return base colour, metalness and roughness of a specular-glossiness material.
+        """Convert a specular-glossiness material to base colour, metalness and roughness.
 
         The metalness m solves, for the brightnesses of both colours, diffuse = base (1 - 0.04) (1 - m) / (1 - specular)
         and specular = 0.04 (1 - m) + base m.
@@ -146,7 +146,7 @@ class GltfMaterials:
         return vec3(np.clip(as_plastic + (as_metal - as_plastic) * metallic**2, 0, 1)), metallic, roughness
 
     def _picture(self, reference: dict[str, Any] | None, material: str) -> str:
-        """Return the name under which the picture of a texture is kept; empty when there is none."""
+        """Return the name of a texture's image; empty if there is none."""
         if reference is None:
             return ""
         number = int(reference["index"])
@@ -172,7 +172,7 @@ class GltfMaterials:
 
 
 def transform(reference: dict[str, Any]) -> tuple[Change, int]:
-    """Return the change of a texture reference's coordinates, and the number of these."""
+    """Return the coordinate transform of a texture reference, and the number of its coordinate set."""
     change = reference.get("extensions", {}).get(TEXTURE_TRANSFORM, {})
     (su, sv), (ou, ov) = change.get("scale", (1.0, 1.0)), change.get("offset", (0.0, 0.0))
     number = change.get("texCoord", reference.get("texCoord", 0))
@@ -198,5 +198,5 @@ def _base_texture(m: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _brightness(rgb: FloatArray) -> float:
-    """Perceived brightness of a colour, as the extension's appendix has it."""
+    """Return the perceived brightness of a colour, as in the extension's appendix."""
     return float(np.sqrt(0.299 * rgb[0] ** 2 + 0.587 * rgb[1] ** 2 + 0.114 * rgb[2] ** 2))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 MOST_ROWS = 4_000_000
-"""Vertices and corners of all placed meshes, unless the file itself holds more: a mesh placed often takes as often."""
+"""Largest number of vertices and corners of all placed meshes, unless the file holds more."""
 
 MOST_PLACED = 100_000
 INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
@@ -27,7 +27,7 @@ Placed = tuple[str, int, "FloatArray"]
 def placed_meshes(
     document: dict[str, Any], notes: list[str], read: Callable[[int], FloatArray]
 ) -> list[Placed]:
-    """The meshes of the scene that is shown, each where it stands, in the order of the tree.
+    """Return the meshes of the default scene with their transforms, in the order of the tree.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> 
 
 
 def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -> None:
-    """Refuse meshes that are placed far more often than the file has bytes, before any is read.
+    """Raise if meshes are instanced far beyond the file's size, before any is read.
 
     Parameters
     ----------
@@ -118,11 +118,11 @@ def _roots(document: dict[str, Any], notes: list[str]) -> list[int]:
 
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-"""What a primitive's indices are joined to: its ``mode``."""
+"""Primitive modes of indices."""
 
 
 def node_matrix(node: dict[str, Any]) -> FloatArray:
-    """(4, 4) of a node relative to its parent: a matrix by columns, or translation, rotation (xyzw), scale."""
+    """Return the (4, 4) transform of a node: a column-major matrix, or translation, rotation (xyzw), scale."""
     if "matrix" in node:
         return np.asarray(node["matrix"], float).reshape(4, 4).T
     matrix = np.eye(4)
@@ -140,7 +140,7 @@ def node_matrix(node: dict[str, Any]) -> FloatArray:
 
 
 def as_triangles(index: IntArray, mode: int) -> IntArray:
-    """(N, 3) corners of the triangles that indices mean.
+    """Convert indices of a primitive to the (N, 3) corners of triangles.
 
     Raises
     ------

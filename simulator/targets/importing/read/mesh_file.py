@@ -1,4 +1,4 @@
-"""Reading mesh files into raw parts: by what the file holds, which must be what its ending says."""
+"""Readers of mesh files into raw parts. The contents must match the file's suffix."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 KINDS = {"ply": "PLY", "off": "OFF", "dae": "COLLADA", "3mf": "3MF", "step": "STEP", "stp": "STEP"}
-"""Endings, and names of the formats."""
+"""Suffixes and names of the formats."""
 ENDINGS = ("glb", "gltf", "obj", "stl", *KINDS)
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
 MARKS = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
@@ -38,7 +38,7 @@ OTHERS = {
 
 
 def read_mesh(path: Path) -> RawModel:
-    """Read a mesh file as it is, colours of vertices gathered into a few materials.
+    """Read a mesh file unchanged, with vertex colours gathered into a few materials.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def read_mesh(path: Path) -> RawModel:
 
 
 def detected_format(data: bytes) -> str:
-    """The ending that a file's content deserves, or a few words on what it is, or nothing."""
+    """Return the suffix that a file's contents imply, or a description of them, or nothing."""
     if data[:4] == b"glTF":
         return "glb"
     if is_stl(data):
@@ -108,7 +108,7 @@ def detected_format(data: bytes) -> str:
 
 
 def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
-    """Read a mesh by trimesh, or a STEP model by Open CASCADE.
+    """Read a mesh with trimesh, or a STEP model with Open CASCADE.
 
     Units and the axis that points up are those that COLLADA, 3MF and STEP files state; PLY and OFF files state none.
     Colours of PLY and OFF files are taken as sRGB, those of COLLADA's materials as linear, as of .mtl files.

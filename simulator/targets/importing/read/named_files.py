@@ -1,4 +1,4 @@
-"""Textures and material libraries that a model names: found within the model's folder, or reported as missing."""
+"""Textures and material libraries that a model names: read from the model's folder, or reported as missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CONTINUED = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
-    """A file beside the model that is missing or cannot be read: its message says which and why, without a path."""
+    """A file beside the model that is missing or unreadable; its message says which and why, without a path."""
 
 
 def text_lines(data: bytes) -> list[str]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 LARGEST_NUMBER = 2**40
 MOST_CLIPPING = 50e6
-"""Sum of the squared numbers of corners of polygons that are no triangles or convex quadrilaterals."""
+"""Bound on the sum of squared corner counts of concave polygons."""
 
 
 CURVES = ("l", "p", "curv", "curv2", "surf")
@@ -38,7 +38,7 @@ HARMLESS = (
     "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype",
     "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 )  # fmt: skip
-"""Statements of the format that change no triangle, or belong to curves, which are reported as such."""
+"""Statements that change no triangle, or belong to curves, which are reported as such."""
 _COMMENT = re.compile(r"(?:^|\s)#.*")
 
 
@@ -53,7 +53,7 @@ class _Block:
 
 @dataclass(eq=False)
 class _Statements:
-    """The statements of a file, sorted by kind and still text."""
+    """The statements of a file by kind, as text."""
 
     rows: dict[str, list[str]] = field(default_factory=lambda: {"v": [], "vt": [], "vn": []})
     blocks: list[_Block] = field(default_factory=list)
@@ -224,7 +224,7 @@ def _part(
 
 
 def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
-    """(F, 3, 3) of vertex, texture and normal number, from 1; 0 where the file gives none.
+    """Return (F, 3, 3) vertex, texture and normal numbers, from 1; 0 if the file has none.
 
     And how many faces had fewer than three corners: some exporters write edges so.
     """
@@ -282,7 +282,7 @@ def _corners(path: Path, lines: list[str]) -> tuple[IntArray, IntArray]:
 
 
 def _whole_numbers(text: str) -> IntArray:
-    """Whole numbers between spaces; none where something else stands among them."""
+    """Parse whitespace-separated integers; empty if there is anything else."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # how NumPy says that it stopped at something else
@@ -304,7 +304,7 @@ def _unreadable_face(path: Path, line: str) -> UserError:
 
 
 def _absolute(text: str, counts: tuple[int, int, int]) -> str:
-    """Face corners counted from the end, counted from the start."""
+    """Convert face corners counted from the end to absolute ones."""
     out = []
     for token in text.split():
         fields = [
@@ -316,7 +316,7 @@ def _absolute(text: str, counts: tuple[int, int, int]) -> str:
 
 
 def _from_start(index: int, count: int) -> int:
-    """Return an index counted from 1; one before the first vertex stays negative, and is named later."""
+    """Return an index counted from 1; one before the first vertex stays negative and is reported later."""
     return count + 1 + index if count + index >= 0 else index
 
 
@@ -339,7 +339,7 @@ def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | Non
 
 
 def _numbers(path: Path, rows: list[str], least: int, word: str) -> FloatArray:
-    """(N, width) from the rows after ``word``, at least three or ``least`` wide; NaN where a row is shorter."""
+    """Return (N, width) numbers of the rows after ``word``, at least ``least`` wide; NaN where a row is shorter."""
     if not rows:
         return np.zeros((0, max(least, 2)))
     columns = len(rows[0].split())

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LARGEST_LIBRARY_BYTES = 16 << 20
 MOST_LIBRARIES = 100
 MOST_OPTIONS = 64
-"""Words of the options before a texture's name."""
+"""Largest number of option words before a texture's name."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
 _SEVERAL = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
 OPTION_WORDS = {
@@ -42,16 +42,16 @@ HARMLESS_OPTIONS = {
     "-mm": "0 1",
     "-t": "0 0 0",
 }
-"""Values that are the default, so that leaving them out changes nothing."""
+"""Default values of options, which may be ignored."""
 UNUSED_OPTIONS = ("-boost", "-texres", "-bm")
 READ_WORDS = ("kd", "ns", "pm", "pr", "pc", "pcr", "map_kd")
 HARMLESS_WORDS = ("ka", "ks", "ni", "illum", "sharpness", "map_ka", "map_aat", "ps", "anisor")
-"""Statements whose loss is not reported: ambient and specular colours belong to another lighting model."""
+"""Statements that are ignored silently: ambient and specular colours belong to another lighting model."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjMaterial:
-    """A material, its base-colour picture and the scale and offset of its coordinates, and what of it is not read."""
+    """A material, its base-colour image, scale and offset of its coordinates, and its unsupported statements."""
 
     material: Material
     picture: TextureImage | None
@@ -62,7 +62,7 @@ class ObjMaterial:
 
 @dataclass
 class _MapLine:
-    """A map statement taken apart."""
+    """A parsed map statement."""
 
     name: str
     scale: tuple[float, float] = (1.0, 1.0)
@@ -71,7 +71,7 @@ class _MapLine:
 
 
 class MaterialLibraries:
-    """The materials of an OBJ's libraries by name; pictures are read for those that are asked for.
+    """The materials of an OBJ's libraries by name; images are read on demand.
 
     Colours of .mtl files are taken as linear; the Phong exponent Ns becomes a roughness of (2 / (Ns + 2))^(1/4)
     (the width of the lobe; Karis 2013 gives alpha = roughness^2).
@@ -99,12 +99,12 @@ class MaterialLibraries:
 
     @property
     def notes(self) -> list[str]:
-        """Notes of changes to the pictures."""
+        """Notes on changes to the images."""
         return self._reader.notes
 
     @property
     def faults(self) -> list[str]:
-        """Libraries and pictures that were not read."""
+        """Libraries and images that could not be read."""
         return [f"{why}: its materials are drawn grey" for why in self._missing] + self._reader.faults
 
     def __contains__(self, name: str) -> bool:
@@ -118,7 +118,7 @@ class MaterialLibraries:
         return self._material(place, name, fields)
 
     def _read_line(self, line: str) -> None:
-        """Read the libraries of one line: one whose name may have blanks, or several."""
+        """Read the libraries of one line: one with blanks in its name, or several."""
         several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MOST_LIBRARIES]
         failures = []
         for names in [[line], several] if several != [line] else [[line]]:
@@ -128,7 +128,7 @@ class MaterialLibraries:
         self._missing += failures
 
     def _read(self, library: str) -> str:
-        """Read a library; return why it was not read, or nothing."""
+        """Read a library. Return why it could not be read, or nothing."""
         try:
             place, data = read_named(self._path, self._path, library, "material", LARGEST_LIBRARY_BYTES)
         except NotReadError as error:
@@ -198,7 +198,7 @@ def _number(fields: dict[str, str], key: str, default: float) -> float:
 
 
 def _lost_words(fields: dict[str, str]) -> list[str]:
-    """Return what a material's statements ask for that is not carried over."""
+    """Return a material's statements that are not carried over."""
     lost = []
     for word, rest in fields.items():
         value = next((x for x in rest.split() if not x.startswith("-")), "")
@@ -224,7 +224,7 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
 
 
 def _map_line(text: str) -> _MapLine:
-    """Take a map statement apart: options stand before the name, which may have blanks."""
+    """Parse a map statement: options precede the name, which may contain blanks."""
     found, rest = _MapLine(""), text.strip()
     for _ in range(MOST_OPTIONS):
         word, after = split_word(rest)

@@ -1,4 +1,4 @@
-"""Polygons cut into triangles: fans where they are convex, else ear clipping.
+"""Triangulation of polygons: fans if they are convex, ear clipping otherwise.
 
 References
 ----------
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 MOST_CORNERS, MOST_TESTS = 2000, 50
-"""Corners of a concave polygon, and triangles looked at for each of them: clipping takes the square of their number."""
+"""Limits of ear clipping, whose cost is quadratic: corners of a polygon, and triangles tested per corner."""
 
 
 def fan(count: int) -> list[tuple[int, int, int]]:
@@ -69,7 +69,7 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
 
 
 def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
-    """Return the place in ``left`` of a corner whose triangle holds no other, or -1; and how many were tested."""
+    """Return the index in ``left`` of a corner whose triangle is empty, or -1, and the number of tests."""
     p = flat[left]
     before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
     looked = 0
@@ -84,7 +84,7 @@ def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
 
 
 def _projected(corners: FloatArray) -> FloatArray:
-    """(N, 2) corners in the plane across Newell's normal, counter-clockwise."""
+    """Project corners to the plane of Newell's normal, (N, 2), counter-clockwise."""
     p = corners - corners.mean(axis=0)
     normal = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -93,7 +93,7 @@ def _projected(corners: FloatArray) -> FloatArray:
 
 
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(N,) twice the signed areas of triangles."""
+    """Return (N,) twice the signed areas of triangles."""
     return np.asarray(
         (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
     )

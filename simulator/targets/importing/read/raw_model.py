@@ -1,4 +1,4 @@
-"""A mesh as a file holds it, before anything is checked: parts with per-face materials, and notes for the user."""
+"""A mesh as its file holds it, unchecked: parts with per-face materials, and notes for the user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 UNNAMED_SURFACE = Material(name="grey-paint", base_color=(0.55, 0.55, 0.55), roughness=0.6)
-"""What a face without a material is given: a mid-grey paint."""
+"""Material of faces that have none: a mid-grey paint."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -73,7 +73,7 @@ class RawModel:
 
 
 def unique_name(name: str, taken: set[str]) -> str:
-    """The name, with a number behind it when it is taken."""
+    """Return the name, with a number appended if it is taken."""
     return (
         name
         if name not in taken
@@ -82,7 +82,7 @@ def unique_name(name: str, taken: set[str]) -> str:
 
 
 def unique_names(names: Iterable[str], fallback: str) -> list[str]:
-    """Names made different from each other by a number; empty ones are called ``fallback``."""
+    """Make names unique by appending numbers; empty ones become ``fallback``."""
     taken: dict[str, int] = {}
     out = []
     for raw in names:

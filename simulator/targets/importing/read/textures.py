@@ -1,4 +1,4 @@
-"""Textures of users' meshes: taken as they are, or baked to a few plain colours where faces cannot carry them."""
+"""Textures of users' meshes: used unchanged, or baked to a few plain colours if faces cannot carry them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LARGEST_PX = 4096
 MOST_PIXELS_OF_ALL = 512 << 20
-"""Of all pictures of a model: thirty of 4096 on a side."""
+"""Largest total size of a model's images: thirty of 4096 on a side."""
 LARGEST_PICTURE_BYTES, MOST_BYTES_OF_ALL = 256 << 20, 512 << 20
 MOST_PICTURES = 1000
 NOT_READ = {
@@ -32,15 +32,15 @@ NOT_READ = {
     b"8BPS": "a Photoshop file, which is not read",
     b"<svg": "an SVG drawing, which is not read",
 }
-"""First bytes of pictures that users have and that are not read."""
+"""Signatures of image formats that are not supported."""
 MOST_COLOURS = 6
 SAME_COLOUR = 0.04
-"""Root mean square distance in linear RGB within which faces count as of one colour."""
+"""RMS distance in linear RGB within which faces have the same colour."""
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 
 
 def decode_image(data: bytes) -> ByteArray | None:
-    """(H, W, 3) sRGB image, or None when it is none that OpenCV reads."""
+    """Decode an (H, W, 3) sRGB image; None if OpenCV cannot read it."""
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
@@ -49,7 +49,7 @@ def decode_image(data: bytes) -> ByteArray | None:
 
 
 def linear_from_srgb(value: FloatArray) -> FloatArray:
-    """Linear light from sRGB, both 0..1 (IEC 61966-2-1)."""
+    """Convert sRGB to linear light, both 0..1 (IEC 61966-2-1)."""
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
@@ -152,7 +152,7 @@ def _unreadable(name: str, kind: str = "") -> str:
 
 
 def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
-    """(F, 3) linear colour of each face: the mean of four samples of the texture on it.
+    """Return the (F, 3) linear colour of each face: the mean of four texture samples.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
 
 
 def bake_textures(model: RawModel) -> None:
-    """Turn base-colour textures into colours of faces: for meshes whose faces will not keep their places."""
+    """Bake base-colour textures to face colours, for meshes whose faces will change."""
     for part in model.parts:
         if part.corner_uv is None:
             continue
@@ -189,12 +189,12 @@ def bake_textures(model: RawModel) -> None:
 
 
 def without_textures(material: Material) -> Material:
-    """The material's factors alone."""
+    """Return the material with its factors alone."""
     return replace(material, base_color_texture="", metallic_roughness_texture="", normal_texture="")
 
 
 def mean_colour(picture: TextureImage) -> FloatArray:
-    """(3,) mean linear colour of a texture."""
+    """Return the (3,) mean linear colour of a texture."""
     image = decode_image(picture.data)
     if image is None:
         return np.ones(3)
@@ -202,7 +202,7 @@ def mean_colour(picture: TextureImage) -> FloatArray:
 
 
 def bake_colours(model: RawModel) -> None:
-    """Give faces that have a colour of their own a material of that colour, a few for each one of the file's."""
+    """Replace face colours by materials, a few for each of the file's."""
     coloured = [p for p in model.parts if p.face_colour is not None]
     if not coloured:
         return
@@ -233,7 +233,9 @@ def bake_colours(model: RawModel) -> None:
 
 
 def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
-    """As few colours as stand for all within SAME_COLOUR, at most MOST_COLOURS; seeded, so repeatable."""
+    """Cluster colours so that each is within SAME_COLOUR of its cluster, at most MOST_COLOURS clusters;
+    deterministic.
+    """
     distinct, inverse = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
     if len(distinct) == 1:
         return distinct, inverse.ravel()
@@ -249,7 +251,7 @@ def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _lloyd(points: FloatArray, centres: FloatArray) -> FloatArray:
-    """The centres moved to the means of the points nearest to them, ten times."""
+    """Run ten Lloyd iterations: move each centre to the mean of its nearest points."""
     for _ in range(10):
         label = np.argmin(((points[:, None] - centres) ** 2).sum(axis=2), axis=1)
         kept = [points[label == k].mean(axis=0) for k in range(len(centres)) if (label == k).any()]
@@ -258,7 +260,7 @@ def _lloyd(points: FloatArray, centres: FloatArray) -> FloatArray:
 
 
 def _spread(points: FloatArray, k: int) -> FloatArray:
-    """K of the points, each far from those before it: a start that no chance has a part in."""
+    """Select K points, each far from those before: a deterministic start."""
     chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
     distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
     for _ in range(k - 1):

@@ -1,1 +1,1 @@
-"""A mesh made fit to be drawn: placed, welded, oriented, closed, with normals. No file formats, no labels."""
+"""Repair of a mesh: placement, welding, orientation, holes, normals. No file formats, no labels."""

@@ -1,4 +1,4 @@
-"""Safe repairs: duplicate vertices, degenerate faces, winding. What is not safe to repair is refused by name."""
+"""Safe repairs: duplicate vertices, degenerate faces, winding. Unsafe ones are refused by name."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.raw_model import RawPart
 
 THINNEST = 3e-7
-"""Height of a face, as a share of the craft, below which float32 cannot say which way it looks."""
+"""Height of a face, as a share of the craft, below which float32 cannot represent its normal."""
 ALMOST_CLOSED = 0.02
-"""Share of open edges up to which the volume still tells inside from outside."""
+"""Share of open edges up to which the signed volume determines the outside."""
 
 
 @dataclass
@@ -40,7 +40,7 @@ class RepairCounts:
     parts_turned: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """One line for each kind of repair that was made."""
+        """Return one line per kind of repair."""
         out = []
         if self.merged:
             out.append(f"merged {self.merged:,} duplicate vertices")
@@ -62,7 +62,7 @@ class RepairCounts:
 
 
 def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
-    """The part with welded vertices, without degenerate and duplicate faces."""
+    """Weld the part's vertices and drop degenerate and duplicate faces."""
     used = used_vertices(part.triangles, len(part.positions_m))
     places, index = weld(part.positions_m[used], low, extent)
     counts.merged += len(used) - len(places)
@@ -83,7 +83,7 @@ def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCou
 
 
 def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> MeshBody:
-    """Drop faces thinner than float32 can tell, and second copies of a face in either winding."""
+    """Drop faces too thin for float32, and duplicates in either winding."""
     p = body.positions_m[body.triangles]
     longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
@@ -96,7 +96,7 @@ def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> Mesh
 
 
 def _copies(triangles: IntArray) -> BoolArray:
-    """Faces with the corners of an earlier face in the same turn; in the other turn it is a sheet's back, and stays."""
+    """Return the faces that duplicate an earlier face with the same winding; the opposite winding is a sheet's back."""
     # begin each face at its lowest corner: the turn is kept
     start = np.argmin(triangles, axis=1)
     rows = np.arange(len(triangles))
@@ -110,7 +110,7 @@ def _copies(triangles: IntArray) -> BoolArray:
 
 
 def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
-    """Wind every connected piece consistently and outwards; count the faces of one-sided pieces, which stay.
+    """Wind every connected piece consistently and outwards. Count the faces of one-sided pieces, which stay.
 
     Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.
 
@@ -158,7 +158,7 @@ def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool)
 
 
 def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
-    """Whether each piece, wound consistently by ``flip``, still has to be turned as a whole."""
+    """Return True for pieces that, made consistent by ``flip``, must still be reversed as a whole."""
     n = int(piece.max(initial=-1)) + 1
     sign = np.where(flip, -1.0, 1.0)
     p = body.positions_m[body.triangles]
@@ -184,7 +184,7 @@ def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolA
 def check_surface(
     body: MeshBody, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
-    """Count holes and edges of three or more faces; refuse them unless they are to be kept.
+    """Count holes and edges of three or more faces. Raise unless they are kept.
 
     Returns
     -------

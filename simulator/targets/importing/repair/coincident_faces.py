@@ -1,4 +1,4 @@
-"""Coplanar faces that overlap (z-fighting): two surfaces at one depth, between which pictures flicker.
+"""Coplanar faces that overlap (z-fighting).
 
 Planes are grouped, boxes compared within a group, and what is left is tested exactly: two triangles of one plane
 overlap unless one of their six edges separates them (the separating axis theorem).
@@ -27,21 +27,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 NEAREST = 1e-5
-"""Of the craft: nearer surfaces share depths at ten times its size, for depth is kept in 24 bits of a float."""
+"""Distance between surfaces, as a share of the craft, below which the 24-bit depth buffer cannot separate them at
+ten times its size."""
 TURN_RAD = 2e-3
 FEW = 24
-"""Of so few faces in a plane each is compared with each."""
+"""Number of faces in a plane up to which all pairs are compared."""
 MOST_PAIRS = 20_000_000
 CHUNK = 200_000
 
 
 class TooManyFacesError(Exception):
-    """More faces lie in one plane than can be compared."""
+    """Too many faces lie in one plane to be compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceTable:
-    """Triangles of all bodies, and what tells whether two that coincide can both be seen.
+    """Triangles of all bodies, with what decides whether two coincident ones can both be visible.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ class FaceTable:
 
     @staticmethod
     def of(bodies: list[MeshBody]) -> FaceTable:
-        """All faces of bodies that have some."""
+        """Collect the faces of all non-empty bodies."""
         corners, closed, body, piece, outward = [], [], [], [], []
         count = 0
         for k, b in enumerate(bodies):
@@ -85,7 +86,7 @@ class FaceTable:
         )
 
     def fighting(self, pairs: IntArray) -> IntArray:
-        """Those of some pairs of coincident faces that can be seen at once.
+        """Return the pairs of coincident faces that can be visible at once.
 
         Of two closed bodies that touch, the faces look at each other and neither is seen; a sheet is seen from both
         sides. Two faces of one material of one body look the same.
@@ -97,14 +98,14 @@ class FaceTable:
 
 
 def six_volumes(corners: FloatArray) -> FloatArray:
-    """(F,) six times the signed volume between each triangle (F, 3, 3) and the origin."""
+    """Return (F,) six times the signed volume between each triangle (F, 3, 3) and the origin."""
     return np.asarray(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
 
 
 def coincident_pairs(
     corners_m: FloatArray, extent_m: float, within_m: FloatArray | None = None, asked: BoolArray | None = None
 ) -> IntArray | None:
-    """(K, 2) faces that lie in one plane and overlap; None where there are too many to compare.
+    """Return (K, 2) faces that are coplanar and overlap; None if there are too many to compare.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def coincident_pairs(
 
 
 def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> IntArray:
-    """(F,) the group of planes, nearly one, that each face lies in, whichever way it looks."""
+    """Return (F,) the group of nearly identical planes of each face, regardless of orientation."""
     middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
     # scaled so that one radius holds for turn and distance
     distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (TURN_RAD / within_m)
@@ -154,7 +155,7 @@ def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> Int
 def _candidates(
     corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, asked: BoolArray | None
 ) -> Iterator[IntArray]:
-    """Pairs (K, 2) of faces of one group whose boxes meet, some at a time."""
+    """Yield pairs (K, 2) of faces of one group whose boxes overlap, in batches."""
     order = np.argsort(group, kind="stable")
     begin = np.flatnonzero(np.diff(group[order], prepend=-1))
     size = np.diff(np.append(begin, len(order)))
@@ -192,7 +193,7 @@ def _meeting(pairs: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
 def _overlap(
     corners: FloatArray, unit: FloatArray, pairs: IntArray, within_m: FloatArray, least_m: float
 ) -> BoolArray:
-    """(K,) whether the second of each pair lies in the plane of the first and overlaps it by more than ``least_m``."""
+    """Return (K,) whether the faces of each pair are coplanar and overlap by more than ``least_m``."""
     a, b = pairs.T
     n = unit[a]
     parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - TURN_RAD**2 / 2
@@ -212,7 +213,7 @@ def _overlap(
 
 
 def coincidence_lines(bodies: list[MeshBody], extent_m: float) -> list[str]:
-    """A line for the user on faces that will flicker against each other; none where there are none."""
+    """Return a line for the user on faces that will flicker; empty if there are none."""
     faces = FaceTable.of(bodies)
     pairs = coincident_pairs(faces.corners_m, extent_m)
     if pairs is None:

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 THIN = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
 BEFORE_GLASS = 0.01
-"""Of an opening's width: nearer than this to its cap another part's face is what fills it."""
+"""Share of an opening's width within which another part's face counts as its filling."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capped:
-    """Bodies after their openings were looked at: ``filled`` openings were capped, ``left`` were not."""
+    """Bodies after capping: ``filled`` openings were capped, ``left`` were not."""
 
     bodies: list[MeshBody]
     filled: int
@@ -41,7 +41,7 @@ class Capped:
 
 @dataclass(frozen=True, eq=False)
 class _Cap:
-    """A fan over one opening: the corners of its faces, and which body, piece and material it belongs to."""
+    """A fan over one opening: the corners of its faces, with body, piece and material."""
 
     body: int
     piece: int
@@ -52,7 +52,7 @@ class _Cap:
 
 
 def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
-    """The bodies with the openings of those pieces capped that become solids."""
+    """Cap the openings of the pieces that become solids."""
     found = FaceTable.of(bodies)
     caps: list[_Cap] = []
     openings = 0
@@ -74,7 +74,9 @@ def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
 
 
 def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
-    """Simple rings of open edges with a face of each, and of each open piece whether its edges are such rings."""
+    """Return the simple rings of open edges with a face of each, and for each open piece whether all its edges form
+    such rings.
+    """
     table = edge_table(body.triangles)
     half = table.first[table.open]
     start = body.triangles.ravel()[half]
@@ -101,7 +103,7 @@ def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]],
 
 
 def _cap(body: MeshBody, number: int, piece: int, first_piece: int, loop: IntArray, owner: int) -> _Cap:
-    """A fan about the ring's middle, wound against the ring: as the faces beyond it would be."""
+    """Return a fan around the ring's centre, wound opposite to the ring."""
     outline = body.positions_m[loop]
     middle = outline.mean(axis=0).astype(np.float32).astype(float)
     if len(loop) == 3:
@@ -115,7 +117,7 @@ def _cap(body: MeshBody, number: int, piece: int, first_piece: int, loop: IntArr
 
 
 def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
-    """The pieces that enclose a volume with their caps."""
+    """Return the pieces that enclose a volume with their caps."""
     if not caps:
         return set()
     n = int(faces.piece.max()) + 1
@@ -129,7 +131,7 @@ def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
 
 
 def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
-    """The pieces a cap of which lies on another face, or just before or behind one of another piece."""
+    """Return the pieces with a cap on another face, or close to another piece's face."""
     if not caps:
         return set()
     n = len(faces.corners_m)
@@ -157,7 +159,7 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
 
 
 def _outward_sign(corners: FloatArray, piece: IntArray) -> FloatArray:
-    """(F,) -1 where the piece of a face is wound inside out, else 1."""
+    """Return (F,) -1 if the piece of a face is inside out, else 1."""
     centre = corners.mean(axis=(0, 1))
     volume = np.bincount(piece, six_volumes(corners - centre))
     return np.where(volume < 0, -1.0, 1.0)[piece]

@@ -1,4 +1,4 @@
-"""Materials of an imported craft: only those in use, at most as many as can be drawn."""
+"""Materials of an imported craft: those in use, up to the limit."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import TextureImage
 
 MOST_MATERIALS = 250
-"""The renderer keeps a material's number in eight bits."""
+"""Largest number of materials; the renderer stores the index in eight bits."""
 
 
 def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[list[Material], list[str]]:
-    """Materials in use, renumbered in the bodies; beyond the limit the rarest become their nearest in colour."""
+    """Keep the materials in use and renumber them; beyond the limit the rarest are replaced by the nearest in
+    colour.
+    """
     area = np.zeros(len(materials))
     for b in bodies:
         area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
@@ -44,7 +46,7 @@ def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[l
 def plain_where_unwrapped(
     bodies: list[MeshBody], materials: list[Material], pictures: dict[str, TextureImage]
 ) -> tuple[list[Material], list[str]]:
-    """Give faces without texture coordinates a plain material of their texture's mean colour."""
+    """Give faces without texture coordinates a plain material of the texture's mean colour."""
     out, notes = list(materials), []
     users: dict[int, list[MeshBody]] = {}
     for b in bodies:

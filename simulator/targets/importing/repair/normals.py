@@ -1,4 +1,4 @@
-"""Normals at the corners: the file's where they fit the faces, else computed with creases; split into parts."""
+"""Corner normals: the file's where they fit the faces, else computed with creases; split into parts."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 CREASE_RAD = np.deg2rad(32.0)
-"""Surfaces that meet at more than this keep a sharp edge, as in most modelling tools (30 to 35 deg)."""
+"""Crease angle above which an edge stays sharp, as in most modelling tools (30 to 35 deg) [rad]."""
 BEST_COSINE = 0.1
-"""A corner's normal must look the way its face does at least by this much; smooth rims stay above it."""
+"""Least cosine between a corner's normal and its face; smooth rims stay above it."""
 
 
 def normals_fit(body: MeshBody) -> bool:
-    """Whether the file's normals can be used: there, finite, not zero, and on the faces' own side."""
+    """Return True if the file's normals are usable: present, finite, non-zero, and on the faces' side."""
     n = body.corner_normals
     if n is None or not np.isfinite(n).all():
         return False
@@ -36,7 +36,7 @@ def normals_fit(body: MeshBody) -> bool:
 
 
 def smooth_normals(body: MeshBody) -> FloatArray:
-    """(F, 3, 3) unit normals: faces that meet at less than the crease angle are smoothed into each other.
+    """Return (F, 3, 3) unit normals, smoothed across faces that meet at less than the crease angle.
 
     Weights are the angles at the corner (Thuermer and Wuethrich 1998).
     """
@@ -70,7 +70,7 @@ def smooth_normals(body: MeshBody) -> FloatArray:
 
 
 def file_normals(body: MeshBody) -> FloatArray:
-    """(F, 3, 3) the file's normals at unit length, flat on the few faces they do not fit."""
+    """Return (F, 3, 3) unit normals of the file, flat on faces that they do not fit."""
     n = body.corner_normals
     if n is None:
         return smooth_normals(body)
@@ -87,7 +87,7 @@ def _flat_where_wrong(normals: FloatArray, unit: FloatArray) -> FloatArray:
 
 
 def parts_of(body: MeshBody, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
-    """One part per material of the body, corners with equal place and normal shared."""
+    """Return one part per material of the body, with shared corners of equal position and normal."""
     out = []
     used = np.unique(body.face_material)
     for k in used:

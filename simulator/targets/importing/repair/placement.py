@@ -1,4 +1,4 @@
-"""Scale, axes and the numbers themselves: vertices that are real, on something the size of a spacecraft."""
+"""Scale, axes and validity of vertices: finite, and the size of a spacecraft."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from flyaround.simulator.targets.importing.read.raw_model import RawModel
 UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
 UNIT_NAMES = {"mm": "millimetres", "cm": "centimetres", "m": "metres", "in": "inches"}
 SMALLEST_M, LARGEST_M = 0.05, 150.0
-"""From a PocketQube (50 mm) to beyond the International Space Station (109 m); outside it ``--yes`` is needed."""
+"""Sizes accepted without ``--yes``: from a PocketQube (50 mm) to beyond the International Space Station (109 m)."""
 SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 10_000.0
-"""Sizes that the cameras' ranges and the depth buffer serve, whatever is confirmed."""
+"""Sizes that the cameras' ranges and the depth buffer support."""
 LIKELY_M = 30.0
-"""Size up to which a unit is proposed."""
+"""Largest size for which a unit is proposed."""
 MOST_TRIANGLES, MOST_PARTS = 500_000, 4000
 OFF, FARTHEST = 0.1, 100.0
-"""Extents between origin and model beyond which it is said, and beyond which vertices lose 1e-5 of the craft."""
+"""Distance of the origin from the model, in extents, that is reported, and that is refused because vertices lose
+1e-5 of the craft."""
 
 
 def check_numbers(model: RawModel) -> None:
-    """Refuse vertices that are not finite and triangles that use vertices which are not there.
+    """Raise for non-finite vertices and triangles with missing vertices.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def check_numbers(model: RawModel) -> None:
 
 
 def check_count(model: RawModel, decimate: int | None) -> None:
-    """Refuse more triangles than can be drawn and labelled, unless they will be reduced.
+    """Raise if there are more triangles than can be drawn and labelled, unless they will be reduced.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def check_count(model: RawModel, decimate: int | None) -> None:
 
 
 def check_parts(model: RawModel) -> None:
-    """Refuse more parts than a craft has: each is a body with labels of its own.
+    """Raise if there are more parts than a craft has; each is a body with labels of its own.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def place_model(
     recentre: bool = False,
     any_size: bool = False,
 ) -> list[str]:
-    """Bring the model to metres and its up axis to z, in place; return what was assumed.
+    """Convert the model to metres and z up, in place. Return the assumptions.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def place_model(
 
 
 def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentre: bool) -> list[str]:
-    """Move the origin if told so; else a warning where it is off the model, for poses are the origin's."""
+    """Move the origin on request; otherwise return a warning if it is off the model."""
     middle = (low + high) / 2
     extent = float((high - low).max())
     at = ", ".join(f"{x:.4g}" for x in middle)
@@ -167,7 +168,7 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
 
 
 def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool) -> list[str]:
-    """Refuse a size that no spacecraft has, or return a line about it where the user confirms it."""
+    """Raise for a size that no spacecraft has, or return a line about it if the user confirms it."""
     if SMALLEST_M <= extent_m <= LARGEST_M:
         return []
     if not SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M and (any_size or extent_m == 0):
@@ -192,7 +193,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
 
 
 def _proposed_unit(extent: float, units_in_metres: float) -> str:
-    """Return the advice to give the unit under which a craft of ``extent`` units is most plausible, if there is one."""
+    """Return advice on the unit for which a craft of ``extent`` units is most plausible, if there is one."""
     fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
     if not fits:
         return (
@@ -206,7 +207,7 @@ def _proposed_unit(extent: float, units_in_metres: float) -> str:
 
 
 def bounds(model: RawModel) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest corner of the vertices that triangles use."""
+    """Return the lowest and highest corner of the vertices in use."""
     used = [p.positions_m[used_vertices(p.triangles, len(p.positions_m))] for p in model.parts]
     return (
         np.min([u.min(axis=0) for u in used], axis=0),
@@ -215,5 +216,5 @@ def bounds(model: RawModel) -> tuple[FloatArray, FloatArray]:
 
 
 def z_up_from_y_up(v: FloatArray) -> FloatArray:
-    """A quarter turn about x: y becomes z, z becomes -y."""
+    """Rotate by a quarter turn about x: y becomes z, z becomes -y."""
     return np.stack([v[:, 0], -v[:, 2], v[:, 1]], axis=1)
