@@ -1,4 +1,4 @@
-"""Computed once and cached: charts, edges, hulls, visibility, radiance transfer of a mesh; creases of foil.
+"""Baked data, computed once and cached: charts, edges, hulls, visibility and radiance transfer of a mesh; foil creases.
 
 Arrays alone: no OpenGL, no scene, no camera. `render` uploads what is baked here.
 """

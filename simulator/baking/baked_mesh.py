@@ -33,7 +33,7 @@ MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BakedMesh:
-    """What is baked of a target's mesh, uploaded or not.
+    """Baked data of a target's mesh, before or after upload.
 
     Parameters
     ----------
@@ -63,13 +63,13 @@ class BakedMesh:
 
     @cached_property
     def plane_rows(self) -> Float32Array:
-        """(4, T) ``planes`` row by row: a product with a vector takes a seventh of the time."""
+        """(4, T) ``planes``, row-major: a product with a vector takes a seventh of the time."""
         return np.ascontiguousarray(self.planes.T)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A baked mesh with what is uploaded beside its vertices; see `craft.mesh.GpuMesh`.
+    """A baked mesh with the data uploaded beside its vertices; see `craft.mesh.GpuMesh`.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ _PACKED = (
 
 @dataclass(frozen=True, eq=False)
 class MergedParts:
-    """The parts of a target one after the other.
+    """The concatenated parts of a target.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class MergedParts:
 def geometry_of(
     merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int], texel: float
 ) -> Geometry:
-    """Bakes the geometry of a target, or reads it from the cache.
+    """Bake the geometry of a target, or read it from the cache.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ _ROUNDING = 1e-9  # of a hull's extent, by which one inside of it may stand out
 
 
 def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
-    """Vertices (K, 3) of the convex hulls of some parts; a hull that lies inside of another one's is left out.
+    """Return vertices (K, 3) of the convex hulls of some parts; a hull inside another one is omitted.
 
     Together they hold what all of the parts' hulls hold. Of a part that is flat the hull is its bounding box.
 
@@ -195,7 +195,7 @@ def _inside(points_m: FloatArray, planes: FloatArray, extent_m: FloatArray) -> b
 
 
 def _hull(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Vertices (K, 3) of the convex hull, or of the bounding box where the points are flat, and its planes (F, 4)."""
+    """Return vertices (K, 3) of the convex hull, or of the bounding box of flat points, and its planes (F, 4)."""
     try:
         hull = ConvexHull(points_m)
     except QhullError:

@@ -1,4 +1,4 @@
-"""Visibility baked on the nodes of a mesh's charts: what of the craft lies in each direction, by ray casting."""
+"""Visibility baked on the nodes of a mesh's charts by ray casting: open sky or another face in each direction."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, eq=False)
 class NodeVisibility:
-    """What each node of a mesh's charts sees in each direction.
+    """Visibility of each node of a mesh's charts in each direction.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class NodeVisibility:
 def trace_visibility(
     charts: Charts, planes: Float32Array, caster: RayCaster, directions: FloatArray, radius_m: float
 ) -> NodeVisibility:
-    """Casts rays from all nodes of a craft along all directions above their faces.
+    """Cast rays from all nodes of a craft along all directions above their faces.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def trace_visibility(
 
 
 def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tuple[FloatArray, Float32Array]:
-    """(N, 3) normal of the face that each node lies on, and the cosines of `NodeVisibility`."""
+    """Return the (N, 3) normal of each node's face, and the cosines of `NodeVisibility`."""
     face = planes[charts.triangle].astype(float)
     sliver = np.abs(face).max(axis=1) < 0.5
     face[sliver] = charts.face_normals[charts.chart[sliver]]
@@ -105,7 +105,8 @@ def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tupl
 
 
 def encode_visibility(seen: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
-    """(N, D) visibility as integers that compress well: 0 no ray, 1 open, 2 and more the front or back of a patch.
+    """Encode (N, D) visibility as integers that compress well: 0 no ray, 1 open, 2 and more the front or back of a
+    patch.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def decode_visibility(
     planes: Float32Array,
     directions: FloatArray,
 ) -> NodeVisibility:
-    """Inverse of `encode_visibility`, in the same order; each ``hit_node`` is its patch's first node."""
+    """Decode `encode_visibility`, in the same order; each ``hit_node`` is its patch's first node."""
     direction, node = np.nonzero(codes.T > 1)
     hit_node = codes[node, direction].astype(np.int64) - 2
     _, first = np.unique(patch, return_index=True)
@@ -146,7 +147,7 @@ def _covered(
     directions: FloatArray,
     radius_m: float,
 ) -> tuple[BoolArray, dict[int, tuple[Float32Array, Int32Array]]]:
-    """(N,) whether a decal hides most of what each place sees; and the hits along the directions that were tried."""
+    """Return (N,) whether a decal hides most of each node's view, and the hits along the tested directions."""
     origins = places_m + face * (ORIGIN_OFFSET * radius_m)
     hits: dict[int, tuple[Float32Array, Int32Array]] = {}
 
@@ -164,6 +165,6 @@ def _covered(
 
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:
-    """Results in order, one direction a thread; they do not depend on the number of threads."""
+    """Map a function over directions in threads. Return results in order, independent of the number of threads."""
     with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as threads:
         return list(threads.map(function, numbers))

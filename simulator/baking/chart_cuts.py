@@ -1,4 +1,4 @@
-"""Segmentation of a mesh into charts: faces in one plane, and small patches of finely meshed round faces."""
+"""Segmentation of a mesh into charts: coplanar faces, and small patches of finely meshed round faces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cut_charts(
     *,
     touching: bool = True,
 ) -> tuple[IntArray, BoolArray]:
-    """(T,) chart of each triangle, and (T, 3) whether each of its edges is a border of it.
+    """Return the (T,) chart of each triangle, and (T, 3) whether each of its edges is on its border.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def cut_charts(
 def _shared_edges(
     positions_m: FloatArray, groups: FloatArray, triangles: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Pairs (K,) of edges in the same place, numbered 3 t, 3 t + 1, 3 t + 2 of triangle t."""
+    """Return pairs (K,) of coincident edges, numbered 3 t, 3 t + 1, 3 t + 2 of triangle t."""
     whole = np.column_stack([np.rint(positions_m * 1e6), groups])
     order = np.lexsort(whole.T)
     new = np.any(whole[order[1:]] != whole[order[:-1]], axis=1)
@@ -90,13 +90,13 @@ def _shared_edges(
 
 
 def _means(sets: IntArray, values: FloatArray, weight: FloatArray) -> FloatArray:
-    """(S, 3) weighted means of values (T, 3) over sets (T,)."""
+    """Return (S, 3) weighted means of values (T, 3) over sets (T,)."""
     total = np.bincount(sets, weight)
     return np.stack([np.bincount(sets, weight * v) for v in values.T], axis=1) / total[:, None]
 
 
 def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
-    """(S,) whether some triangle of a set looks elsewhere than its mean."""
+    """Return (S,) whether the normal of some triangle in a set deviates from the mean."""
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     # nothing is known of a sliver's normal
@@ -114,7 +114,7 @@ def _patch_keys(
     texel_m: float,
     normal_bins: int,
 ) -> tuple[IntArray, BoolArray]:
-    """(T,) numbers that are the same for triangles of one group, place and normal, and whether each may join others.
+    """Return (T,) keys that are equal for triangles of one group, place and normal, and whether each may be merged.
 
     Parameters
     ----------

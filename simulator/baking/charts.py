@@ -1,4 +1,4 @@
-"""Charts of a mesh: every flat face laid out in one texture atlas, for light that is baked on surfaces.
+"""Charts of a mesh: every flat face laid out in one texture atlas, for baked light.
 
 A chart is what of a part lies in one plane. It is a rectangle of nodes from border to border, so that nothing of its
 neighbour in the atlas is ever blended in; a face smaller than half a texel is one node.
@@ -60,7 +60,7 @@ class Charts:
     triangle: IntArray
 
     def node_at(self, triangles: np.typing.NDArray[np.integer], places_m: FloatArray) -> IntArray:
-        """(K,) nodes nearest to places (K, 3) on triangles (K,)."""
+        """Return (K,) nodes nearest to points (K, 3) on triangles (K,)."""
         chart = self.of_triangle[triangles]
         steps = self._steps.take(chart, axis=0)
         x, y, z = np.asarray(places_m, np.float32).T
@@ -74,7 +74,7 @@ class Charts:
 
     @cached_property
     def _steps(self) -> Float32Array:
-        """(C, 8) of each axis of a chart: its vector over the step, and what is added to a place's share in steps."""
+        """(C, 8) for each axis of a chart: its vector over the step, and the offset in steps."""
         whole = np.concatenate([self.axes, -self.low_m[..., None]], axis=2) / self.step_m[..., None]
         return whole.reshape(-1, 8).astype(np.float32)
 
@@ -150,7 +150,8 @@ def _lay_out(
     across: FloatArray,
     texel_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """Normal (C, 3), axes (C, 2, 3), lowest place along them (C, 2), extent (C, 2) and nodes (C, 2) of each chart.
+    """Return normal (C, 3), axes (C, 2, 3), lowest coordinates (C, 2), extent (C, 2) and node counts (C, 2) of each
+    chart.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def _lay_out(
 
 
 def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: FloatArray) -> FloatArray:
-    """(C, 2, 3) axes of each chart, the first along the longest edge of its border."""
+    """Return the (C, 2, 3) axes of each chart, the first along the longest edge of its border."""
     edges = np.roll(corners_m, -1, axis=1) - corners_m
     length = np.linalg.norm(edges, axis=2) * border
     longest = np.argmax(length, axis=1)
@@ -189,7 +190,7 @@ def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: Float
 
 
 def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
-    """Size of the atlas and (C, 2) corners of its rectangles: shelf packing, the highest first."""
+    """Return the size of the atlas and (C, 2) corners of its rectangles: shelf packing, the highest first."""
     width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
     width = -(-width // 16) * 16
     corner = np.zeros_like(counts)
@@ -207,7 +208,7 @@ def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
 def _nearest_on_charts(
     wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Triangle (N,) and barycentric shares (N, 3) of the place on its chart that is nearest to each node.
+    """Return the triangle (N,) and barycentric coordinates (N, 3) of the point of its chart nearest to each node.
 
     Parameters
     ----------
@@ -254,7 +255,7 @@ def _nearest_on_charts(
 
 
 def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(K, 3) barycentric coordinates of points (K, 2) in triangles (K, 3, 2)."""
+    """Return the (K, 3) barycentric coordinates of points (K, 2) in triangles (K, 3, 2)."""
     a, b, c = (corners[:, k] - points for k in range(3))
     w = np.stack([_cross_2d(b, c), _cross_2d(c, a), _cross_2d(a, b)], axis=1)
     return np.asarray(w / w.sum(axis=1, keepdims=True))

@@ -26,7 +26,7 @@ _SEED = 1972
 # facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
-"""Variance of the slopes, both axes together."""
+"""Variance of the slopes, summed over both axes."""
 _TILT, _STEP = 0.8, 0.9  # of a facet's mean slope, and of its height: over those of its curvature
 _MARGIN = 0.35  # of the tile, from which facets are repeated around it
 _MOTTLE_POWER = -1.4
@@ -35,7 +35,7 @@ _UNEVEN = 4.0  # of the small facets' variance, over the mottle
 
 
 def crease_levels() -> list[ByteArray]:
-    """(S, S, 4) of each level: slope along u and v, deviation of slopes within the texel, mottle."""
+    """Return (S, S, 4) per level: slope along u and v, deviation of slopes within the texel, mottle."""
     slopes = cached_array(entry_name("creases", (make_creases,)), make_creases)
     levels = []
     for level, deviation in slope_levels(slopes):
@@ -46,7 +46,7 @@ def crease_levels() -> list[ByteArray]:
 
 
 def make_creases() -> FloatArray:
-    """(SIZE, SIZE, 3) float32: slope along u and v; mottle, 0..1 about its mean of a half."""
+    """Return (SIZE, SIZE, 3) float32: slope along u and v; mottle, 0..1 about its mean of a half."""
     rng = np.random.default_rng(_SEED)
     place = (np.indices((SIZE, SIZE))[::-1].reshape(2, -1).T + 0.5) / SIZE
     layers = [_facets(rng, place, *layer).reshape(SIZE, SIZE, 2) for layer in _LAYERS]
@@ -68,7 +68,7 @@ def make_creases() -> FloatArray:
 def _facets(
     rng: np.random.Generator, place: FloatArray, count: int, rms: float, stretch: float, turn: float
 ) -> FloatArray:
-    """(P, 2) slopes of one layer at places (P, 2) of the tile.
+    """Return (P, 2) slopes of one layer at points (P, 2) of the tile.
 
     Paraboloid i is ``|x - s_i|^2 + w_i`` after its tilt moved its middle s_i: the lowest is the nearest in three
     dimensions, with the root of w_i as the third.

@@ -1,4 +1,4 @@
-"""The edges of a mesh that can show as lines in a picture: creases, borders, silhouettes; and the gaps between them.
+"""The edges of a mesh that may be visible as lines: creases, borders, silhouettes; and the gaps between them.
 
 A gap lies between edges that run side by side: the two sides of a slit, of a thin plate, of a strut.
 """
@@ -37,7 +37,7 @@ _MOST_EDGES = 200_000  # of a finer mesh no pairs are looked for
 
 @dataclass(frozen=True, eq=False)
 class MeshEdges:
-    """Edges by their ends, each with the faces that meet there; a border has one face twice.
+    """Edges by their ends, with the faces that meet there; a border has the same face twice.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class MeshEdges:
     is_closed: bool
 
     def take(self, order: IntArray) -> MeshEdges:
-        """Some of the edges, or all in another order."""
+        """Return a selection or permutation of the edges."""
         return replace(
             self,
             ends=self.ends[order],
@@ -68,7 +68,7 @@ class MeshEdges:
         )
 
     def cut(self, longest_m: float) -> tuple[MeshEdges, IntArray]:
-        """The edges in halves of halves, none longer than this, and of each piece the edge that it is of.
+        """Halve the edges until none is longer than this. Return them, and the original edge of each piece.
 
         The pieces of an edge follow each other, and end where `subdivision.subdivide` cuts the same edge of a triangle.
         """
@@ -87,7 +87,7 @@ class MeshEdges:
         return replace(self.take(of[order]), vertices_m=places, ends=ends[order]), of[order]
 
     def quads(self) -> Float32Array:
-        """(E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
+        """Return (E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
         the edge's entry in `materials`.
         """
         out = np.empty((len(self.ends), 4, 8), np.float32)
@@ -99,7 +99,7 @@ class MeshEdges:
 
 
 def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed: bool) -> MeshEdges:
-    """Every edge of a mesh that can show.
+    """Return every edge of a mesh that may be visible.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
 
 
 def edge_gaps(edges: MeshEdges) -> Float32Array:
-    """(E, 2) gap between each edge and the creases that run beside all of its length, from the cache [m].
+    """Return the (E, 2) gap between each edge and the creases that run beside its whole length, from the cache [m].
 
     The first is that to creases with a face as turned as the edge's first face, which show when that face does; the
     second that of the second face. Infinite where there are none, or none near.
@@ -219,7 +219,7 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
 
 
 def _places(of: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Places along edges: the edge of each, and how far along it is [1]; so many evenly on each edge."""
+    """Return evenly spaced points along edges: the edge of each, and its position along it [1]."""
     whole = np.maximum(counts, 1).astype(int)
     first = np.cumsum(whole) - whole
     rank = np.arange(whole.sum()) - np.repeat(first, whole)

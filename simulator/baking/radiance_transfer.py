@@ -62,7 +62,9 @@ class RadianceTransfer:
 
 
 def harmonics(directions: FloatArray) -> FloatArray:
-    """(..., 9) real spherical harmonics to the second degree, orthonormal; Ramamoorthi & Hanrahan (2001), eq. 3."""
+    """Return (..., 9) real spherical harmonics to the second degree, orthonormal; Ramamoorthi & Hanrahan (2001), eq.
+    3.
+    """
     x, y, z = np.moveaxis(np.asarray(directions, float), -1, 0)
     one = np.ones_like(x)
     return np.stack(
@@ -78,7 +80,7 @@ def harmonics(directions: FloatArray) -> FloatArray:
 
 
 def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH) -> RadianceTransfer:
-    """Radiance transfer of a mesh: rays are cast once a geometry, and the result is kept in the cache.
+    """Return the radiance transfer of a mesh, cached; rays are cast once per geometry.
 
     Parameters
     ----------
@@ -103,7 +105,9 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 def visibility_to_ship(
     mesh: BakedMesh, patch: int = PATCH
 ) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
-    """Cache entry and codes of a mesh's visibility, which no material changes: the longest part of a bake."""
+    """Return the cache entry and codes of a mesh's visibility, which no material changes: the slowest part of a
+    bake.
+    """
     codes = encode_visibility(_traced_visibility(mesh), _patches(mesh.charts, patch)[0])
     small = codes.max() <= np.iinfo(np.uint16).max
     return _visibility_entry(mesh, patch), codes.astype(np.uint16) if small else codes
@@ -141,7 +145,7 @@ def _visibility_entry(mesh: BakedMesh, patch: int) -> str:
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
-    """(M, N) product of (M, K) and (K, N), the same whatever number of threads the library has.
+    """Return the (M, N) product of (M, K) and (K, N), independent of the library's number of threads.
 
     It would cut the columns for its threads, and round those at the cuts otherwise; blocks of a quarter of a million
     products it leaves to one thread.
@@ -157,7 +161,7 @@ def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
 def solve_radiosity(
     charts: Charts, seen: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
-    """Solves the radiosity of patches: visibility and interreflected light of `RadianceTransfer`.
+    """Solve the radiosity of patches: visibility and interreflected light of `RadianceTransfer`.
 
     Parameters
     ----------
@@ -195,7 +199,7 @@ def solve_radiosity(
 
 
 def _visibility(charts: Charts, seen: NodeVisibility, good: BoolArray) -> ByteArray:
-    """(N, 4) the code of V, such that an open plate has 1 and the light of an even sky is exact."""
+    """Return the (N, 4) code of V, such that an open plate has 1 and the light of a uniform sky is exact."""
     directions = seen.directions.astype(np.float32)
     above = (seen.cosines > 0).astype(np.float32)
     count = np.maximum(above.sum(axis=1), 1)[:, None]
@@ -211,14 +215,14 @@ def _visibility(charts: Charts, seen: NodeVisibility, good: BoolArray) -> ByteAr
 
 
 def _in_atlas(charts: Charts, values: np.typing.NDArray[_T]) -> np.typing.NDArray[_T]:
-    """(A, n) values (N, n) of the nodes in the order of the atlas's texels."""
+    """Return (A, n) values (N, n) of the nodes in the order of the atlas's texels."""
     image = np.zeros((charts.size_px[0] * charts.size_px[1], values.shape[1]), values.dtype)
     image[charts.at] = values
     return image
 
 
 def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
-    """(N,) patch of each node and their number: squares of nodes of one chart."""
+    """Return the (N,) patch of each node and the number of patches: squares of nodes of one chart."""
     index = np.arange(len(charts.chart)) - charts.first[charts.chart]
     across = charts.counts[charts.chart, 0]
     i, j = index % across // side, index // across // side
@@ -229,7 +233,7 @@ def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
 
 
 def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
-    """Values (N, n); nodes that are not good take the mean of neighbours of their chart that are."""
+    """Return values (N, n) with invalid nodes replaced by the mean of valid neighbours in their chart."""
     width, height = charts.size_px
     owner = np.full((height + 2) * (width + 2), -1)
     node = np.zeros_like(owner)

@@ -1,4 +1,4 @@
-"""Mipmap levels of slopes that also hold what a texel hides of them: the deviation from its mean."""
+"""Mipmap levels of slopes with the deviation from the mean that a texel hides."""
 
 from __future__ import annotations
 
@@ -33,6 +33,6 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
 
 
 def _halved(image: FloatArray) -> FloatArray:
-    """Mean of two by two texels."""
+    """Return the mean of two by two texels."""
     half = len(image) // 2
     return np.asarray(image.reshape(half, 2, half, 2, -1).mean(axis=(1, 3)))

@@ -1,1 +1,1 @@
-"""Time of a frame by scene and pass, and of a start. The longer benches are in `tools/bench`."""
+"""Frame time by scene and pass, and start-up time. Longer benches are in `tools/bench`."""

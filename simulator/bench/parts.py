@@ -1,4 +1,4 @@
-"""Milliseconds of the parts: the world's step, a captured frame with its labels, a sensor's picture."""
+"""Cost of the parts: the world's step, a captured frame with its labels, a sensor's image."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class PartCost:
 
 
 def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> PartCost:
-    """Median and 95th percentile of measured laps."""
+    """Return the median and 95th percentile of measured laps."""
     return PartCost(
         name=name,
         ms_p50=float(np.percentile(laps_ms, 50)),
@@ -67,7 +67,7 @@ def cost(name: str, laps_ms: list[float], *, peak_mb: float | None = None) -> Pa
 
 
 def bench_world() -> tuple[PartCost, ...]:
-    """Propagating a minute's flight, and one scene of it."""
+    """Time the propagation of a minute's flight, and one scene of it."""
     laps = []
     for _ in range(5):
         start = time.perf_counter()
@@ -100,7 +100,7 @@ def _day_laps() -> list[float]:
 
 
 def _step_laps() -> list[float]:
-    """Both orbits, guidance, control, thrusters and the attitude of both over one period of 0.1 s."""
+    """Time both orbits, guidance, control, thrusters and both attitudes over one period of 0.1 s."""
     r, v, forces = _start(8, N_STEPS * STEP_S)
     hold = Hold(position_lvlh_m=(0.0, -10.0, 0.0))
     n = mean_motion_rad_s(float(np.linalg.norm(r)), forces.mu_m3_s2)
@@ -122,7 +122,7 @@ def _step_laps() -> list[float]:
 
 
 def bench_capture() -> tuple[PartCost, ...]:
-    """A frame with all labels, checked and written."""
+    """Time a frame with all labels, verified and written."""
     laps: list[float] = []
     last = 0.0
 
@@ -140,7 +140,7 @@ def bench_capture() -> tuple[PartCost, ...]:
 
 
 def bench_sensor() -> tuple[PartCost, ...]:
-    """Blur, noise and quantisation of a 1920 x 1200 picture by each built-in sensor.
+    """Time blur, noise and quantisation of a 1920 x 1200 image for each built-in sensor.
 
     The picture is a third of dark sky, a third of even grey, and a third that rises beyond saturation. As in a frame, a
     recipe's noise has been drawn before: while the renderer began.

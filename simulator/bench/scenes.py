@@ -1,4 +1,4 @@
-"""Milliseconds per frame of each built-in bench scene, beside a reference pass of the same run."""
+"""Frame time of each built-in bench scene, beside a reference pass of the same run."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ BENCH_SCENES = (
     "tango-space-10m+1024",
     "tango-close-3m+1024",
 )
-"""Built-in scenarios; ``+rgb`` in three bands, ``+blur`` exposed while the ground moves by half a pixel, ``+1024`` on a
-square of 1024 pixels."""
+"""Built-in scenarios; ``+rgb`` in three bands, ``+blur`` with ground motion of half a pixel, ``+1024`` with 1024 x
+1024 pixels."""
 SQUARE_CAMERA = "square-1024"
 BLUR_EXPOSURE_S = 0.02
 BLOCK = 5  # frames between two looks at the reference: both see the same machine
@@ -74,7 +74,7 @@ class SceneCost:
 
 @dataclass(frozen=True, kw_only=True)
 class BenchMachine:
-    """What drew."""
+    """Machine and driver of a bench."""
 
     gl_renderer: str
     gl_version: str
@@ -88,7 +88,7 @@ def bench_scenes(
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> tuple[BenchMachine, tuple[SceneCost, ...]]:
-    """Time scenes without labels, frames taken one after the other in one process.
+    """Time scenes without labels, one frame after the other in one process.
 
     Frames are timed as users draw them, without waits between the passes; the passes' own times are of other frames,
     in which the driver is waited for after each. The reference pass has its turns between the frames, at each
@@ -107,7 +107,7 @@ def bench_scenes(
 
 
 def check_scenes(names: Sequence[str]) -> None:
-    """Refuse a scene that is not one of the bench's.
+    """Raise if a scene is not one of the bench's.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def check_scenes(names: Sequence[str]) -> None:
 
 
 def bench_machine(renderer: Renderer) -> BenchMachine:
-    """What a renderer draws with."""
+    """Return the machine and driver of a renderer."""
     info = renderer.info
     return BenchMachine(
         gl_renderer=info.renderer, gl_version=info.version, threads=len(os.sched_getaffinity(0))
@@ -128,7 +128,7 @@ def bench_machine(renderer: Renderer) -> BenchMachine:
 
 
 def bench_views(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]:
-    """A short span around the scenario's middle: neighbouring frames, all different."""
+    """Return consecutive, different frames around the scenario's middle."""
     scenario_name, _, variant = name.partition("+")
     scenario = load_scenario(scenario_name)
     times = tuple(scenario.duration_s / 2 + 0.05 * k for k in range(n_frames))
@@ -197,7 +197,8 @@ def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames
 def labels_cost(
     renderer: Renderer, target: Target, scenes: Sequence[SceneState], n_frames: int
 ) -> tuple[float, float]:
-    """Milliseconds that truth, mask and all layers add to a frame, and its cost with them over that without; medians.
+    """Return the time that truth, mask and all layers add to a frame [ms], and the ratio of times with and without;
+    medians.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How long a new process takes to its first frame, and how much memory: with an empty cache, and with a full one."""
+"""Time and memory of a new process until its first frame, with an empty and a full cache."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ with Renderer(prefetched={{bands: prefetched}}) as renderer:
 
 
 def bench_start() -> tuple[PartCost, ...]:
-    """Milliseconds from the start of Python to a developed frame; the peak of the resident memory, maps included."""
+    """Time from the start of Python to an image [ms], and its peak resident memory, mapped files included."""
     with TemporaryDirectory() as folder:
         first, again = (start_once(folder) for _ in range(2))
     return (
@@ -49,7 +49,7 @@ def bench_start() -> tuple[PartCost, ...]:
 
 
 def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[float, float | None]:
-    """Milliseconds to a first frame and the peak memory [MB] of a process with a cache of its own.
+    """Return the time to a first frame [ms] and the peak memory [MB] of a process with a cache of its own.
 
     Parameters
     ----------

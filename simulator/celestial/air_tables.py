@@ -1,4 +1,4 @@
-"""Static tables of the atmosphere, computed once in double precision and kept in the user's cache."""
+"""Static tables of the atmosphere, computed once in double precision and cached."""
 
 from __future__ import annotations
 

@@ -121,4 +121,4 @@ _ALBEDOS: dict[str, Callable[[SceneState], Float32Array]] = {
     "earth": _earth_albedo,
     "globe": lambda scene: albedo_of(scene.globe.body),
 }
-"""By the passes that draw the globe."""
+"""Albedo functions by the passes that draw the globe."""

@@ -36,7 +36,7 @@ def _mask() -> BoolArray:
 
 
 def near_bright_water(z: FloatArray, longitude: FloatArray) -> BoolArray:
-    """Whether there is shallow or turbid water within half a degree or a degree.
+    """Return whether there is shallow or turbid water within half a degree or a degree.
 
     Parameters
     ----------

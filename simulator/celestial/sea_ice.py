@@ -92,7 +92,7 @@ def _of_day(day: int) -> ByteArray:
 
 
 def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np.bool_]:
-    """Whether there is ice on a day within a degree, or may be: near the poles it is not looked for.
+    """Return whether there is, or may be, ice on a day within a degree; near the poles it is not tested.
 
     Parameters
     ----------

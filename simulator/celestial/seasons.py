@@ -53,7 +53,7 @@ class Season:
 
 
 def season(epoch_utc: str) -> Season:
-    """Which monthly maps a date lies between."""
+    """Return the monthly maps that a date lies between."""
     moment = datetime.fromisoformat(epoch_utc)
     day = moment.timetuple().tm_yday + (moment.hour + moment.minute / 60) / 24
     months, days = list(ANCHORS), list(ANCHORS.values())

@@ -1,1 +1,1 @@
-"""Our pictures beside pictures of others: statistics, the most similar view of ours, the page."""
+"""Our images beside images of others: statistics, our most similar view, the page."""

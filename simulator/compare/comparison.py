@@ -1,4 +1,4 @@
-"""Our pictures beside a folder of reference pictures: draws the like views, takes the figures of both, sums them up."""
+"""Comparison with a folder of reference images: draws similar views, measures both, summarises."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     PoseFinder = Callable[[Reference], PoseEstimate | None]
 
 AIRS = {"100 km": ENVIRONMENTS["full"], "25 km": ENVIRONMENTS["thesis"], "none": ENVIRONMENTS["airless"]}
-"""The atmospheres whose binary edges are compared: ours, the thesis's, none."""
+"""The atmospheres for the comparison of binary edges: ours, the thesis's, none."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Pair:
-    """A reference and our picture of the like view.
+    """A reference and our image of a similar view.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Pair:
     likeness: float | None
 
     def document(self) -> dict[str, Any]:
-        """The figures as a JSON-able object."""
+        """Return the figures as a JSON-able object."""
         return {
             "picture": self.reference.path.name,
             "same_view": self.same_view,
@@ -120,7 +120,8 @@ def compare_pictures(
 def edges_by_atmosphere(
     renderer: Renderer, scene: SceneState, target: Target, image: ByteArray
 ) -> dict[str, NDArray[np.bool_]]:
-    """Binary edges of the scene under each of `AIRS`, same exposure, noise and threshold; before space of one only.
+    """Return binary edges of the scene under each of `AIRS`, with the same exposure, noise and threshold; only one in
+    space.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ def edges_by_atmosphere(
 
 
 def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """Medians by background, references and ours: what differs."""
+    """Return medians by background of references and ours."""
     result: dict[str, Any] = {}
     for space, name in ((True, "space"), (False, "earth")):
         chosen = [p for p in pairs if p.theirs.space == space]

@@ -1,4 +1,4 @@
-"""Statistics of a picture: histogram, Sobel gradient and its histogram, noise, binary edges."""
+"""Statistics of an image: histogram, Sobel gradient and its histogram, noise, binary edges."""
 
 from __future__ import annotations
 
@@ -65,26 +65,26 @@ class ImageStatistics:
     space: bool
 
     def document(self) -> dict[str, float | str]:
-        """The scalar figures as a JSON-able object."""
+        """Return the scalar figures as a JSON-able object."""
         return {name: round(float(getattr(self, name)), 5) for name in FIGURES} | {
             "background": "space" if self.space else "earth"
         }
 
 
 def sobel(image: ByteArray | Float32Array) -> Float32Array:
-    """Magnitude of the 3 x 3 Sobel gradient [DN per pixel], as large as the slope of a plane."""
+    """Return the magnitude of the 3 x 3 Sobel gradient [DN per pixel], normalised to the slope of a plane."""
     x = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
     y = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
     return np.asarray(cv2.magnitude(x, y), np.float32)
 
 
 def edge_threshold(image: ByteArray) -> float:
-    """Twice the root mean square of the blurred picture's gradient [DN per pixel]: the usual Sobel threshold."""
+    """Return twice the RMS of the blurred image's gradient [DN per pixel]: the usual Sobel threshold."""
     return float(2 * np.sqrt(np.mean(np.square(_smooth_gradient(image), dtype=np.float64))))
 
 
 def binary_edges(image: ByteArray, threshold: float) -> NDArray[np.bool_]:
-    """(H, W) where the blurred picture's gradient is above a threshold [DN per pixel]."""
+    """Return (H, W) where the blurred image's gradient exceeds a threshold [DN per pixel]."""
     return np.asarray(_smooth_gradient(image) > max(threshold, 1e-3))
 
 
@@ -93,7 +93,7 @@ def _smooth_gradient(image: ByteArray) -> Float32Array:
 
 
 def image_statistics(image: ByteArray) -> ImageStatistics:
-    """Statistics of an 8-bit picture (H, W)."""
+    """Return the statistics of an 8-bit picture (H, W)."""
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
     p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))
@@ -118,7 +118,7 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
 
 
 def noise_dn(image: ByteArray) -> float:
-    """Standard deviation of white noise [DN], by the mean size of second differences.
+    """Return the standard deviation of white noise [DN], from the mean magnitude of second differences.
 
     The median over blocks of 16 x 16 keeps edges and texture from counting as long as half of the picture is plain.
     Of black space a sensor that clips shows the upper half of the noise only.
@@ -133,5 +133,7 @@ def noise_dn(image: ByteArray) -> float:
 
 
 def histogram_distance_dn(a: FloatArray, b: FloatArray, largest: float) -> float:
-    """Earth mover's distance of two histograms over the same bins, in units of the axis that ends at ``largest``."""
+    """Return the earth mover's distance of two histograms over the same bins, in units of the axis that ends at
+    ``largest``.
+    """
     return float(np.abs(np.cumsum(a) - np.cumsum(b)).sum() * largest / len(a))

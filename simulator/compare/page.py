@@ -1,4 +1,4 @@
-"""The comparison's page: for each reference its picture, histogram, Sobel image and gradient histogram over ours."""
+"""The comparison's page: each reference's image, histogram, Sobel image and gradient histogram above ours."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STYLE = "table{width:auto}"
 
 
 def write_comparison(folder: Path, pairs: Sequence[Pair], title: str) -> dict[str, Any]:
-    """Write ``index.html``, its pictures and ``comparison.json`` into an empty folder; returns what the JSON holds."""
+    """Write ``index.html``, its images and ``comparison.json`` into an empty folder. Return the JSON document."""
     pictures = folder / "pictures"
     pictures.mkdir(exist_ok=True)
     document: dict[str, Any] = {
@@ -82,7 +82,7 @@ def _summary_table(medians: dict[str, Any]) -> Markup | None:
 
 
 def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
-    """One reference over ours."""
+    """Return the elements of one reference and our counterpart."""
     about = "the same view" if pair.same_view else "the same kind of view"
     if pair.likeness is not None:
         about += f", correlation over the craft {pair.likeness:.2f}"
@@ -145,7 +145,7 @@ def _figure(folder: Path, stem: str, image: ByteArray, caption: str) -> Markup:
 
 
 def _histogram(shares: FloatArray, largest: float, colour: str, caption: str) -> Markup:
-    """A histogram on a logarithmic axis as SVG."""
+    """Return a histogram on a logarithmic axis as SVG."""
     width, height, left, bottom = *PLOT, 44, 22
     right, base = width - 8, height - bottom
     x = left + np.arange(len(shares)) / len(shares) * (right - left)

@@ -1,4 +1,4 @@
-"""A folder of pictures to compare with, and the poses that are known of them: our records, or SPEED's label lists."""
+"""Reference images and their known poses: from our records, or SPEED's label lists."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LARGEST_PX = 2048
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """One picture of others.
+    """A reference image.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Reference:
 
 
 def read_references(folder: Path, camera: Camera, count: int, labels: Path | None = None) -> list[Reference]:
-    """Up to ``count`` pictures of a folder, evenly over its sorted names.
+    """Read up to ``count`` images of a folder, evenly over the sorted names.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _read(path: Path, camera: Camera, pose: Pose | None) -> Reference:
 
 
 def fitted(camera: Camera, width_px: int, height_px: int) -> Camera:
-    """A camera at another image size: the same horizontal field, the principal point as far from the middle."""
+    """Return a camera at another image size: the same horizontal field of view, the same principal-point offset."""
     s = width_px / camera.width_px
     return replace(
         camera,
@@ -108,7 +108,7 @@ def fitted(camera: Camera, width_px: int, height_px: int) -> Camera:
 
 
 def read_speed_labels(path: Path) -> dict[str, Pose]:
-    """Poses by file name of a SPEED or SPEED+ list; ``q_vbs2tango`` is q_camera_from_target, scalar first.
+    """Return the poses by file name of a SPEED or SPEED+ list; ``q_vbs2tango`` is q_camera_from_target, scalar first.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The view of ours that is most similar to a reference picture.
+"""Search for our view that is most similar to a reference image.
 
 Candidates are samples of the evaluation recipes, drawn small; the nearest by histogram and, where a pose is at hand, by
 the look of the craft is drawn at full size.
@@ -43,7 +43,7 @@ SHORTEST_S, LONGEST_S = 1e-6, 10.0
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Camera from target in a reference; not ``sure``: it must win over other views by its looks."""
+    """Camera from target in a reference; if not ``sure``, it competes with other views by appearance."""
 
     pose: Pose
     sure: bool
@@ -73,7 +73,7 @@ def find_similar_view(
     sensor: str | None = None,
     seed: int = 0,
 ) -> SimilarView:
-    """The candidate nearest to a reference.
+    """Return the candidate view nearest to a reference.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def find_similar_view(
 
 
 def sensor_as_noisy_as(image: ByteArray) -> Sensor:
-    """SPEED's sensor with the Gaussian noise measured in a picture."""
+    """Return SPEED's sensor with the Gaussian noise measured in an image."""
     return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
 
 
@@ -122,7 +122,7 @@ def _poses(found: PoseEstimate | None) -> tuple[Pose | None, ...]:
 
 
 def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:
-    """The scene with the exposure that brings its bright end to the picture's, above its black level."""
+    """Return the scene with the exposure that matches its bright end to the image's, above the black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
     wanted = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
     ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))

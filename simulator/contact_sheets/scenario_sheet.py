@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 COLUMNS, ROWS = 3, 2
 WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # of one frame, of one sample
 _AXIS = 0.6
-"""Length of an arrow over the distance of the mesh's farthest vertex."""
+"""Length of an arrow relative to the distance of the mesh's farthest vertex."""
 
 
 def write_contact_sheets(scenarios: Iterable[Scenario], folder: Path, width_px: int = WIDTH_PX) -> None:
@@ -44,7 +44,7 @@ def write_contact_sheets(scenarios: Iterable[Scenario], folder: Path, width_px: 
 
 
 def contact_sheet(scenario: Scenario, renderer: Renderer, width_px: int = WIDTH_PX) -> ByteArray:
-    """Six frames of a scenario's flight, from start to end, row by row: (H, W, 3) RGB.
+    """Draw six frames of a scenario's flight, from start to end, row by row: (H, W, 3) RGB.
 
     Each is drawn by the scenario's own camera at a smaller size, with the time and the range written in.
     """
@@ -70,7 +70,7 @@ def write_recipe_sheets(
     width_px: int = SAMPLE_WIDTH_PX,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> None:
-    """Write ``NAME.png`` of each recipe into a folder; of one that is several data sets nothing.
+    """Write ``NAME.png`` of each recipe into a folder; a recipe of several data sets is skipped.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def write_recipe_sheets(
 
 
 def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
-    """Six samples of a plan, row by row: (H, W, 3) RGB. Of flights they are spread over all frames, else the first."""
+    """Draw six samples of a plan, row by row: (H, W, 3) RGB; of flights spread over all frames, else the first."""
     n = COLUMNS * ROWS
     step = max(1, plan.n_frames // n) if plan.recipe.poses is not None else 1
     scenes = [_clean(plan.scene(min(k * step, plan.n_frames - 1))) for k in range(n)]
@@ -96,7 +96,7 @@ def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
 
 
 def _clean(scene: SceneState) -> SceneState:
-    """The scene without noise and blur, which a small picture would show as more than they are."""
+    """Return the scene without noise and blur, which a small image would exaggerate."""
     return replace(scene, sensor=replace(noiseless(scene.sensor), blur_sigma_px=0.0))
 
 
@@ -110,5 +110,5 @@ def _tile(frame: Frame, plan: RecipePlan, *, axes: bool) -> ByteArray:
 
 
 def _grid(tiles: list[ByteArray]) -> ByteArray:
-    """Join tiles to one picture, row by row."""
+    """Join tiles to one image, row by row."""
     return np.vstack([np.hstack(tiles[r * COLUMNS : (r + 1) * COLUMNS]) for r in range(ROWS)])

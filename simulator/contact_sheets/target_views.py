@@ -1,4 +1,6 @@
-"""Pictures of one craft by the real renderer, against black: oblique views with the Sun behind, and the six sides."""
+"""Images of one craft by the renderer, in front of black: oblique views with the Sun behind the camera, and the six
+sides.
+"""
 
 from __future__ import annotations
 
@@ -35,10 +37,10 @@ SIDES = {
     "-z": (0, 0, -1),
 }
 KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
-"""The Sun up and to the left behind the camera (camera frame); a fifth as much light from the other side, because
-what lies in the shadow of space is black."""
+"""Key light up and to the left behind the camera (camera frame), and a fifth as much light from the other side, so
+that shadows are not black."""
 FOCAL_WIDTHS = 3.0
-"""Focal length in image widths: a long lens, so that sides look square."""
+"""Focal length in image widths, long so that sides look square."""
 FILL = 0.9
 ORBIT_M = 7e6
 # RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
@@ -46,11 +48,11 @@ EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
 PIECES = 60
 SKIN = 0.006
-"""Share of the craft's diagonal by which a label may lie under the surface it belongs to."""
+"""Share of the craft's diagonal by which a label may lie under its surface."""
 
 
 def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest corner of the craft [m]."""
+    """Return the lowest and highest corner of the craft [m]."""
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     return points.min(axis=0), points.max(axis=0)
 
@@ -58,7 +60,7 @@ def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
 def view_scene(
     target: Target, eye: ArrayLike, width_px: int, height_px: int, to_sun: ArrayLike = KEY_LIGHT
 ) -> SceneState:
-    """A scene that looks along ``-eye`` (target frame) at the craft and is filled by it.
+    """Return a scene that looks along ``-eye`` (target frame) with the craft filling the image.
 
     Parameters
     ----------
@@ -120,7 +122,7 @@ def view_scene(
 
 @dataclass(frozen=True, eq=False)
 class TargetView:
-    """A picture of a craft: RGB (H, W, 3), the scene, and the depth of its surface (H, W) [m], NaN outside."""
+    """An image of a craft: RGB (H, W, 3), the scene, and the surface depth (H, W) [m], NaN outside."""
 
     image: ByteArray
     scene: SceneState
@@ -130,7 +132,7 @@ class TargetView:
 def draw_view(
     renderer: Renderer, target: Target, eye: ArrayLike, width_px: int, height_px: int
 ) -> TargetView:
-    """The craft seen from the direction ``eye`` (target frame), exposed for it."""
+    """Draw the craft from the direction ``eye`` (target frame), exposed for it."""
     scene = view_scene(target, eye, width_px, height_px)
     rendered = renderer.render(scene, target, labels=True)
     if rendered.depth_m is None:
@@ -141,7 +143,7 @@ def draw_view(
 
 
 def developed(radiance: FloatArray) -> ByteArray:
-    """Linear radiance for the eye: sunlight is white, the brightest two per cent near it, gamma 2.2."""
+    """Convert linear radiance for display: sunlight is white, the brightest two per cent near it, gamma 2.2."""
     balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
     grey = balanced.max(axis=2)
     lit = grey[grey > 0]
@@ -150,7 +152,7 @@ def developed(radiance: FloatArray) -> ByteArray:
 
 
 def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
-    """A copy with what can be seen of the wireframe, and the keypoints: filled where seen, rings where hidden."""
+    """Draw the visible wireframe and the keypoints on a copy: filled if visible, rings if hidden."""
     canvas = drawn.image.copy()
     pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
     low, high = bounds_m(target)
@@ -179,7 +181,7 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
 
 
 def _unhidden(drawn: TargetView, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
-    """Whether the drawn surface leaves points (K, 3) in the camera frame open, within a skin."""
+    """Return whether points (K, 3) in the camera frame are not hidden by the drawn surface, within a skin."""
     depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
     farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))
     height, width = farthest.shape

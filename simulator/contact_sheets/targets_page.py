@@ -1,4 +1,6 @@
-"""The contact sheet: every craft from three sides and six axes, with its labels, sizes and surfaces, as one page."""
+"""The contact sheet: every craft from three oblique views and six sides, with labels, sizes and surfaces, as one
+page.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ def write_contact_sheet(
     page: str = "index.html",
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Path:
-    """Draw the targets and write the page with its pictures; files of the same names are replaced.
+    """Draw the targets and write the page with its images; existing files are replaced.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def _article(renderer: Renderer, target: Target, folder: Path) -> Markup:
 
 
 def facts(target: Target) -> dict[str, str]:
-    """What stands beside the pictures, in words."""
+    """Return the facts listed beside the images."""
     low, high = bounds_m(target)
     moments = np.linalg.eigvalsh(np.asarray(target.mass.inertia_kg_m2))
     return {

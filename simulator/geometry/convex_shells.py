@@ -1,4 +1,4 @@
-"""Occlusion culling: what the large convex bodies of a craft hide from a place, before anything is drawn.
+"""Occlusion culling: the boxes that large convex bodies of a craft hide, before anything is drawn.
 
 A craft's box or panel is a convex shell. From a place outside, the region that it hides is convex too: inside of its
 faces that look at the place, and inside of the planes through the place and its silhouette. Boxes of triangles or edges
@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 MARGIN = 2e-4
-"""Of the radius, by which what is hidden lies inside the region: more than a raster's rounding of corners."""
+"""Margin inside the hidden region, as a share of the radius: more than a rasteriser's rounding of vertices."""
 CLOSEST_M = 0.15
-"""A shell nearer to the camera hides nothing: the near plane (0.01 m along the axis) may open it."""
+"""Distance of a shell from the camera below which it hides nothing: the near plane (0.01 m along the axis) may open
+it."""
 BOX = 0.05
-"""Of the radius: size of a box of triangles or edges."""
+"""Size of a box of triangles or edges, as a share of the radius."""
 _PLACE = 2e-6  # of the radius: corners nearer than this are one
 _MOST = 4  # shells of one craft: each takes time, and the largest hide most
 _LEAST_SHARE = 0.1  # of the largest shell's area
@@ -56,7 +57,7 @@ class ConvexShell:
     area_m2: float
 
     def hidden_region(self, place: FloatArray) -> FloatArray | None:
-        """(P, 4) planes of the region hidden from a place; ``None`` where nothing is, or too near to tell.
+        """Return (P, 4) planes of the region hidden from a viewpoint; ``None`` if there is none, or if it is too near.
 
         Parameters
         ----------
@@ -90,7 +91,7 @@ class Boxes:
 
     @staticmethod
     def about(corners_m: FloatArray, size_m: float) -> Boxes:
-        """Boxes of things (K, N, 3), N corners each, that lie together; one longer than the size has its own.
+        """Group items (K, N, 3) of N corners each into boxes by position; one longer than the size has its own.
 
         Parameters
         ----------
@@ -113,7 +114,7 @@ class Boxes:
         return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
-        """(B,) whether a box as a whole lies inside of all planes (P, 4), by more than a margin."""
+        """Return (B,) whether a whole box is inside all planes (P, 4), by more than a margin."""
         farthest = np.empty((len(planes), 7), np.float32)
         farthest[:, :3] = planes[:, :3]
         np.abs(farthest[:, :3], out=farthest[:, 3:6])
@@ -122,7 +123,9 @@ class Boxes:
 
 
 def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radius_m: float) -> BoolArray:
-    """(B,) boxes that some convex shell hides from a place; ``place`` as in `ConvexShell.hidden_region`."""
+    """Return (B,) whether some convex shell hides a box from a viewpoint; ``place`` as in
+    `ConvexShell.hidden_region`.
+    """
     found = np.zeros(boxes.extents_m.shape[1], bool)
     for shell in shells:
         planes = shell.hidden_region(place)
@@ -132,7 +135,7 @@ def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radiu
 
 
 def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[ConvexShell]:
-    """Return the closed convex bodies of some parts, the largest first; small ones are left out.
+    """Return the closed convex bodies of some parts, the largest first; small ones are omitted.
 
     Parameters
     ----------
@@ -153,7 +156,7 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
 
 
 def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexShell, ...]:
-    """The largest of a craft's `convex_bodies`, none of them close about another.
+    """Return the largest of a craft's `convex_bodies`, none of them nearly inside another.
 
     Parameters
     ----------
@@ -168,21 +171,21 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
 
 
 def _protrusion(shell: ConvexShell, of: ConvexShell) -> float:
-    """How far a shell stands out of another one's planes [m]."""
+    """Return how far a shell protrudes from another one's planes [m]."""
     corners = shell.ends_m.reshape(-1, 3)
     return float((corners @ of.planes[:, :3].T + of.planes[:, 3]).max())
 
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """Triangles (T, 3, 3) that hang together, and the numbers (T, 3) of their corners' places."""
+    """A connected body: triangles (T, 3, 3), and the indices (T, 3) of their corners."""
 
     corners_m: FloatArray
     places: IntArray
 
 
 def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> list[_Body]:
-    """The largest bodies of a part's triangles (T, 3, 3) that have few of them; corners a step apart are one.
+    """Return the largest bodies with few triangles among a part's (T, 3, 3); corners within a step are merged.
 
     Parameters
     ----------
@@ -203,7 +206,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 
 
 def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
-    """A body as a convex shell, if it is closed and convex."""
+    """Return a body as a convex shell, or None if it is not closed and convex."""
     corners, places = body.corners_m, body.places
     planes = face_planes(corners)
     normals = planes[:, :3]

@@ -1,4 +1,4 @@
-"""Fewer triangles by clustering vertices, each cluster's point placed where the planes of its faces meet best.
+"""Decimation by vertex clustering; each cluster's point minimises the distance to the planes of its faces.
 
 Lindstrom (2000), Out-of-core simplification of large polygonal models, SIGGRAPH: one pass, no priority queue,
 so that millions of triangles take seconds. Small features melt; the largest deviation is measured and reported.
@@ -24,14 +24,14 @@ SEARCHES = 12
 
 @dataclass(frozen=True)
 class Deviation:
-    """Distance from the original surface's vertices to the reduced one: root mean square and largest [m]."""
+    """Distance from the original vertices to the reduced surface: RMS and largest [m]."""
 
     rms_m: float
     largest_m: float
 
 
 def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
-    """Bodies with at most ``most`` triangles together; pieces smaller than a cluster are gone."""
+    """Reduce bodies to at most ``most`` triangles in total; pieces smaller than a cluster disappear."""
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
@@ -56,14 +56,14 @@ def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
 
 
 def _cells(body: MeshBody, low: FloatArray, cell_m: float) -> IntArray:
-    """(V,) number of the occupied cell that each vertex is in."""
+    """Return the (V,) index of each vertex's occupied cell."""
     c = ((body.positions_m - low) / cell_m + 0.5).astype(np.int64)
     key = (c[:, 0] << 42) | (c[:, 1] << 21) | c[:, 2]
     return np.unique(key, return_inverse=True)[1].ravel()
 
 
 def _collapsed(body: MeshBody, cell: IntArray) -> IntArray:
-    """Numbers of the faces that keep three cells, each set of cells once."""
+    """Return the faces that keep three distinct cells, each set of cells once."""
     t = cell[body.triangles]
     kept = np.flatnonzero((t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0]))
     s = np.sort(t[kept], axis=1)
@@ -87,7 +87,7 @@ def _clustered(body: MeshBody, cell: IntArray, cell_m: float) -> MeshBody:
 
 
 def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
-    """(C, 3) point of each cell with least sum of squared distances to the planes of its faces."""
+    """Return the (C, 3) point of each cell with the least sum of squared distances to the planes of its faces."""
     n = int(cell.max()) + 1
     count = np.bincount(cell, minlength=n)
     mean = np.stack([np.bincount(cell, body.positions_m[:, k], n) for k in range(3)], axis=1) / count[:, None]
@@ -112,7 +112,7 @@ def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
 
 
 def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
-    """Distances of a sample of the original vertices to the nearest triangles of the reduced surface."""
+    """Return the distances of sampled original vertices to the nearest triangles of the reduced surface."""
     vertices = np.concatenate([b.positions_m for b in before])
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])

@@ -1,4 +1,4 @@
-"""Directions: points spread evenly over the sphere, and axes across a unit vector."""
+"""Directions: points spread evenly over the sphere, and axes perpendicular to a unit vector."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def sphere_directions(count: int) -> FloatArray:
-    """(count, 3) unit vectors, nearly even: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences 42)."""
+    """Return (count, 3) nearly uniform unit vectors: the Fibonacci lattice (Gonzalez 2010, Mathematical Geosciences
+    42).
+    """
     k = np.arange(count) + 0.5
     z = 1 - 2 * k / count
     angle = np.pi * (1 + np.sqrt(5.0)) * k
@@ -23,7 +25,7 @@ def sphere_directions(count: int) -> FloatArray:
 
 
 def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
-    """(count, 3) spherical Fibonacci points: directions even in solid angle over a cap about +z."""
+    """Return (count, 3) spherical Fibonacci points, uniform in solid angle over a cap about +z."""
     share, around = _fibonacci_angles(count)
     c = 1 - share * (1 - lowest_cosine)
     s = np.sqrt(np.maximum(1 - c * c, 0))
@@ -34,14 +36,14 @@ def spherical_fibonacci(count: int, lowest_cosine: float = -1.0) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
-    """Of spherical Fibonacci points: the share of the cap above each, and the cosine and sine of its azimuth."""
+    """Return the share of the cap above each spherical Fibonacci point, and the cosine and sine of its azimuth."""
     k = np.arange(count) + 0.5
     turn = k * np.pi * (3 - np.sqrt(5))
     return k / count, np.stack([np.cos(turn), np.sin(turn)])
 
 
 def orthonormal_basis(z: FloatArray) -> FloatArray:
-    """(3, 3) rows: two unit vectors across a third one, which is the last."""
+    """Return (3, 3) rows: two unit vectors perpendicular to a third one, which is the last."""
     # by numbers: numpy takes longer for one cross product than for all else of a frame's light
     a, b, c = (float(v) for v in z)
     x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
@@ -51,7 +53,7 @@ def orthonormal_basis(z: FloatArray) -> FloatArray:
 
 
 def across(direction: ArrayLike) -> FloatArray:
-    """Return (3, 3) rows: two unit vectors across a unit vector, and itself."""
+    """Return (3, 3) rows: two unit vectors perpendicular to a unit vector, and itself."""
     d = np.asarray(direction, float)
     axis = [0.0, 0.0, 0.0]
     axis[int(np.argmin(np.abs(d)))] = 1.0
@@ -61,5 +63,5 @@ def across(direction: ArrayLike) -> FloatArray:
 
 
 def _cross(a: list[float], b: list[float]) -> list[float]:
-    """Return a cross product, by numbers: NumPy takes thirty calls for one."""
+    """Return a cross product of scalars; NumPy takes thirty calls for one."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -35,7 +35,7 @@ class TriangleMesh:
 
     @cached_property
     def corners_m(self) -> FloatArray:
-        """(3, 3, M) x, y, z of each triangle's three corners, each in a row of its own."""
+        """(3, 3, M) x, y, z of each triangle's three corners, contiguous per corner."""
         return np.ascontiguousarray(self.positions_m[self.triangles].transpose(2, 1, 0))
 
     @cached_property
@@ -45,7 +45,7 @@ class TriangleMesh:
 
     @cached_property
     def hull_m(self) -> FloatArray:
-        """(K, 3) corners of the convex hull; all positions of a mesh that is flat."""
+        """(K, 3) vertices of the convex hull; all positions of a flat mesh."""
         try:
             return np.asarray(self.positions_m[ConvexHull(self.positions_m).vertices])
         except QhullError:
@@ -53,7 +53,9 @@ class TriangleMesh:
 
     @cached_property
     def _planes(self) -> FloatArray:
-        """(4, M) unit normal and distance from the origin, sign turned; zeros for what counts as facing everything."""
+        """(4, M) unit normal and negated distance from the origin; zeros for triangles that count as facing
+        everything.
+        """
         a, b, c = self.corners_m.transpose(1, 0, 2)
         normal = np.cross(b - a, c - a, axis=0)
         length = np.linalg.norm(normal, axis=0)
@@ -65,7 +67,7 @@ class TriangleMesh:
         return planes * self.in_shell
 
     def facing(self, place: FloatArray) -> IntArray:
-        """Numbers of the triangles that may be the first on a ray from a place: of closed shells those that face it.
+        """Return the triangles that may be first on a ray from a viewpoint: of closed shells those that face it.
 
         Parameters
         ----------
@@ -77,7 +79,7 @@ class TriangleMesh:
 
 
 def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """(8, 3) corners of the box about sets of points (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
+    """Return (8, 3) corners of the box of point sets (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
     low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
     high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)
     bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])

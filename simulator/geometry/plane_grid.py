@@ -1,4 +1,4 @@
-"""A uniform grid over a plane: which triangles' projections may cover a point or cross an edge.
+"""A uniform grid over a plane: the triangles whose projections may cover a point or cross an edge.
 
 References
 ----------
@@ -37,7 +37,7 @@ class PlaneGrid:
 
     @staticmethod
     def over(bounds: FloatArray) -> PlaneGrid:
-        """A grid over boxes (4, M): low x, low y, high x, high y."""
+        """Build a grid over boxes (4, M): low x, low y, high x, high y."""
         n = bounds.shape[1]
         side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MOST_CELLS))
         low, span = np.zeros(2), np.ones(2)
@@ -58,12 +58,12 @@ class PlaneGrid:
         return PlaneGrid(low, per_cell, side, first, triangle[order])
 
     def counts(self, points: FloatArray) -> IntArray:
-        """How many triangles touch the cell of each point (K, 2)."""
+        """Return the number of triangles in the cell of each point (K, 2)."""
         cell = self._cell(points)
         return np.asarray(self.first[cell + 1] - self.first[cell])
 
     def at(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of a point (K, 2) and a triangle that touches its cell."""
+        """Return pairs of a point (K, 2) and a triangle that touches its cell."""
         cell = self._cell(points)
         return self._pairs(self.first[cell], self.first[cell + 1] - self.first[cell])
 
@@ -72,7 +72,7 @@ class PlaneGrid:
         return np.asarray(row * self.side + column)
 
     def along(self, ends: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs of an edge and a triangle (N,) that share a cell, by edge; ``ends`` are (E, 2, 2)."""
+        """Return pairs of an edge and a triangle (N,) that share a cell, by edge; ``ends`` are (E, 2, 2)."""
         a, b = np.moveaxis((ends - self.low) * self.per_cell, 1, 0)[..., None]
         row = np.arange(self.side)
         rise = b[:, 1] - a[:, 1]
@@ -93,16 +93,16 @@ class PlaneGrid:
         return met // self.side, triangle
 
     def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-        """Which of some stretches of ``listed`` each triangle there is from, and the triangles."""
+        """Return, for stretches of ``listed``, the stretch of each triangle, and the triangles."""
         whose = np.repeat(np.arange(len(count)), count)
         return whose, self.listed[_stretches(start, count, whose)]
 
 
 def _cells(places: FloatArray, side: int) -> IntArray:
-    """Columns, or rows, that places in units of cells lie in; those beyond the grid count to its border."""
+    """Return the columns or rows of positions in cell units, clamped to the grid."""
     return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
 
 
 def _stretches(start: IntArray, count: IntArray, whose: IntArray) -> IntArray:
-    """start[0], start[0] + 1, ... start[1], ...: ``count`` numbers from each start; ``whose`` each is."""
+    """Return ``count`` consecutive numbers from each start, concatenated; ``whose`` is the start of each."""
     return np.asarray(np.arange(len(whose)) + (start - np.cumsum(count) + count)[whose])

@@ -1,4 +1,4 @@
-"""A mesh projected once for many questions: what an eye, or a light far away, has before a point or along a line.
+"""A mesh projected once for many visibility queries from an eye or along a direction.
 
 On the plane of projection a triangle's nearness (inverse depth from an eye, distance towards a far light) is linear,
 and so is an edge's. A grid of cells holds the triangles that touch each, so that a question is put to few of them.
@@ -68,7 +68,7 @@ class ProjectedMesh:
         return PlaneGrid.over(self._bounds)
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
-        """Whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
+        """Return whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
         point, triangle = self._grid.at(points)
         planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.flat)
         a, b, c = planes.transpose(1, 0, 2)
@@ -78,7 +78,7 @@ class ProjectedMesh:
         return hidden
 
     def seen(self, ends: FloatArray, near: FloatArray) -> list[tuple[tuple[float, float], ...]]:
-        """Of each edge the intervals of 0..1, in order, where no triangle covers it and is nearer.
+        """Return the visible intervals of 0..1 of each edge, in order.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class ProjectedMesh:
     def _beside(
         self, edge: IntArray, triangle: IntArray, ends: FloatArray, farthest: FloatArray
     ) -> tuple[IntArray, IntArray]:
-        """Those of some pairs whose triangle may cross the edge's line, and be nearer than ``farthest`` (E,)."""
+        """Return the pairs whose triangle may cross the edge's line, and be nearer than ``farthest`` (E,)."""
         way = ends[:, 1] - ends[:, 0]
         across = np.stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-300)
         offset = (across * ends[:, 0].T).sum(axis=0)
@@ -168,7 +168,8 @@ def _most(corners: FloatArray) -> FloatArray:
 
 
 def _planes(x: FloatArray, y: FloatArray, near: FloatArray, flat: float) -> FloatArray:
-    """(4, 3, M) coefficients a, b, c of a x + b y + c: nearness, then the distance from each side, positive inside.
+    """Return (4, 3, M) coefficients a, b, c of a x + b y + c: nearness, then the distance from each side, positive
+    inside.
 
     The latter times the side's length. Of triangles seen edge-on the nearness is minus infinity.
     """
@@ -202,7 +203,7 @@ def _cut(first: FloatArray, last: FloatArray, value: FloatArray, slope: FloatArr
 def _gaps(
     n_edges: int, edge: IntArray, first: FloatArray, last: FloatArray
 ) -> list[tuple[tuple[float, float], ...]]:
-    """Of each edge what the union of its intervals, (N,) from ``first`` to ``last``, leaves of [0, 1]."""
+    """Return, for each edge, [0, 1] without the union of its intervals, (N,) from ``first`` to ``last``."""
     # an interval of no length closes each edge
     edge, one = np.concatenate([edge, np.arange(n_edges)]), np.ones(n_edges)
     first, last = np.concatenate([first, one]), np.concatenate([last, one])

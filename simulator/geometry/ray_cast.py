@@ -1,4 +1,4 @@
-"""Ray casting: the first triangle along each of many rays, by Embree or by a grid in numpy where it has no package.
+"""Ray casting: the first triangle along each of many rays, with Embree or a grid in NumPy.
 
 Wald et al. (2014), Embree: a kernel framework for efficient CPU ray tracing, ACM TOG 33(4). The grid is exact too and
 some fifty times slower for parallel rays, and slower still for others; tests compare the two.
@@ -24,7 +24,7 @@ Int32Array = np.typing.NDArray[np.int32]
 
 
 class RayCaster(Protocol):
-    """A mesh that rays are cast at; safe to use from several threads."""
+    """A mesh to cast rays at; thread-safe."""
 
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Return the distance (K,) to the first triangle along each ray [m], and its index (K,), -1 for none.
@@ -49,7 +49,7 @@ def make_ray_caster(corners_m: FloatArray) -> RayCaster:
 
 
 def embree_is_here() -> bool:
-    """Return True if Embree's package is installed: there is none for Linux on ARM."""
+    """Return True if Embree's package is installed; there is none for Linux on ARM."""
     return importlib.util.find_spec("embreex") is not None
 
 
@@ -67,7 +67,7 @@ class EmbreeCaster:
         self.first_hits(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]))
 
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
-        """See `RayCaster`."""
+        """Return the first hits; see `RayCaster`."""
         origins = np.ascontiguousarray(origins_m, np.float32)
         along = np.ascontiguousarray(np.broadcast_to(np.asarray(directions, np.float32), origins.shape))
         hits = self._scene.run(origins, along, query="INTERSECT", output=1)
@@ -75,13 +75,13 @@ class EmbreeCaster:
 
 
 class GridCaster:
-    """Ray casting by projecting the mesh along the rays, one direction after the other, in double precision."""
+    """Ray casting by projecting the mesh along each direction in turn, in double precision."""
 
     def __init__(self, corners_m: FloatArray) -> None:
         self._corners = np.ascontiguousarray(np.asarray(corners_m, float).transpose(1, 2, 0))
 
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
-        """See `RayCaster`."""
+        """Return the first hits; see `RayCaster`."""
         origins = np.asarray(origins_m, float)
         each, of = np.unique(np.atleast_2d(np.asarray(directions, float)), axis=0, return_inverse=True)
         if len(each) == 1:
@@ -117,7 +117,7 @@ def _covered(
     y: FloatArray,
     z: FloatArray,
 ) -> tuple[np.typing.NDArray[np.int64], np.typing.NDArray[np.int64], FloatArray]:
-    """Return the pairs (P,) of a ray and a triangle that it meets, and the distances, in axes along the rays.
+    """Return the pairs (P,) of a ray and a triangle that it hits, and the distances, in axes along the rays.
 
     Parameters
     ----------

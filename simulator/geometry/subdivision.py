@@ -15,7 +15,7 @@ _IndexArray = np.typing.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Subdivision:
-    """The triangles of a subdivided mesh, and the vertices that were added.
+    """The triangles of a subdivided mesh, and the added vertices.
 
     Parameters
     ----------
@@ -29,20 +29,20 @@ class Subdivision:
     first: _IndexArray
 
     def extended(self, values: FloatArray | Float32Array) -> Float32Array:
-        """Values (V, n) at the vertices, with those at the new ones: the mean of their two parents."""
+        """Return values (V, n) at all vertices; those at new ones are the mean of their two parents."""
         for pairs in self.parents:
             values = np.concatenate([values, (values[pairs[:, 0]] + values[pairs[:, 1]]) * 0.5])
         return np.asarray(values, np.float32)
 
     def inherited(self, values: _IndexArray) -> _IndexArray:
-        """Values (V,) at the vertices, with those at the new ones: one of their parents'."""
+        """Return values (V,) at all vertices; those at new ones are one parent's."""
         for pairs in self.parents:
             values = np.concatenate([values, values[pairs[:, 0]]])
         return values
 
 
 def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
-    """Halve every edge longer than ``longest_m`` until there is none; neighbours stay joined.
+    """Halve every edge longer than ``longest_m`` until there is none; neighbours stay connected.
 
     Whether an edge is halved depends on the edge alone, and the middle of two points is the same from either side.
     """
@@ -69,7 +69,7 @@ def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float)
 def _halved(
     tri: _IndexArray, origin: _IndexArray, middle: _IndexArray, count: _IndexArray
 ) -> tuple[_IndexArray, _IndexArray]:
-    """Triangles with the middles of one, two or three of their edges put in."""
+    """Split triangles at the midpoints of one, two or three of their edges."""
     # turned so that a lone halved edge, or a lone whole one, is edge 0
     turn = np.where(
         count == 1, np.argmax(middle >= 0, axis=1), np.where(count == 2, np.argmax(middle < 0, axis=1), 0)

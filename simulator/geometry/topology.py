@@ -12,7 +12,7 @@ from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRID_BITS = 21
-"""Positions are compared on a grid of 2^21 steps per axis, about half a millionth of the craft."""
+"""Bits of the grid on which positions are compared: 2^21 steps per axis, about half a millionth of the craft."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -36,7 +36,7 @@ class MeshBody:
     corner_uv: FloatArray | None = None
 
     def kept(self, faces: BoolArray) -> MeshBody:
-        """The body with some of its faces."""
+        """Return the body with a selection of its faces."""
         normals = None if self.corner_normals is None else self.corner_normals[faces]
         return MeshBody(
             name=self.name,
@@ -79,17 +79,17 @@ class EdgeTable:
 
     @property
     def non_manifold(self) -> BoolArray:
-        """(E,) edges of three or more faces that are not the seam of bodies which touch."""
+        """(E,) edges of three or more faces that are not the seam of touching bodies."""
         return (self.count > 2) & ((self.balance != 0) | (self.count % 2 == 1))
 
 
 def used_vertices(triangles: IntArray, count: int) -> IntArray:
-    """Numbers of the vertices that triangles use, ascending; counting is faster than sorting."""
+    """Return the indices of the vertices in use, ascending; counting is faster than sorting."""
     return np.flatnonzero(np.bincount(triangles.ravel(), minlength=count))
 
 
 def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray, IntArray]:
-    """Distinct places and the place of each point; compared on a grid of 2^21 steps over ``extent``."""
+    """Return distinct positions and the index of each point's, compared on a grid of 2^21 steps over ``extent``."""
     step = extent / (2**GRID_BITS - 2)
     cell = np.floor((points - low) / step + 0.5).astype(np.int64)
     key = (cell[:, 0] << (2 * GRID_BITS)) | (cell[:, 1] << GRID_BITS) | cell[:, 2]
@@ -98,7 +98,7 @@ def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray
 
 
 def edge_table(triangles: IntArray) -> EdgeTable:
-    """The edges of (F, 3) triangles."""
+    """Return the edges of (F, 3) triangles."""
     start = triangles.ravel()
     end = np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -122,7 +122,7 @@ def edge_table(triangles: IntArray) -> EdgeTable:
 
 
 def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bool:
-    """Return True if every edge is met once in each direction, and the signed volume is positive."""
+    """Return True if every edge is used once in each direction, and the signed volume is positive."""
     p = positions_m.astype(float)[triangles]
     if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
         return False
@@ -133,19 +133,21 @@ def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bo
 
 
 def components(links: IntArray, count: int) -> tuple[int, IntArray]:
-    """Connected components of ``count`` nodes by (K, 2) links: their number and the component of each."""
+    """Return the number of connected components of ``count`` nodes with (K, 2) links, and the component of each
+    node.
+    """
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
     number, label = connected_components(graph, directed=False)
     return int(number), label.astype(np.int64)
 
 
 def face_bodies(triangles: IntArray, table: EdgeTable) -> tuple[int, IntArray]:
-    """Connected components of faces over edges of two faces: their number and the component of each face."""
+    """Return the number of connected components of faces over manifold edges, and the component of each face."""
     return components(table.pairs // 3, len(triangles))
 
 
 def with_separate_components(body: MeshBody) -> MeshBody:
-    """The body with no vertex shared between connected components, so that pieces that touch keep all edges."""
+    """Return the body with no vertex shared between connected components, so that touching pieces keep all edges."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
     used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)

@@ -38,13 +38,13 @@ def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
 
 
 def lowest_and_highest(corners: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """(M, 2) the least and the greatest of the coordinates of triangles (M, 3, 2); numpy is slow along short axes."""
+    """Return (M, 2) the least and greatest coordinates of triangles (M, 3, 2); NumPy is slow along short axes."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
-    """Fill triangles (M, 3, 2); those within one pixel are set all at once, which most of a far craft's are."""
+    """Fill triangles (M, 3, 2); those within one pixel, most of a distant craft's, are set at once."""
     cells = np.rint(corners).astype(np.int64)
     least, most = lowest_and_highest(cells)
     dots = (least[:, 0] == most[:, 0]) & (least[:, 1] == most[:, 1])

@@ -18,7 +18,7 @@ def face_vectors(corners: NDArray[np.floating]) -> FloatArray:
 
 
 def face_planes(corners: FloatArray) -> FloatArray:
-    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and the distance from the origin, sign turned.
+    """Return the planes (T, 4) of triangles (T, 3, 3): unit normal, and negated distance from the origin.
 
     A triangle without area has no plane: four zeros.
     """

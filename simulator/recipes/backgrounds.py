@@ -1,4 +1,4 @@
-"""Background libraries: views of a body from random places in orbit, the camera turned at random.
+"""Background libraries: views of a body from random places in orbit, with random camera attitudes.
 
 View i depends on (library's seed, i) alone. A craft is drawn before the view itself, in its light, not over a picture
 of it; `flyaround backgrounds` draws the pictures of a library.
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MOST_DRAWS = 1000
 _SUNLIT, _DAY = 0.999, 0.05
-"""Share of the Sun's disc at the craft, and sine of its elevation on the ground, from which either is lit."""
+"""Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, that count as lit."""
 _OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
 
 
@@ -53,7 +53,7 @@ class DrawnView:
 
 
 def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
-    """View ``number`` of a library.
+    """Draw view ``number`` of a library.
 
     Parameters
     ----------
@@ -99,14 +99,14 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
 
 def without_target(scene: SceneState) -> SceneState:
-    """The scene with the craft out of sight: what a library's picture shows."""
+    """Return the scene with the craft out of sight, for a library's image."""
     return replace(scene, t_camera_from_target_m=_OUT_OF_SIGHT_M)
 
 
 def _sunlit_share(
     camera: Camera, R_eci_from_camera: FloatArray, radius_m: float, r_m: FloatArray, to_sun: FloatArray
 ) -> float:
-    """Share of a grid of pixels that show the body's sunlit ground.
+    """Return the share of a grid of pixels that show the body's sunlit ground.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Poses of a flat board in front of a camera, such as a calibration wants them: all over the image, tilted, whole."""
+"""Poses of a flat board for calibration: all over the image, tilted, whole."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MARGIN_PX = 6.0
 def board_pose(
     rng: Generator, camera: Camera, target: Target, k: int, facing_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Pose of a board: its place on the image goes through a grid of nine, its tilt and roll are drawn.
+    """Draw the pose of a board: its position cycles through a grid of nine, its tilt and roll are random.
 
     Returns
     -------
@@ -61,7 +61,9 @@ def board_pose(
 def _farthest_place(
     camera: Camera, rim_m: FloatArray, distance_m: float, rays: FloatArray, towards_cell: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Turn from the boresight and position of the ray at which a board fits and lies farthest towards its cell."""
+    """Return the rotation from the boresight and the position at which a board fits and lies farthest towards its
+    cell.
+    """
     size = np.array([camera.width_px, camera.height_px])
     best, found = -np.inf, None
     for ray in rays:
@@ -83,7 +85,9 @@ def _farthest_place(
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
-    """Distance on the boresight from which turned corners span less than so many pixels in width and height."""
+    """Return the distance on the boresight at which rotated corners span less than a number of pixels in width and
+    height.
+    """
     distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
     for distance in distances:
         if corners_m[:, 2].min() + distance <= 0:
@@ -99,7 +103,7 @@ def _turned(rotvec_rad: FloatArray) -> FloatArray:
 
 
 def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Rotation that carries one unit vector to another the short way."""
+    """Return the rotation that carries one unit vector to another the short way."""
     axis = np.cross(a, b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:

@@ -1,4 +1,4 @@
-"""How near the camera is to a mesh, and how much of a pose the image holds."""
+"""Clearance between camera and mesh, and the share of a pose inside the image."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
-    """Whether the camera is outside of the mesh and farther from it than that."""
+    """Return True if the camera is outside the mesh and farther from it than the clearance."""
     camera_m = pose.R.T @ -np.asarray(pose.t_m, float)
     if np.linalg.norm(camera_m) - radius_m(target) > clearance_m:
         return True
@@ -36,7 +36,7 @@ def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
 
 
 def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
-    """Share of the box about the projected mesh that the image holds; 0 where the mesh reaches behind the camera."""
+    """Return the share of the projected mesh's box inside the image; 0 if the mesh reaches behind the camera."""
     points = pose.apply(box_3d_m(target))
     if points[:, 2].min() <= 0:
         return 0.0
@@ -51,12 +51,12 @@ def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
 
 @lru_cache(maxsize=4)
 def _corners(target: Target) -> FloatArray:
-    """(T, 3, 3) corners of every triangle, target frame."""
+    """Return the (T, 3, 3) corners of every triangle, target frame."""
     return np.concatenate([p.positions_m.astype(float)[p.triangles] for p in target.parts])
 
 
 @lru_cache(maxsize=4)
 def _reach_m(target: Target) -> FloatArray:
-    """(T,) of every triangle: the longer side at its first corner."""
+    """Return (T,) the longer side at the first corner of every triangle."""
     corners = _corners(target)
     return np.asarray(np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2).max(axis=1))

@@ -1,4 +1,4 @@
-"""Poses by Euler angles in left-handed axes, as the data-set paper draws and writes them.
+"""Poses by Euler angles in left-handed axes, as in the data-set paper.
 
 Its axes are those of the engine it draws with: x right, y up, z forward, left-handed. Ours have y down and are
 right-handed: the mirror y -> -y of both the camera's axes and the model's takes a position (x, y, z) to (x, -y, z) and
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 
 def quat_from_euler(euler_deg: ArrayLike) -> FloatArray:
-    """(4,) quaternion, scalar first, of turns by rx about x, then ry about y, then rz about z, axes fixed.
+    """Return the (4,) quaternion, scalar first, of rotations by rx about x, then ry about y, then rz about z, axes
+    fixed.
 
     Equations 3 to 6; the text of the paper has lost the minus signs of the second and the fourth.
     """
@@ -40,10 +41,10 @@ def quat_from_euler(euler_deg: ArrayLike) -> FloatArray:
 
 
 def from_left_handed(q_wxyz: ArrayLike) -> FloatArray:
-    """(4,) the same rotation with both axes mirrored by y -> -y; its own inverse."""
+    """Return the (4,) rotation with both axes mirrored by y -> -y; its own inverse."""
     return np.asarray(q_wxyz, float) * (1.0, -1.0, 1.0, -1.0)
 
 
 def to_left_handed(position_m: ArrayLike) -> FloatArray:
-    """(3,) the same point with y upwards instead of downwards, or the other way round."""
+    """Return the (3,) point with y upwards instead of downwards, or the reverse."""
     return np.asarray(position_m, float) * (1.0, -1.0, 1.0)

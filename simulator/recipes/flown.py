@@ -1,4 +1,4 @@
-"""Samples out of flights: about one trajectory, or sequences that start at random."""
+"""Samples from flights: around one trajectory, or sequences with random starts."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
 
 
 def _started_at(chaser: AnyChaser, distance_m: float, where: str) -> AnyChaser:
-    """The chaser's way from another distance along the line from the target to its start."""
+    """Return the chaser with its start at another distance along the line from the target."""
     for key in ("position_lvlh_m", "start_lvlh_m"):
         start = getattr(chaser, key, None)
         if start is not None and np.any(start):

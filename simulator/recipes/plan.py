@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.sample import BackgroundView
 
 _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
-"""Streams of random numbers: of a sample, and of which view is behind it."""
+"""Random streams: of a sample, and of the choice of its background."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,14 +83,14 @@ class RecipePlan(DocumentPlan):
         )
 
     def next_scene(self, k: int) -> SceneState | None:
-        """The scene after sample k's in its sequence; None where samples are independent."""
+        """Return the scene after sample k's in its sequence; None for independent samples."""
         poses = self.recipe.poses
         if not isinstance(poses, Sequences) or self.recipe.pairs is not None:
             return None
         return self.scene(k + 1) if k + 1 < self.n_frames and (k + 1) % poses.frames else None
 
     def library(self, views: int | None = None) -> Background:
-        """The recipe's library of backgrounds, or its first views.
+        """Return the recipe's library of backgrounds, or its first views.
 
         Raises
         ------
@@ -108,12 +108,12 @@ class RecipePlan(DocumentPlan):
         return library if views is None else msgspec.structs.replace(library, views=views)
 
     def scene_before(self, library: Background, number: int) -> SceneState:
-        """A scene before one view of a library, the target on the axis."""
+        """Return a scene in front of one view of a library, with the target on the axis."""
         drawn = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
         return self._placed(number, drawn, draw_view(library, self.camera, number).place)
 
     def _sample(self, k: int, frame_index: int) -> SceneState:
-        """Sample k as the frame of another number."""
+        """Return sample k as the frame of another number."""
         rng = numbered_generator(self.seed, k, _SAMPLES)
         recipe = self.recipe
         if isinstance(recipe.poses, AboutTrajectory | Sequences):
@@ -140,7 +140,7 @@ class RecipePlan(DocumentPlan):
         return _with_sample(scene, redraws=redraws, raw=drawn.raw, background=view)
 
     def _constrained_pose(self, rng: Generator, k: int) -> tuple[DrawnPose, dict[str, int]]:
-        """The first pose that is as the constraints have it, and how often each of them was broken."""
+        """Return the first pose that satisfies the constraints, and the number of violations of each."""
         c = self.recipe.constraints
         redraws = {name: 0 for name in ("clearance_m", "origin_in_image", "inside") if getattr(c, name)}
         while True:
@@ -159,7 +159,7 @@ class RecipePlan(DocumentPlan):
                 )
 
     def _broken(self, drawn: DrawnPose) -> str | None:
-        """The first constraint that a pose breaks."""
+        """Return the first constraint that a pose violates."""
         c, camera = self.recipe.constraints, self.camera
         pose = Pose.of("camera", "target", drawn.q_camera_from_target_wxyz, drawn.t_camera_from_target_m)
         if c.clearance_m is not None and not is_clear(pose, self.target, c.clearance_m):
@@ -229,7 +229,7 @@ def plan_recipe(
     camera: str | Path | None = None,
     environment: Environment | None = None,
 ) -> RecipePlan:
-    """A plan of ``n`` samples of a recipe.
+    """Plan ``n`` samples of a recipe.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def plan_recipe(
 
 
 def _check_range(recipe: Recipe, target: Target) -> None:
-    """Refuse a range that has the camera inside the target whatever is drawn.
+    """Raise if a range always puts the camera inside the target.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def _check_range(recipe: Recipe, target: Target) -> None:
 
 
 def _count(recipe: Recipe, n: int | None) -> int:
-    """Number of frames, no more than a list of poses has."""
+    """Return the number of frames, at most that of a list of poses."""
     if not isinstance(recipe.poses, PoseList):
         return recipe.frames if n is None else n
     there = len(_listed(recipe.poses.file)) * (1 if recipe.pairs is None else len(recipe.pairs.environments))
@@ -308,14 +308,14 @@ def _listed(file: str) -> tuple[Pose, ...]:
 
 
 def _with_sample(scene: SceneState, **fields: Any) -> SceneState:  # noqa: ANN401 - of `Sample`
-    """The scene with what was drawn for it; a record says nothing of what is nothing."""
+    """Return the scene with its random sample attached. An empty sample is omitted from the record."""
     before = Sample() if isinstance(scene.sample, msgspec.UnsetType) else scene.sample
     sample = msgspec.structs.replace(before, **fields)
     return scene if sample == Sample() else replace(scene, sample=sample)
 
 
 def _bounds(recipe: Recipe, target: Target) -> str:
-    """The range in words."""
+    """Return the range as text."""
     if isinstance(recipe.attitude, FacingAttitude):
         return "the distance at which it fills its place"
     kind = resolved_range(recipe.range, target)

@@ -1,4 +1,4 @@
-"""Poses by a recipe: depth, attitude, then the place in the image."""
+"""Poses of a recipe: depth, attitude, then the position in the image."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TANGO_SIZE_M = 0.80320
 
 @dataclass(frozen=True, eq=False)
 class DrawnPose:
-    """A pose of the target in the camera, and the Euler angles where it was drawn as such."""
+    """A pose of the target in the camera, with its Euler angles if it was drawn from them."""
 
     q_camera_from_target_wxyz: FloatArray
     t_camera_from_target_m: FloatArray
@@ -48,7 +48,7 @@ class DrawnPose:
 
 
 def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k: int) -> DrawnPose:
-    """One pose by a recipe's range, attitude and placement.
+    """Draw one pose from a recipe's range, attitude and placement.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
 
 def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
-    """The range with its numbers: a scaled one is worked out for the target."""
+    """Return the range with a scaled one resolved for the target."""
     if not isinstance(kind, ScaledRange):
         return kind
     near, far = scaled_range_m(target, (kind.near_m, kind.far_m))
@@ -84,7 +84,7 @@ def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
 
 
 def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -> tuple[float, float]:
-    """Where a target is as large in the image as Tango at two ranges [m], from the size of its mesh."""
+    """Return the ranges at which a target appears as large as Tango at two ranges [m], from the size of its mesh."""
     corners = np.concatenate([(p.positions_m.min(axis=0), p.positions_m.max(axis=0)) for p in target.parts])
     size_m = float(np.linalg.norm(np.ptp(corners.astype(float), axis=0))) / 2
     near, far = (round(r * size_m / TANGO_SIZE_M, 3) for r in tango_m)
@@ -93,7 +93,7 @@ def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -
 
 @lru_cache(maxsize=8)
 def radius_m(target: Target) -> float:
-    """Distance of the mesh's farthest vertex from the model's origin [m]."""
+    """Return the distance of the mesh's farthest vertex from the model's origin [m]."""
     return float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
 
 
@@ -116,7 +116,7 @@ def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
 def _translation_m(
     rng: Generator, kind: AnyPlacement, camera: Camera, target: Target, z: float
 ) -> FloatArray:
-    """Model origin at depth z, camera axes."""
+    """Draw the model's origin at depth z, camera axes."""
     if isinstance(kind, BoundsPlacement):
         # equation 1 of the data-set paper: what is seen grows in proportion to the depth
         x_max, y_max = kind.x_m / kind.at_m * z, kind.y_m / kind.at_m * z
@@ -136,7 +136,7 @@ def _translation_m(
 
 
 def _at(camera: Camera, pixel: FloatArray, z: float) -> FloatArray:
-    """The point at depth z that an undistorted camera sees at a pixel."""
+    """Return the point at depth z that an undistorted camera sees at a pixel."""
     x = (pixel[0] - camera.cx_px) / camera.fx_px * z
     y = (pixel[1] - camera.cy_px) / camera.fy_px * z
     return np.array([x, y, z])

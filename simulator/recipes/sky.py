@@ -1,4 +1,4 @@
-"""Where a sample is in the real sky: Sun and nadir drawn in camera axes, then a moment and a place that give them.
+"""The sky of a sample: Sun and nadir drawn in camera axes, then a date and a place that match.
 
 The moment is a random one of the year, the Sun stands where it is, and the target above the point of the body that
 gives the drawn angle between Sun and nadir.
@@ -29,12 +29,12 @@ YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MOST_DRAWS = 1000
 LIT = 0.9
-"""Share of the horizon's dip that the Sun may stand below the horizontal, and the target is still lit."""
+"""Share of the horizon's dip by which the Sun may be below the horizontal with the target still lit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlaceInSky:
-    """Where the camera is, how it is turned, and what is about it.
+    """Position and attitude of the camera, and the bodies around it.
 
     Parameters
     ----------
@@ -55,24 +55,24 @@ class PlaceInSky:
     origin_eci_m: FloatArray | None = None
 
     def velocity_m_s(self, r_eci_m: FloatArray) -> FloatArray:
-        """Of a craft on a circle through a place (3,) [m s-1]."""
+        """Return the velocity of a craft on a circular orbit through a place (3,) [m s-1]."""
         centre = next(np.asarray(b.r_eci_m) for b in self.bodies if b.name == self.body.name)
         speed = np.sqrt(self.body.mu_m3_s2 / np.linalg.norm(r_eci_m - centre))
         return np.asarray(self.centre_m_s + speed * self.along_eci / np.linalg.norm(self.along_eci))
 
     @property
     def q_camera_from_eci_wxyz(self) -> FloatArray:
-        """How the camera is turned."""
+        """Attitude of the camera."""
         return quat_from_matrix(self.R_eci_from_camera.T)
 
 
 def random_moment(rng: Generator) -> Instant:
-    """A whole second of the year."""
+    """Draw a whole second of the year."""
     return Instant.from_utc(YEAR_START_UTC).plus(float(np.floor(rng.uniform(0, YEAR_S))))
 
 
 def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
-    """One of the skies by its share; nothing is drawn where there is but one."""
+    """Choose one of the skies by its share; nothing is drawn if there is only one."""
     if len(skies) == 1:
         return skies[0]
     shares = np.array([s.share for s in skies])
@@ -80,7 +80,7 @@ def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
 
 
 def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
-    """Directions to the Sun and to nadir in camera axes, each (3,); the target is always sunlit.
+    """Draw directions to the Sun and to nadir in camera axes, each (3,); the target is always sunlit.
 
     The phase angle is measured at the target from the boresight reversed; the nadir's angle from the boresight.
 
@@ -107,7 +107,7 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
 
 
 def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nadir: FloatArray) -> PlaceInSky:
-    """A moment and a place at which Sun and nadir are as drawn.
+    """Draw a date and a place at which Sun and nadir have the given directions.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
 
 def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Right-handed axes (columns): the first direction, and the second made normal to it."""
+    """Return right-handed axes (columns): the first direction, and the second made normal to it."""
     b = second - (second @ first) * first
     b /= np.linalg.norm(b)
     return np.stack([first, b, np.cross(first, b)], axis=1)

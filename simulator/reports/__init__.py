@@ -1,1 +1,1 @@
-"""One kit for HTML reports: skeleton and style, tables, figures, plots. Knows nothing of what a report is about."""
+"""Components of HTML reports: skeleton and style, tables, figures, plots. Independent of any report's subject."""

@@ -1,4 +1,4 @@
-"""HTML as values: every string is escaped on its way into a page, unless it is markup already."""
+"""HTML as values: every string is escaped unless it is markup already."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ if TYPE_CHECKING:
 
 
 class Markup(str):
-    """HTML that goes into a page as it is."""
+    """HTML that is inserted unchanged."""
 
     __slots__ = ()
 
 
 Content: TypeAlias = "str | int | float | Iterable[Content] | None"
-"""What an element may hold: text and numbers, which are escaped, `Markup`, nothing, or several of these."""
+"""Contents of an element: text and numbers, which are escaped, `Markup`, None, or several of these."""
 
 VOID = frozenset({"br", "img", "link", "meta"})
 """Elements without an end tag."""
 
 
 def markup(*content: Content) -> Markup:
-    """The contents one after another."""
+    """Concatenate contents."""
     return Markup("".join(_parts(content)))
 
 
 def element(name: str, /, *content: Content, **attributes: str | float | bool | None) -> Markup:
-    """An HTML element.
+    """Return an HTML element.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A report as one HTML page: its skeleton and style, and the pieces that reports are made of."""
+"""A report as one HTML page: skeleton, style, and components."""
 
 from __future__ import annotations
 
@@ -72,11 +72,11 @@ class Page:
         self.parts.append(markup(*content))
 
     def section(self, heading: Content, *content: Content) -> None:
-        """Append a heading of the second level and what stands under it."""
+        """Append a second-level heading and its contents."""
         self.add(element("h2", heading), *content)
 
     def add_folding_table(self, head: Sequence[str], rows: Iterable[Sequence[Content]]) -> None:
-        """Append a table that, in a window too narrow for its columns, is a card for each row: nothing is cut.
+        """Append a table that turns into one card per row in a window too narrow for its columns.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class Page:
         self.add(element("div", element("table", *lines, class_=f"fold {name}"), class_="scroll"))
 
     def html(self) -> str:
-        """The whole document."""
+        """Return the whole document."""
         head = markup(
             element("meta", charset="utf-8"),
             element("meta", name="viewport", content="width=device-width"),
@@ -112,7 +112,7 @@ class Page:
         return f"<!doctype html>\n{document}\n"
 
     def write(self, path: Path) -> Path:
-        """Write the page; returns its path.
+        """Write the page. Return its path.
 
         Raises
         ------
@@ -124,13 +124,13 @@ class Page:
 
 
 def _longest_word(cell: str) -> int:
-    """Letters of the longest part of a cell that is not broken into lines, without its markup."""
+    """Return the length of the longest unbreakable part of a cell, without its markup."""
     text = html.unescape(re.sub(r"<[^>]*>", " ", cell))
     return max(map(len, re.split("[ \n-]", text)))
 
 
 def _folded(table: str, least_px: int) -> str:
-    """Style of a table's cards, for windows narrower than it needs."""
+    """Return the style of a table's cards, for windows narrower than it needs."""
     rules = (
         ("", "background:none;border:0"),
         (",{t} tbody,{t} td", "display:block"),
@@ -160,24 +160,24 @@ def _body(main: Markup, *, dark: bool) -> Markup:
 
 
 def note(*content: Content) -> Markup:
-    """A paragraph of small print."""
+    """Return a paragraph of small print."""
     return element("p", *content, class_="dim")
 
 
 def link(address: str, text: Content | None = None) -> Markup:
-    """A link, of the text of its address where there is no other."""
+    """Return a link, by default with its address as text."""
     return element("a", address if text is None else text, href=address)
 
 
 def table(head: Sequence[Content], rows: Iterable[Sequence[Content]]) -> Markup:
-    """A table whose first column names its rows; a wide one scrolls by itself."""
+    """Return a table whose first column names its rows; a wide one scrolls by itself."""
     lines = [element("tr", *(element("th", cell) for cell in head))]
     lines += [element("tr", *(element("td", cell) for cell in row)) for row in rows]
     return element("div", element("table", *lines), class_="scroll")
 
 
 def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str] = ()) -> Markup:
-    """The few numbers that a reader looks for first: (value, label) each; labels in ``bad`` stand in red."""
+    """Return the key figures, (value, label) each; labels in ``bad`` are red."""
     marked = set(bad)
     return element(
         "div",
@@ -195,14 +195,14 @@ def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str
 
 
 def picture(source: str, caption: Content, *, alt: str) -> Markup:
-    """A picture with its caption; ``source`` is a file beside the page, loaded when it comes into view."""
+    """Return an image with its caption; ``source`` is a file beside the page, loaded lazily."""
     return element(
         "figure", element("img", src=source, alt=alt, loading="lazy"), element("figcaption", caption)
     )
 
 
 def plot(png: bytes, caption: Content, *, alt: str) -> Markup:
-    """A plot as wide as the page, carried inside it: the page can be sent as one file."""
+    """Return a plot as wide as the page, embedded so that the page can be sent as one file."""
     source = "data:image/png;base64," + base64.b64encode(png).decode()
     return element(
         "figure",
@@ -213,6 +213,6 @@ def plot(png: bytes, caption: Content, *, alt: str) -> Markup:
 
 
 def gallery(pictures: Iterable[Content], *, columns: int | None = None, least_px: int = 260) -> Markup:
-    """Pictures side by side: ``columns`` of them, or as many as there is room for at ``least_px`` each."""
+    """Return images side by side: ``columns`` of them, or as many as fit at ``least_px`` each."""
     width = f"repeat({columns},1fr)" if columns else f"repeat(auto-fill,minmax({least_px}px,1fr))"
     return element("div", *pictures, class_="gallery", style=f"grid-template-columns:{width}")

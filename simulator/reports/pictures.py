@@ -1,4 +1,4 @@
-"""Pictures of a report as files beside its page."""
+"""Images of a report as files beside its page."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUALITY = 88
 
 
 def jpeg(image: ByteArray, quality: int = QUALITY) -> bytes:
-    """A picture, grey (H, W) or RGB (H, W, 3), as JPEG bytes."""
+    """Encode an image, grey (H, W) or RGB (H, W, 3), as JPEG."""
     bgr = image if image.ndim == 2 else image[..., ::-1]
     ok, data = cv2.imencode(".jpg", np.ascontiguousarray(bgr), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not ok:
@@ -27,5 +27,5 @@ def jpeg(image: ByteArray, quality: int = QUALITY) -> bytes:
 
 
 def write_jpeg(path: Path, image: ByteArray, quality: int = QUALITY) -> None:
-    """Write a picture, grey or RGB, as a JPEG file."""
+    """Write an image, grey or RGB, as a JPEG file."""
     write_atomic(path, jpeg(image, quality))

@@ -1,4 +1,4 @@
-"""How this package's reports plot: one ink, one grid, axes without a box; light, or dark for dark pages."""
+"""Plot style of this package's reports: one ink, one grid, axes without a box; light or dark."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def figure_with_axes(
     widths: tuple[float, ...] | None = None,
     dark: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure and its axes, row by row; width and height in inches, ``widths`` the columns' relative ones."""
+    """Return a figure and its axes, row by row; width and height in inches, ``widths`` the columns' relative ones."""
     ink, frame, grid, paper = (
         (DARK_INK, DARK_GRID, DARK_GRID, DARK_PAPER) if dark else (INK, DIM, GRID, "white")
     )
@@ -47,7 +47,7 @@ def figure_with_axes(
 
 
 def png(figure: Figure, dpi: int = 110) -> bytes:
-    """A figure as PNG bytes."""
+    """Return a figure as PNG bytes."""
     data = BytesIO()
     figure.savefig(data, dpi=dpi)
     return data.getvalue()
