@@ -1,1 +1,1 @@
-"""Hardware in the loop: host, board, and the link between them."""
+"""Hardware in the loop: host, board and the link between them."""

@@ -1,4 +1,4 @@
-"""A code in a corner of a picture: frame number and time, error-checked, that anyone can read back from the pixels.
+"""Time code in a corner of an image: frame number and time, error-checked, readable from the pixels.
 
 The block is 18 x 10 square cells. Its first row and first column are white, the rest of its rim is black, which gives
 the levels. Inside, row by row, are 128 bits, the most significant first, white for 1: frame number (32), nanoseconds
@@ -22,12 +22,12 @@ BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
 PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")
 LEAST_CONTRAST = 8.0
-"""Difference of the rim's levels below which there is no code [DN of the picture]."""
+"""Difference of the rim's levels below which there is no code [DN of the image]."""
 
 
 @dataclass(frozen=True)
 class CornerCode:
-    """What the code says.
+    """Contents of the code.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class CornerCode:
 
 @dataclass(frozen=True)
 class CodePlace:
-    """Where the code lies in a picture.
+    """Place of the code in an image.
 
     Parameters
     ----------
@@ -53,18 +53,18 @@ class CodePlace:
 
     @property
     def box_px(self) -> tuple[int, int, int, int]:
-        """Columns and rows of the block, the ends not included: left, top, right, bottom."""
+        """Columns and rows of the block, ends excluded: left, top, right, bottom."""
         right, bottom = self.left_px + BLOCK_COLUMNS * self.cell_px, self.top_px + BLOCK_ROWS * self.cell_px
         return self.left_px, self.top_px, right, bottom
 
     def fits(self, height_px: int, width_px: int) -> bool:
-        """Whether the block lies inside a picture of that size."""
+        """Return True if the block lies inside an image of that size."""
         left, top, right, bottom = self.box_px
         return left >= 0 and top >= 0 and right <= width_px and bottom <= height_px
 
 
 def code_cells(code: CornerCode) -> NDArray[np.bool_]:
-    """(10, 18) cells of a code's block, true for white."""
+    """Return the (10, 18) cells of a code's block, True for white."""
     payload = PAYLOAD.pack(code.frame_id, code.time_ns)
     bits = np.unpackbits(np.frombuffer(payload + CHECK.pack(zlib.crc32(payload)), np.uint8))
     cells = np.zeros((BLOCK_ROWS, BLOCK_COLUMNS), bool)
@@ -77,7 +77,7 @@ def code_cells(code: CornerCode) -> NDArray[np.bool_]:
 def draw_code(
     image: NDArray[np.unsignedinteger], code: CornerCode, place: CodePlace, white_dn: int
 ) -> NDArray[np.unsignedinteger]:
-    """A copy of a picture with the code drawn into it.
+    """Return a copy of an image with the code drawn into it.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def draw_code(
 
 
 def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:
-    """The code in a picture, or `None` where there is none or its check fails.
+    """Return the code in an image, or `None` if there is none or its check fails.
 
     Each cell is judged by the mean of its middle half, against the mean of the rim's white and black.
     """

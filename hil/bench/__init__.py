@@ -1,1 +1,1 @@
-"""Times the link and the estimator; `flyaround bench` composes these with the simulator's own bench."""
+"""Timing of the link and the estimator, used by `flyaround bench`."""

@@ -1,4 +1,4 @@
-"""The estimator's process of the bench: ``FOLDER EVERY_S``; nothing of the project but what a board has.
+"""Estimator process of the bench: ``FOLDER EVERY_S``; imports nothing but what a board has.
 
 Peak memory is that of all of it, Python and OpenCV included.
 """
@@ -46,7 +46,7 @@ def measure(folder: Path, every_s: float) -> dict[str, Any]:
 
 
 def _peak_mb() -> float | None:
-    """Return the peak memory; getrusage would count what the parent held."""
+    """Return the peak memory; getrusage would include the parent's."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
     except OSError:

@@ -1,4 +1,4 @@
-"""What the estimator costs on this machine: rendered frames, one thread, a process of its own as on a board."""
+"""Time of the estimator on this machine: rendered frames, one thread, a separate process as on a board."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BOARD = "flyaround.hil.bench.board_process"
 
 
 def bench_estimator() -> tuple[PartCost, ...]:
-    """Initialisation from single frames along a flight, and tracking from frame to frame."""
+    """Return the times of initialisation on single frames of a flight and of tracking from frame to frame."""
     scattered = plan_flight(load_scenario(SCENARIO), n=N_SINGLE)
     close = plan_flight(load_scenario(SCENARIO), every_s=EVERY_S)
     with TemporaryDirectory() as name:
@@ -48,7 +48,7 @@ def bench_estimator() -> tuple[PartCost, ...]:
 
 
 def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
-    """The costs of all frames, one at a time."""
+    """Return the times of all frames, one at a time, in a separate process."""
     # threads on matrices this small cost more than they give (docs/hybrid.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(

@@ -1,4 +1,4 @@
-"""What the link costs: frames of noise to a board on this machine that answers at once."""
+"""Latency of the link: frames of noise to a local board that answers at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZES_PX = ((1024, 1024), (1920, 1200))
 
 
 class _Answer:
-    """An estimator that takes no time, and its own result."""
+    """Estimator that takes no time; it is its own result."""
 
     accepted = True
     reason = ""
@@ -56,7 +56,7 @@ def link_latency_ms(
     compression: Compression = "raw",
     key: bytes | None = None,
 ) -> list[float]:
-    """End-to-end latency of each frame over the loopback, lockstep, with an instant estimator [ms]."""
+    """Return the end-to-end latency of each frame over the loopback, in lockstep with an instant estimator [ms]."""
     boards: list[threading.Thread] = []
 
     def start_board(url: str, _truth_url: str | None) -> None:
@@ -84,7 +84,7 @@ def link_latency_ms(
 
 
 def bench_link(n_frames: int = 60) -> tuple[PartCost, ...]:
-    """Frame out to pose in, by image size, compression and key; the first frames warm up and are left out."""
+    """Return the time from frame to pose by image size, compression and key, without the warm-up frames."""
     lines: tuple[tuple[Compression, bytes | None], ...] = (("raw", None), ("zstd", None), ("raw", bytes(32)))
     costs = []
     for width, height in SIZES_PX:

@@ -1,1 +1,1 @@
-"""What runs on the board: the agent and the estimator. numpy and OpenCV only, Python >= 3.9."""
+"""Board software: agent and estimators. Needs numpy and OpenCV only, Python >= 3.9."""

@@ -1,4 +1,4 @@
-"""``python -m flyaround.hil.board URL --model FILE``: the board's agent, with nothing but argparse.
+"""Command ``python -m flyaround.hil.board URL --model FILE``: the board's agent.
 
 With ``gige://ADDRESS --camera FILE`` the board reads a camera on the network instead. Also ``--image FILE --camera
 FILE``: one answer as JSON, to see that a board can do it at all.
@@ -25,11 +25,11 @@ from flyaround.hil.link.errors import LinkError
 
 
 class AgentTerminated(KeyboardInterrupt):
-    """SIGTERM came: ended as by Ctrl-C, so that what is at work is cleaned up."""
+    """Raised on SIGTERM, so that the agent ends as on Ctrl-C and cleans up."""
 
 
 def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.board") -> int:
-    """The board's agent: meet the host, answer its frames.
+    """Run the board's agent: connect to the host and answer its frames.
 
     Exit code 0: the host ended the session in order; 1: it vanished; 2: a mistake in what was given; 3: the watchdog
     stopped the estimator; 4: no session could be had; 130 and 143: stopped by Ctrl-C, by SIGTERM.
@@ -63,7 +63,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
 
 
 def run_and_exit(program: str) -> NoReturn:
-    """The program from its start to its end."""
+    """Run the program from start to end."""
     exit_at_once(main(program=program))
 
 
@@ -104,7 +104,7 @@ def _unit(given: List[str], options: argparse.Namespace) -> str:
 
 
 def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
-    """Meet the host, once or until stopped; the exit code."""
+    """Serve the host, once or until stopped, and return the exit code."""
     start = [sys.argv[0]] if program.endswith(".pyz") else ["-m", program]
     agent = make_agent(options.url, options.model, vars(options))
     summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *given])
@@ -113,7 +113,7 @@ def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
 
 
 def _serve_camera(options: argparse.Namespace) -> int:
-    """Read a camera until it is enough; the exit code."""
+    """Read a camera until done and return the exit code."""
     told = camera_board_options(vars(options))
     make, name, sha256 = estimator_factory(options.model, options.method)
     hello = describe_board(name, sha256, options.method, compiled=True)
@@ -140,7 +140,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
 
 def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
-    """One picture's pose as JSON.
+    """Return the pose of one image as JSON.
 
     Raises
     ------

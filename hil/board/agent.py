@@ -1,4 +1,4 @@
-"""The board's side of the loop: its estimator and model, sessions with a host, and meeting the next host."""
+"""Agent of the board: its estimator and model, and its sessions with hosts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
 def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
-    """An estimator by name on a model file: factory, model name, model hash.
+    """Return the estimator of a name and model file: factory, model name, model hash.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[Estima
 
 
 def describe_board(model_name: str, model_sha256: str, method: str, *, compiled: bool) -> Hello:
-    """What this board says of itself.
+    """Return the description that this board sends to the host.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
 
 def bundled_models() -> List[str]:
-    """Names of the board models that came with this program: a bundle has some, a checkout none."""
+    """Return the names of the board models bundled with this program; a checkout has none."""
     names = [item.name for item in _models().iterdir()] if _models().is_dir() else []
     return sorted(name[: -len(SUFFIX)] for name in names if name.endswith(SUFFIX))
 
@@ -115,7 +115,7 @@ def _models() -> Any:  # noqa: ANN401 - a Path, or its like inside a zip
 
 
 class BoardAgent:
-    """What a board is, made once, and its sessions with hosts, one after the other.
+    """Estimator and model of a board, made once, and its sessions with hosts, one after the other.
 
     Parameters
     ----------
@@ -166,12 +166,12 @@ class BoardAgent:
 
     @property
     def is_well(self) -> bool:
-        """Whether the estimator is within twice its time: whoever watches this program may start it anew if not."""
+        """True if the estimator is within twice its time; otherwise a supervisor may restart this program."""
         server = self._server
         return server is None or server.overdue_s < self._watchdog_s
 
     def serve(self) -> BoardSummary:
-        """One session with a host, to its end.
+        """Serve one session with a host to its end.
 
         Raises
         ------
@@ -213,7 +213,7 @@ class BoardAgent:
         tell: Callable[[str], None] = logger.info,
         pause: Callable[[float], None] = time.sleep,
     ) -> BoardSummary:
-        """Session after session, whatever became of the last; only an estimator that is stuck ends this.
+        """Serve one session after the other, whatever the outcome; only a hung estimator ends this.
 
         A session's answers go to that session's line alone: none is kept for the next one.
 

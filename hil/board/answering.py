@@ -1,4 +1,4 @@
-"""One picture's answer: what an estimator returns, and the message that it becomes, whatever the estimator does."""
+"""Answer to one image: an estimator's result and the message made of it, whatever the estimator does."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ LARGEST_NUMBER = 1e30
 
 
 class Estimate(Protocol):
-    """What an estimator returns; ``flyaround.hil.board.svd.PoseResult`` is one."""
+    """Result of an estimator, such as ``flyaround.hil.board.svd.PoseResult``."""
 
     @property
     def accepted(self) -> bool:
-        """Whether the estimator stands by the pose."""
+        """True if the estimator accepts its pose."""
 
     @property
     def reason(self) -> str:
-        """Why it was accepted or declined."""
+        """Reason why it was accepted or declined."""
 
     @property
     def q_camera_from_target_wxyz(self) -> Optional[Iterable[float]]:
@@ -39,7 +39,7 @@ class Estimate(Protocol):
 
     @property
     def confidence(self) -> float:
-        """0 to 1."""
+        """Confidence, 0 to 1."""
 
     @property
     def stages_ms(self) -> Dict[str, float]:
@@ -47,10 +47,10 @@ class Estimate(Protocol):
 
 
 class BoardEstimator(Protocol):
-    """What the agent runs on each frame."""
+    """Estimator that the agent runs on each frame."""
 
     def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
-        """Pose of the target in an (H, W) image.
+        """Return the pose of the target in an (H, W) image.
 
         One that follows the target from frame to frame has an attribute ``keeps_state`` that is true, and is given
         ``t_s``, the time of mid-exposure [s], as well. One that has an attribute ``takes_sun`` that is true is given
@@ -61,7 +61,7 @@ class BoardEstimator(Protocol):
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What is known of a picture besides its pixels.
+    """Data of an image besides its pixels.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class FrameContext:
 def estimated_pose(
     estimator: BoardEstimator, image: Image, context: FrameContext, encoding: str = "linear"
 ) -> PoseMessage:
-    """Return the answer to a picture; one that declines it where the estimator fails.
+    """Return the answer to an image, a decline if the estimator fails.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _estimate(estimator: BoardEstimator, image: Image, context: FrameContext) ->
 
 
 def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - (6, 6) numbers, or None
-    """Return the 21 numbers that a POSE carries; None for a covariance that says nothing."""
+    """Return the 21 numbers of a POSE's covariance; None for a covariance that is unusable."""
     if covariance is None:
         return None
     triangle = tuple(float(covariance[i][k]) for i in range(6) for k in range(i, 6))

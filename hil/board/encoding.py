@@ -1,4 +1,4 @@
-"""Linear pictures from encoded ones: estimators reason about light, and many cameras deliver a curve of it."""
+"""Conversion of encoded images to linear ones: estimators need light, and many cameras deliver a curve of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 Array = np.ndarray
 
 GAMMA = 2.2
-"""Exponent of ``gamma``: light is the number, 1 at full scale, to this power."""
+"""Exponent of ``gamma``: light is the pixel value, 1 at full scale, to this power."""
 
 
 def _srgb_light(y: Array) -> Array:
@@ -19,12 +19,12 @@ def _srgb_light(y: Array) -> Array:
 
 _NUMBERS = np.arange(256) / 255
 _LIGHT: Dict[str, Array] = {"srgb": _srgb_light(_NUMBERS), "gamma": _NUMBERS**GAMMA}
-"""Light of each number of eight bits, 1 at full scale, by the name of the encoding."""
+"""Light of each 8-bit value, 1 at full scale, by the name of the encoding."""
 ENCODINGS = ("linear", *_LIGHT)
 
 
 def light_of(image: Array, encoding: str) -> Array:
-    """Return the light of a picture in its own units: the picture itself if it is linear, else 0 to 255 in float32.
+    """Return the light of an image in its own units: the image itself if linear, else 0 to 255 in float32.
 
     Parameters
     ----------
@@ -48,5 +48,5 @@ def light_of(image: Array, encoding: str) -> Array:
 
 
 def linear_picture(image: Array, encoding: str) -> Array:
-    """Return a picture whose numbers are in proportion to light, of the same type; `light_of` says what is refused."""
+    """Return an image whose values are proportional to light, of the same type; see `light_of` for what is refused."""
     return image if encoding == "linear" else np.rint(light_of(image, encoding)).astype(np.uint8)

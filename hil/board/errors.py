@@ -1,9 +1,9 @@
-"""What can be wrong with what a board is given, each as one sentence saying what, where and what to do."""
+"""Errors of the board's input files; each message is one sentence with the problem, the place and the remedy."""
 
 
 class BoardModelError(ValueError):
-    """A board model or camera that cannot be used, with the reason."""
+    """Unusable board model or camera."""
 
 
 class KernelError(BoardModelError):
-    """Compiled kernels that were asked for and cannot be had, with the reason."""
+    """Compiled kernels requested but not available."""

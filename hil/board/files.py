@@ -1,4 +1,4 @@
-"""Reading what a board is given by name: regular files alone, of a bounded size."""
+"""Reading of files given by name: regular files only, of bounded size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Union
 
 
 def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
-    """A file's bytes; a pipe would be waited for and a device never ends, so neither is read.
+    """Return a file's bytes; pipes and devices are refused, since they may block or never end.
 
     Parameters
     ----------

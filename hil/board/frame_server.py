@@ -1,4 +1,4 @@
-"""One session's frames: taken from the link, given to the estimator, answered once each, whatever it does."""
+"""Frames of one session: received from the link, given to the estimator, answered once each, whatever it does."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ LOOK_S = 0.5
 
 @dataclass(frozen=True)
 class BoardSummary:
-    """What the board did in a session.
+    """Summary of a session of the board.
 
     Parameters
     ----------
@@ -77,7 +77,8 @@ class _Arrival:
 
 
 class FrameServer:
-    """Three threads: one takes packets and answers clock requests, one estimates, the caller's watches both.
+    """Serves frames in three threads: one receives packets and answers clock requests, one estimates, the caller's
+    watches.
 
     Parameters
     ----------
@@ -144,14 +145,14 @@ class FrameServer:
 
     @property
     def overdue_s(self) -> float:
-        """How long the estimator is over its time by now; negative while it is not."""
+        """Time by which the estimator exceeds its limit; negative if it does not."""
         with self._answering:
             if self._in_work is None:
                 return -math.inf
             return (now_ns() - self._begun_ns) * 1e-9 - self._watchdog_s
 
     def _watch(self) -> None:
-        """Decline the frame that the estimator does not come back from, and end the session."""
+        """Decline the frame on which the estimator hangs and end the session."""
         if self.overdue_s < 0:
             return
         with self._answering:
@@ -248,12 +249,12 @@ class FrameServer:
             self._over.set()
 
     def _say(self, message: Message) -> None:
-        """Tell the host something, where it still listens: whether it said goodbye lies in what is yet to be read."""
+        """Send a message to the host if it still listens; its goodbye may be among the unread packets."""
         with contextlib.suppress(LinkClosed):
             self._link.send(message)
 
     def _take(self, message: Message) -> bool:
-        """Handle one message; False ends the session. Truth, where it is sent along, is not looked at."""
+        """Handle one message and return False at the end of the session. Truth sent inline is ignored."""
         at_ns = now_ns()
         if isinstance(message, FrameHeader):
             self._assembler.header(message)
@@ -284,14 +285,14 @@ class FrameServer:
         self._say(ErrorMessage(ErrorCode.BUSY, text, frame_id))
 
     def _damaged(self, error: PacketError) -> None:
-        """A packet was damaged: the frame in work cannot become whole."""
+        """Handle a damaged packet: the frame in progress cannot be completed."""
         self._warn(str(error))
         self._assembler.abandon()
         if not self._assembler.has_lost:
             self._say(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
 
     def _mistaken(self, mistake: ProtocolMistake) -> None:
-        """The host sent what the protocol does not allow: it alone can mend that."""
+        """Handle a violation of the protocol by the host, which alone can fix it."""
         self._warn(str(mistake))
         about = mistake.frame_id
         if about is None:

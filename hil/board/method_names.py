@@ -1,4 +1,4 @@
-"""Names of the methods that ``--method`` takes, and those that older files hold."""
+"""Names of the methods for ``--method``, and former names in older files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WITH_LIBRARY = (HYBRID, HYBRID_TRACK)
 NETWORK = "net:"
 
 ALL_METHODS = (*METHODS, f"{NETWORK}FILE")
-"""Every method, as a help page lists them."""
+"""All methods, as listed by help."""
 
 # Former names: the method that carried the name of the published algorithm is not that algorithm.
 RENAMED = {"svd": HYBRID, "svd-track": HYBRID_TRACK}
@@ -41,7 +41,7 @@ def refuse_former_name(method: str) -> None:
 
 
 def name_in_file(method: str, path: object) -> str:
-    """Return the present name of a method that a file names, and log a warning if the file has a former one.
+    """Return the current name of a method in a file, and log a warning if the file has a former one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Every estimator of a board by the name that ``--method`` takes: the built-in ones, and a network's file."""
+"""Estimators of a board by the name in ``--method``: the built-in ones, and a network's file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PUBLISHED = {config.name: config for config in (SVD_2018, SVD_THESIS)}
 
 
 def check_method_name(method: str) -> None:
-    """Refuse a name that no estimator has; of a network, a file that is none.
+    """Raise unless ``method`` names an estimator; for a network, unless its file is valid.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def make_estimator(
     solver: Optional[str] = None,
     streams: Optional[Sequence[str]] = None,
 ) -> Estimator:
-    """Return an estimator by its name; nothing of the other methods is imported.
+    """Return an estimator by its name; other methods are not imported.
 
     Parameters
     ----------

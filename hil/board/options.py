@@ -1,4 +1,4 @@
-"""What a board's agent is told: one table for ``board.pyz`` and ``flyaround hil board``, and the agent made of it."""
+"""Options of a board's agent: one table for ``board.pyz`` and ``flyaround hil board``, and the agent made of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_WINDOW = 64
 
 
 class AgentOption(NamedTuple):
-    """An option of the command line, whichever program reads it.
+    """Option of the command line, for any of the programs.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class AgentOption(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As an argument of a function."""
+        """Name as a function argument."""
         return self.flag[2:].replace("-", "_")
 
 
@@ -63,7 +63,7 @@ AGENT_OPTIONS: Tuple[AgentOption, ...] = (
 
 
 def add_options(parser: argparse._ActionsContainer, table: Tuple[AgentOption, ...] = AGENT_OPTIONS) -> None:
-    """A table, to a parser of the standard library or a group of it."""
+    """Add a table of options to a parser of the standard library or to a group of it."""
     for option in table:
         if option.kind is bool:
             parser.add_argument(option.flag, action="store_true", help=option.text)
@@ -84,7 +84,7 @@ def make_agent(
     given: Dict[str, Any],
     own: Optional[Tuple[EstimatorFactory, str, str]] = None,
 ) -> BoardAgent:
-    """The agent that the options describe.
+    """Return the agent that the options describe.
 
     Parameters
     ----------

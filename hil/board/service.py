@@ -1,4 +1,4 @@
-"""The agent as a service: what its end is told by, what systemd is told, and the unit that runs it."""
+"""Agent as a service: exit codes, notifications to systemd, and the unit file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WATCHDOG_S = 60.0
 
 
 class ExitCode(IntEnum):
-    """How the agent ended; docs/hil_board.md has the table."""
+    """Exit code of the agent; docs/hil_board.md has the table."""
 
     ORDERLY = 0
     HOST_VANISHED = 1
@@ -31,7 +31,7 @@ class ExitCode(IntEnum):
 
 
 class ServiceManager:
-    """Who started the agent as a service and watches it, by the socket of ``sd_notify(3)``; nobody, elsewhere."""
+    """Service manager that started the agent, by the socket of ``sd_notify(3)``; none if started otherwise."""
 
     def __init__(self) -> None:
         address = os.environ.get("NOTIFY_SOCKET", "")
@@ -45,7 +45,7 @@ class ServiceManager:
     _watch_s = 0.0
 
     def tell(self, state: str) -> None:
-        """Say one thing, such as ``READY=1``; nobody listening is no error."""
+        """Send a notification such as ``READY=1``; without a manager it is ignored."""
         if not self._address:
             return
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
@@ -53,7 +53,7 @@ class ServiceManager:
             line.sendto(state.encode(), self._address)
 
     def beat_while(self, is_well: Callable[[], bool]) -> None:
-        """Say ``WATCHDOG=1`` again and again from now on while ``is_well``; nothing where nobody watches."""
+        """Send ``WATCHDOG=1`` periodically while ``is_well``; nothing without a watchdog."""
         if self._address and self._watch_s > 0:
             threading.Thread(target=self._beat, args=(is_well,), name="heartbeat", daemon=True).start()
 
@@ -70,7 +70,7 @@ class ServiceManager:
 
 
 def systemd_unit(program: str, arguments: List[str], url: str) -> str:
-    """A unit that keeps the agent running as a user of its own, who may do nothing else.
+    """Return a unit that keeps the agent running as a separate user with no other rights.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def systemd_unit(program: str, arguments: List[str], url: str) -> str:
 
 
 def program_path(argv0: str) -> str:
-    """Where a bundle lies, whole, as a unit must have it."""
+    """Return the absolute path of a bundle, as a unit needs it."""
     return str(Path(argv0).absolute())
 
 

@@ -1,4 +1,4 @@
-"""An agent at work until it is done: one session or one after the other, watched by whoever started it."""
+"""Agent in operation: one session or one after the other, under a service manager."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ RESTARTS = "; the agent starts anew"
 
 
 class NoSessionError(LinkError):
-    """A session could not be had: nobody listens, the host refuses, or its terms cannot be kept."""
+    """Session failed to start: nobody listens, the host refuses, or its terms cannot be met."""
 
 
 def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> BoardSummary:
-    """Meet the host once; or one after the other until stopped, and this program anew where the estimator is stuck.
+    """Serve the host once, or until stopped; restart this program if the estimator hangs.
 
     Parameters
     ----------
@@ -49,14 +49,14 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
 
 
 def exit_code(summary: BoardSummary) -> ExitCode:
-    """How a session ended."""
+    """Return the exit code of a session."""
     if summary.hung:
         return ExitCode.WATCHDOG
     return ExitCode.ORDERLY if summary.goodbye else ExitCode.HOST_VANISHED
 
 
 def exit_at_once(code: int) -> NoReturn:
-    """End without what the interpreter takes down at its end, which an estimator stuck in compiled code would meet."""
+    """Exit without the interpreter's cleanup, which would wait for an estimator hung in compiled code."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
@@ -69,7 +69,7 @@ def _say(sentence: str, manager: ServiceManager) -> None:
 
 
 def _start_anew(start: List[str]) -> NoReturn:
-    """Run the program once more in its own process: a thread that is stuck ends with what ran before."""
+    """Run the program again in this process; hung threads end with the old program."""
     # from Python 3.10 on with the options of the interpreter, too
     words = getattr(sys, "orig_argv", [sys.executable, *start])
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""Back-to-front order of faces from any side: a binary space partition by the planes of the large ones.
+"""Back-to-front order of faces from any viewpoint: a binary space partition by the planes of large faces.
 
 A board without a depth buffer draws far faces first. The tree gives that order exactly for the large faces from
 any place; small ones lie in its cells whole, and are sorted by distance there.
@@ -93,7 +93,7 @@ def _emit(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
 
 
 def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
-    """Number and plane of the face that cuts fewest others and divides them most evenly."""
+    """Return number and plane of the face that cuts the fewest others and divides them most evenly."""
     best: tuple[float, int, FloatArray, float] | None = None
     for k in range(0, len(big), -(-len(big) // TRIED)):
         face = big[k]
@@ -117,7 +117,7 @@ def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, fl
 
 
 def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
-    """What of a convex face lies where ``s`` is positive, as faces of four corners."""
+    """Return the part of a convex face where ``s`` is positive, as faces of four corners."""
     count = 3 if np.allclose(face[2], face[3]) else 4
     kept = []
     for i in range(count):

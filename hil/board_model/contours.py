@@ -1,4 +1,4 @@
-"""Occluding contours of a craft seen from all sides; a wireframe of creases has none for round bodies.
+"""Occluding contours of a craft from all sides, since the creases of a wireframe miss round bodies.
 
 For some hundred directions the outer outline is taken as points on the mesh itself, each with its outward normal and
 the surface's radius of curvature along the line of sight. From another direction the contour of a smooth body slides
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 VIEWS, POINTS = 200, 72
 RANGE_RADII = 10.0
-"""Range of the views, in radii of the craft: the middle of what cameras see; the sliding takes care of the rest."""
+"""Range of the views, in radii of the craft; typical of cameras, the board corrects for others."""
 SIZE_PX = 384
 FILL = 0.92
-"""Share of the picture that the craft's bounding sphere takes."""
+"""Share of the image covered by the craft's bounding sphere."""
 NEAR_PX = 1.6
-"""How far from the outline's pixel a point of the mesh may be to stand for it."""
+"""Largest distance between an outline pixel and the mesh point that represents it [px]."""
 CREASE_COSINE = float(np.cos(np.deg2rad(20.0)))
-"""Corner normals of two faces that differ by more make a sharp edge."""
+"""Cosine of the angle between corner normals beyond which two faces make a sharp edge."""
 KERNEL = np.ones((3, 3), np.uint8)
 LARGEST_RADIUS = 1.0
-"""Radii of curvature are limited to this share of the craft's radius: flatter surfaces end at an edge first."""
+"""Limit of the radii of curvature, as a share of the craft's radius: flatter surfaces end at an edge first."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +63,7 @@ class OccludingContours:
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """The surface as one mesh: triangles and the edges between them.
+    """Surface as one mesh: triangles and the edges between them.
 
     ``corner_normals`` (F, 3, 3); ``ends`` (E, 2) vertices of each edge; ``faces`` (E, 2) that meet there (the same one
     twice at a ``rim``); ``smooth`` (E,) whether their corner normals agree there.
@@ -81,7 +81,7 @@ class _Surface:
 
 
 def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> OccludingContours:
-    """The outlines of a target from ``views`` directions spread evenly over the sphere."""
+    """Return the outlines of a target from ``views`` directions spread evenly over the sphere."""
     surface = _surface(target)
     low, high = surface.positions_m.min(axis=0), surface.positions_m.max(axis=0)
     center = (low + high) / 2
@@ -99,7 +99,7 @@ def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> Occ
 
 
 def _surface(target: Target) -> _Surface:
-    """Parts welded by place, each by itself: bodies that touch keep their own edges."""
+    """Return the surface with vertices welded by position within each part; touching bodies keep their own edges."""
     positions, triangles, normals, start = [], [], [], 0
     for part in target.parts:
         p = part.positions_m.astype(float)
@@ -140,7 +140,7 @@ def _surface(target: Target) -> _Surface:
 def _view(
     s: _Surface, center: FloatArray, radius: float, direction: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points, normals and radii of the outline seen from one direction."""
+    """Return points, normals and radii of the outline from one direction."""
     eye = center + RANGE_RADII * radius * direction
     front = s.face_normals @ eye > s.face_offsets_m
     edge = np.flatnonzero((front[s.faces[:, 0]] != front[s.faces[:, 1]]) | s.rim)
@@ -171,7 +171,7 @@ def _view(
 
 
 def _camera(direction: FloatArray) -> FloatArray:
-    """(2, 3) axes across a direction, right-handed with it."""
+    """Return (2, 3) axes normal to a direction, right-handed with it."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     x = np.cross(helper, direction)
     x /= np.linalg.norm(x)
@@ -179,14 +179,14 @@ def _camera(direction: FloatArray) -> FloatArray:
 
 
 def _project(points: FloatArray, eye: FloatArray, axes: FloatArray, focal: float) -> FloatArray:
-    """(N, 2) pixels of points in the square picture, the craft's middle at its own."""
+    """Return (N, 2) pixels of points in the square image, with the craft's centre at its centre."""
     ray = points - eye
     depth = -ray @ np.cross(axes[0], axes[1])
     return np.asarray((ray @ axes.T) * (focal / depth)[:, None] + (SIZE_PX - 1) / 2)
 
 
 def _filled(xy: FloatArray) -> ByteArray:
-    """The silhouette: everything that the points of the edges (P, 2) shut off from the picture's border."""
+    """Return the silhouette: all pixels that the edge points (P, 2) separate from the image border."""
     image = np.zeros((SIZE_PX, SIZE_PX), np.uint8)
     x, y = np.rint(xy).astype(int).T
     image[y, x] = 1
@@ -196,7 +196,7 @@ def _filled(xy: FloatArray) -> ByteArray:
 
 
 def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Pixels (count, 2) evenly spaced along the outlines, and unit vectors inwards (count, 2)."""
+    """Return pixels (count, 2) evenly spaced along the outlines, and unit vectors inwards (count, 2)."""
     found, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     loops = [c.reshape(-1, 2).astype(float) for c in found]
     length = [float(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum()) for c in loops]
@@ -220,7 +220,7 @@ def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
 def _shape(
     s: _Surface, edge: IntArray, front: BoolArray, point: FloatArray, share: FloatArray, eye: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Outward normals across the line of sight, and radii of curvature along it, at points of outline edges."""
+    """Return outward normals across the line of sight, and radii of curvature along it, at outline points."""
     sight = eye - point
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     faces = s.faces[edge]
@@ -242,7 +242,7 @@ def _shape(
 
 
 def _blended(s: _Surface, edge: IntArray, share: FloatArray) -> FloatArray:
-    """Mean of both faces' normals, interpolated to the points."""
+    """Return the mean of both faces' normals, interpolated to the points."""
     total = np.zeros((len(edge), 3))
     for k in (0, 1):
         face = s.faces[edge, k]
@@ -254,7 +254,7 @@ def _blended(s: _Surface, edge: IntArray, share: FloatArray) -> FloatArray:
 
 
 def _curvature(s: _Surface, face: IntArray, sight: FloatArray) -> FloatArray:
-    """Normal curvature [1/m] along the line of sight, from the normals at the corners of each face."""
+    """Return the normal curvature [1/m] along the line of sight, from the corner normals of each face."""
     p, n = s.positions_m[s.triangles[face]], s.corner_normals[face]
     e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     g11, g12, g22 = (np.einsum("ij,ij->i", a, b) for a, b in ((e1, e1), (e1, e2), (e2, e2)))

@@ -1,4 +1,4 @@
-"""Outer faces of a craft, few enough for a board to draw them."""
+"""Outer faces of a craft, few enough for a board to draw."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ALOFT = 3.0
 
 
 def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
-    """Corners (T, 3, 3) [m] of every triangle, and (T,) which part it is of."""
+    """Return corners (T, 3, 3) [m] of every triangle, and the part (T,) it belongs to."""
     corners = [p.positions_m.astype(float)[p.triangles] for p in parts]
     owner = [np.full(len(p.triangles), k) for k, p in enumerate(parts)]
     if not corners:
@@ -47,7 +47,7 @@ def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
 
 
 def visible_area(triangles_m: FloatArray) -> FloatArray:
-    """(T,) area of each triangle times the share of directions that see it [m2].
+    """Return the (T,) area of each triangle times the share of directions that see it [m2].
 
     Points spread over the surface are sorted by depth along each direction; the nearest of each cell of a grid
     is seen.
@@ -86,7 +86,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
 
 
 def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[str]]:
-    """Triangles (T, 3, 3) that can be seen, and the material of each.
+    """Return the visible triangles (T, 3, 3) and the material of each.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
 
 
 def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
-    """The same for too many triangles: the ``coarse`` first parts and, of the others, the most informative on attitude.
+    """Select from too many triangles: the ``coarse`` first parts, then the parts most informative on attitude.
 
     A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
     """
@@ -150,7 +150,7 @@ def _distinctiveness(
     asked: IntArray,
     within_m: float,
 ) -> FloatArray:
-    """(len(asked),) what triangles show beside a surface: 1 where of another material, `ALOFT` where well off it, or 0.
+    """Return (len(asked),) weights of triangles beside a surface: 1 for another material, `ALOFT` well off it, else 0.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def _distinctiveness(
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
-    """Faces (F, 4, 3): triangles of one plane and material joined two by two where that is convex.
+    """Join triangles of one plane and material in pairs where the result is convex: faces (F, 4, 3).
 
     Drawing two halves leaves a seam; a triangle left alone has its last corner twice.
     """

@@ -1,4 +1,4 @@
-"""The board file as typed records."""
+"""Board file as typed records."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Outer faces of the craft and the tree that orders them, for a board that draws it.
+    """Outer faces of the craft and the tree that orders them, for a board that renders it.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The part of a target that a board needs to estimate its pose: a few thousand faces at most."""
+    """Part of a target that a board needs to estimate its pose: a few thousand faces at most."""
 
     schema: Literal["flyaround.board_model"]
     version: Literal[1]

@@ -1,4 +1,4 @@
-"""The board file: keypoints, wireframe, occluders, outlines and outer faces of a target as one small JSON."""
+"""Writing of the board file: keypoints, wireframe, occluders, outlines and outer faces of a target as one JSON."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 
 POSITION_STEPS = 8192
-"""Steps along the craft's radius: half a millimetre on Dragon, less than a pixel's tenth wherever it fits a picture."""
+"""Steps along the craft's radius: half a millimetre on Dragon, less than a tenth of a pixel wherever it fits an
+image."""
 
 # A face larger than this divides space in the tree [share of the craft's size, squared].
 LARGE = 1.2e-3
@@ -43,7 +44,7 @@ PLANE_DIGITS = 6
 
 
 def write_board_model(target: Target, path: Path) -> None:
-    """Write what a board needs of ``target`` (docs/formats/target.md).
+    """Write the board model of ``target`` (docs/formats/target.md).
 
     Raises
     ------
@@ -54,7 +55,7 @@ def write_board_model(target: Target, path: Path) -> None:
 
 
 def board_record(target: Target) -> BoardModelRecord:
-    """The board model of a target: labels, occluders, outlines and faces."""
+    """Return the board model of a target: labels, occluders, outlines and faces."""
     return msgspec.structs.replace(
         labels_alone(target), outlines=cached_outlines(target), faces=cached_faces(target)
     )
@@ -77,7 +78,7 @@ def labels_alone(target: Target) -> BoardModelRecord:
 
 
 def packed(o: OccludingContours) -> OutlinesRecord:
-    """Outlines in their small form; positions to a part in 8192 of the craft's radius, normals to half a degree."""
+    """Return outlines in compact form; positions to 1/8192 of the craft's radius, normals to half a degree."""
     radius = o.range_m / RANGE_RADII
     step, radius_step = radius / POSITION_STEPS, radius * LARGEST_RADIUS / 255
     rows = (
@@ -98,7 +99,7 @@ def packed(o: OccludingContours) -> OutlinesRecord:
 
 
 def cached_outlines(target: Target) -> OutlinesRecord:
-    """The target's outlines: computed once, then read from the user's cache by the target's hash."""
+    """Return the target's outlines, computed once, then read from the user's cache by the target's hash."""
     key = entry_name("outlines", (packed, outlines_of), target.sha256)
     path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
@@ -112,7 +113,7 @@ def cached_outlines(target: Target) -> OutlinesRecord:
 
 
 def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
-    """Outer faces of a craft as convex quadrilaterals in the order of a BSP tree; `None` where they are too many.
+    """Return outer faces of a craft as convex quadrilaterals in the order of a BSP tree; `None` if too many.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
 
 def cached_faces(target: Target) -> FacesRecord | None:
-    """The target's faces: computed once, then read from the user's cache by the target's hash."""
+    """Return the target's faces, computed once, then read from the user's cache by the target's hash."""
     levels = _levels(target)
     makers = (make_faces, outer_triangles, build_tree)
     key = entry_name("faces", makers, target.sha256, [level.sha256 for level in levels])
@@ -160,7 +161,7 @@ def cached_faces(target: Target) -> FacesRecord | None:
 
 
 def _levels(target: Target) -> list[Target]:
-    """Return the low and medium levels of a built-in craft; for any other only ``target`` itself."""
+    """Return the low and medium levels of a built-in craft; for any other target only itself."""
     if target.name in built_in_targets() and load_target(target.name).sha256 == target.sha256:
         return [load_target(target.name, "low"), load_target(target.name, "medium")]
     return [target]

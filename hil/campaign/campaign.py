@@ -1,4 +1,4 @@
-"""A campaign: every case with every seed, flown once, gone on with after whatever broke it off, and judged."""
+"""Campaign: every case flown once with every seed, resumed after an interruption, and judged."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CAMPAIGN_JSON, JUNIT_XML, PAGE = "campaign.json", "junit.xml", "index.html"
 
 
 class CaseOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """One run: its case, its seed, whether it met all requirements, and why not."""
+    """One run: case, seed, whether it met all requirements, and the reason if not."""
 
     name: str
     seed: int
@@ -49,7 +49,7 @@ class CaseOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """One requirement over all runs that it is about."""
+    """Result of one requirement over all runs that it applies to."""
 
     name: str
     quantity: str
@@ -59,7 +59,7 @@ class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownCase(msgspec.Struct, frozen=True, kw_only=True):
-    """The subject of a case's runs: the scenario, by its hash; target, faults, boards and drivers."""
+    """Subject of a case's runs: scenario with its hash, target, faults, boards and drivers."""
 
     name: str
     scenario: str
@@ -73,7 +73,7 @@ class FlownCase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CampaignOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What a campaign came to: campaign.json."""
+    """Result of a campaign: campaign.json."""
 
     schema: Literal["flyaround.campaign_outcome"] = "flyaround.campaign_outcome"
     version: Literal[1] = 1
@@ -97,7 +97,7 @@ def run_campaign(
     command: tuple[str, ...] = (),
     say: Callable[[str], None] = lambda _sentence: None,
 ) -> CampaignOutcome:
-    """Fly what is not flown yet, judge all, and write ``campaign.json``, ``junit.xml`` and ``index.html``.
+    """Fly the missing runs, judge all, and write ``campaign.json``, ``junit.xml`` and ``index.html``.
 
     A run's folder is there when the run is over, and not before: a campaign that was broken off goes on where it was.
     Runs that another version flew, or that flew another model or with another board than those flown now, are flown
@@ -157,7 +157,7 @@ def run_campaign(
 
 
 def _is_ours(folder: Path) -> bool:
-    """Whether a campaign began there: its file is the first thing that it writes."""
+    """Return True if the folder is empty or belongs to a campaign, whose file is written first."""
     if not folder.is_dir():
         return False
     return (folder / FILE).is_file() or all(
@@ -166,7 +166,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
-    """Take away what a killed campaign left half-done.
+    """Remove incomplete runs of a killed campaign.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
 
 
 def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
-    """Return the runs that were flown by other versions than this one's, each with what differs."""
+    """Return the runs flown by other versions than the current ones, with the differences."""
     found: dict[RunTask, str] = {}
     for task in tasks:
         if not task.folder.is_dir():
@@ -205,7 +205,7 @@ def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
 
 
 def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
-    """Return the kept runs of another board than the one that their case met now."""
+    """Return the stored runs of another board than the case met now."""
     met = {}
     for task in tasks:
         if task not in kept and (board := read_result(task.folder).board) is not None:
@@ -219,7 +219,7 @@ def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTa
 
 
 def _discard(folder: Path, runs: Mapping[RunTask, str], say: Callable[[str], None]) -> bool:
-    """Take away runs, and say why they are flown again."""
+    """Remove runs, and report the reason for flying them again."""
     for (case, why), n in Counter((task.ready.case.name, why) for task, why in runs.items()).items():
         say(
             f"{n} run{'s' if n > 1 else ''} of case {case!r} had {why} and {'are' if n > 1 else 'is'} flown again"
@@ -244,7 +244,7 @@ def _fly_all(tasks: Sequence[RunTask], workers: int, progress: Callable[[int, in
 
 
 def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> None:
-    """Refuse runs of another version of their case, however old they are.
+    """Raise UserError for runs of another version of their case, however old.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A campaign as a page: requirements with their margins, the matrix of cases and requirements, every run's report."""
+"""Report page of a campaign: requirements with margins, matrix of cases and requirements, links to runs."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _value(verdict: Verdict) -> str:
 
 
 def _margin(verdict: Verdict) -> str:
-    """In the quantity's unit, and of the limit."""
+    """Format a margin in the quantity's unit and as a share of the limit."""
     limit = verdict.requirement.limit
     if verdict.margin is None:
         return "\N{EN DASH}"
@@ -90,7 +90,7 @@ def _margin(verdict: Verdict) -> str:
 
 
 def _of(n: int, total: int) -> str:
-    """Two counts that stay on one line."""
+    """Format two counts so that they stay on one line."""
     return f"{n} of {total}".replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -116,7 +116,7 @@ def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> li
 
 
 def _column(requirement: Requirement) -> str:
-    """A requirement's name, with the unit that its column is in."""
+    """Return a requirement's name with the unit of its column."""
     unit = QUANTITIES[requirement.quantity].unit
     return f"{requirement.name} [{unit}]" if unit else requirement.name
 
@@ -138,7 +138,7 @@ def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> li
 
 
 def _cell(text: str, passed: int, of: int) -> Markup:
-    """A value over how many of its runs passed."""
+    """Return a cell: a value above the number of runs that passed."""
     value = element("span", text, class_="ok" if passed == of else "no")
     return element("div", value, element("small", _of(passed, of)))
 

@@ -1,4 +1,4 @@
-"""One run of a campaign: a case with a seed, flown into a folder of its own that is there whole or not at all."""
+"""One run of a campaign: a case with a seed, flown into a folder of its own that exists only when complete."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ if TYPE_CHECKING:
 
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
 PART = ".part"
-"""How the name of a folder ends whose run is not over."""
+"""Suffix of the folder of an incomplete run."""
 MOST_BYTES = 1 << 20
 FRAMES = 30
-"""Frames of a case that says neither their number nor their interval, as of ``hil host``."""
+"""Default number of frames of a case, as for ``hil host``."""
 
 
 class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The versions by which a run is flown; one of others is flown again.
+    """Versions of the software of a run; runs of other versions are flown again.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a run came to: ``result.json``, the last file that it writes.
+    """Result of a run: ``result.json``, its last file.
 
     Attributes
     ----------
@@ -107,14 +107,14 @@ class RunTask:
 
 
 def inputs_of(ready: ReadyCase) -> str:
-    """SHA-256 of all that a case's runs depend on, their seeds aside."""
+    """Return the SHA-256 of all inputs of a case's runs except their seeds."""
     case = msgspec.structs.replace(ready.case, seeds=(), faults=ready.faults)
     data = msgspec.json.encode((case, ready.scenario), order="sorted", enc_hook=str)
     return hashlib.sha256(data).hexdigest()
 
 
 def flown_by(ready: ReadyCase) -> FlownBy:
-    """Return the versions by which a case is flown now; of a board that somebody else starts nothing is known yet."""
+    """Return the versions that fly a case now; an external board's is not known yet."""
     own = ready.case.pose == "board" and ready.case.link.listen is None
     return FlownBy(
         flyaround=version("flyaround"),
@@ -137,7 +137,7 @@ def _own_board() -> str:
 
 
 def fly_case(task: RunTask) -> None:
-    """Fly a run, measure it, and put its folder in its place. One that fails is a result as well.
+    """Fly a run, measure it, and move its folder into place. A failure is a result as well.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def fly_case(task: RunTask) -> None:
 
 
 def read_result(folder: Path) -> RunResult:
-    """What a run's folder says.
+    """Return the result in a run's folder.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def read_result(folder: Path) -> RunResult:
 
 
 def _flown(task: RunTask, part: Path) -> RunResult:
-    """Nobody sits by: a run that breaks is a failed one, and the next begins."""
+    """Fly a run unattended: an error makes it a failed run, and the next begins."""
     failure, board, renderer = "", None, ""
     values: dict[str, float | str] = {}
     try:
@@ -237,7 +237,7 @@ def _fly(task: RunTask, part: Path) -> None:
 def _fly_with_board(
     task: RunTask, plan: Plan, told: ClosedLoopConfig | None, faults: Faults, part: Path
 ) -> None:
-    """As ``hil host`` and ``hil board`` do, or for a board that somebody else started."""
+    """Fly like ``hil host`` with ``hil board``, or with an external board."""
     case, settings = task.ready.case, task.ready.case.link
     link = LinkConfig(
         url=settings.listen or "tcp://127.0.0.1:0",
@@ -262,7 +262,7 @@ def _fly_with_board(
 
 
 def _drop_wall_clock(part: Path) -> None:
-    """Take out of a ledger what the wall clock said: in lockstep the same run leaves the same bytes."""
+    """Remove wall-clock times from a ledger, so that in lockstep the same run leaves the same bytes."""
     rows = read_ledger(part)
     (part / FRAMES_CSV).unlink()
     writer = LedgerWriter(part)
@@ -290,7 +290,7 @@ def _drop_wall_clock(part: Path) -> None:
 
 
 def _timeless(row: FrameRecord) -> FrameRecord:
-    """A row without times of the wall clock; those of the flight stay."""
+    """Return a row without wall-clock times; times of the flight stay."""
     defaults = FrameRecord(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
     measured = [
         f.name

@@ -1,4 +1,4 @@
-"""The campaign file: cases with their seeds, and what is required of their runs; every mistake in one sentence."""
+"""Campaign file: cases with seeds, and requirements on their runs; every mistake gives one sentence."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ Comparison = Literal["<=", "<", ">=", ">", "==", "!="]
 
 
 class SeedRange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """So many seeds in a row."""
+    """Consecutive seeds."""
 
     first: Seed = 1
     count: Annotated[int, msgspec.Meta(ge=1, le=MOST_RUNS)]
 
 
 class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a case's board connects, as the options of ``hil host`` of these names.
+    """Connection of a case's board, as the options of ``hil host`` of these names.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One thing that is flown, once for each seed.
+    """Case of a campaign, flown once for each seed.
 
     Attributes
     ----------
@@ -86,14 +86,14 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     @property
     def all_seeds(self) -> tuple[int, ...]:
-        """One for each run."""
+        """Seeds of all runs."""
         if isinstance(self.seeds, SeedRange):
             return tuple(range(self.seeds.first, self.seeds.first + self.seeds.count))
         return self.seeds
 
     @property
     def traits(self) -> frozenset[str]:
-        """What its runs have, of which a quantity may ask for one."""
+        """Traits of the case's runs that quantities may require."""
         has = {"closed_loop"} if self.closed_loop else set()
         if self.pose == "board":
             has |= {"frames", "times"} if self.mode == "realtime" else {"frames"}
@@ -101,7 +101,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What every run of some cases must come to: a quantity of its ledger, compared with a limit.
+    """Requirement on every run of some cases: a quantity of its ledger, compared with a limit.
 
     Attributes
     ----------
@@ -115,12 +115,12 @@ class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     cases: Annotated[tuple[str, ...], msgspec.Meta(min_length=1, max_length=1000)] = ("*",)
 
     def is_about(self, case: str) -> bool:
-        """Whether it is required of a case."""
+        """Return True if it applies to a case."""
         return any(fnmatchcase(case, pattern) for pattern in self.cases)
 
 
 class Campaign(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A campaign file."""
+    """Campaign file."""
 
     name: Name
     title: Annotated[str, msgspec.Meta(max_length=200)] = ""
@@ -132,7 +132,7 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 @dataclass(frozen=True, eq=False)
 class ReadyCase:
-    """A case whose files were read.
+    """Case with its files read.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class ReadyCase:
 
 
 def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
-    """A campaign of a TOML file, with what its cases name.
+    """Return the campaign of a TOML file, with the files that its cases name.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _parse(path: Path) -> Campaign:
 
 
 def _check_case(case: Case, where: str) -> None:
-    """Refuse settings that contradict each other.
+    """Raise UserError for settings that contradict each other.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def _check_case(case: Case, where: str) -> None:
 
 
 def _check_requirement(requirement: Requirement, campaign: Campaign, where: str) -> None:
-    """Refuse one that is about no case, or about what its cases do not have.
+    """Raise UserError for a requirement that applies to no case, or needs what its cases do not have.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The delay map: how often an approach succeeds over latency, jitter and losses of its poses; where half fail."""
+"""Delay map: success rate of an approach over latency, jitter and loss of its poses; and the latency of 50 %."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
 MOST_BYTES = 1 << 20
 MOST_FLIGHTS = 1_000_000
 EXTENSIONS = 4
-"""Latencies beyond those asked for, while more than half of the approaches succeed at the last one."""
+"""Largest number of added latencies, while more than half of the approaches succeed at the last one."""
 REFINED_TO_S = 0.1
-"""How near the latencies next to the half are brought, for the first jitter and the first share of drops."""
+"""Resolution of the latency at which half fail, for the first jitter and the first share of drops."""
 
 
 def map_delays(
@@ -94,7 +94,7 @@ def settings_for(
     check: int = 0,
     check_flights: int = 5,
 ) -> MapSettings:
-    """Settings of a scenario that can be flown so.
+    """Return the settings of a map over a scenario, checked.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def settings_for(
 
 
 class _Map:
-    """A map that is flown, level by level: which flights come next depends on those before them alone."""
+    """Map in progress, flown level by level: the next flights depend only on the earlier ones."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class _Map:
         self._tasks: list[MapFlight] = []
 
     def outcome(self) -> DelayMapOutcome:
-        """Fly it all."""
+        """Fly the whole map."""
         s = self._settings
         latencies = list(s.latencies_s)
         cells = self._fly(_grid(latencies, s))
@@ -170,7 +170,7 @@ class _Map:
         )
 
     def _fly(self, cells: Iterable[Cell]) -> dict[Cell, CellResult]:
-        """Results of some cells, flown after all before them."""
+        """Return the results of some cells, flown after all earlier ones."""
         wanted = list(cells)
         self._tasks += self._flights(wanted, self._settings.flights)
         counted = self._counted(FLIGHTS_CSV, "flights", self._tasks)
@@ -187,7 +187,7 @@ class _Map:
         ]
 
     def _counted(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
-        """Fly what a table does not have yet, and return the results of all its cells."""
+        """Fly the flights missing in a table, and return the results of all its cells."""
         progress = partial(self._progress, what)
         flown = flown_cells(self._folder / table, tasks, self._workers, progress)
         n, good = Counter(cell for cell, _ in flown), Counter(cell for cell, success in flown if success)
@@ -204,11 +204,11 @@ class _Map:
         return found
 
     def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
-        """Whether for some jitter and drops more than half still succeed."""
+        """Return True if for some jitter and drops more than half still succeed."""
         return any(r.share > 0.5 for cell, r in cells.items() if cell.latency_s == latency_s)
 
     def _refined(self, cells: dict[Cell, CellResult], latencies: Sequence[float]) -> dict[Cell, CellResult]:
-        """Latencies between the two next to the half, halved again and again."""
+        """Refine by repeated halving between the two latencies next to the 50 % point."""
         s = self._settings
         refined: dict[Cell, CellResult] = {}
         shares = [cells[Cell(x, s.jitters_s[0], s.drops[0])].share for x in latencies]
@@ -226,7 +226,7 @@ class _Map:
         return refined
 
     def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
-        """Some cells again, drawn and with a board."""
+        """Fly some cells again, with images and a board."""
         s = self._settings
         chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in chosen_cells(cells, s.check)}
         tasks = self._flights(chosen, s.check_flights, self._board_command)
@@ -238,7 +238,7 @@ class _Map:
 
 
 def chosen_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
-    """Cells to check: their success spread from all to nothing, each as near to the edge as there is one."""
+    """Return cells to check: success from all to none, each as close to the edge as possible."""
 
     def edge(result: CellResult) -> float:
         burden = result.latency_s + result.jitter_s + 10 * result.drops
@@ -261,7 +261,7 @@ def _order(cell: Cell) -> tuple[float, float, float]:
 
 
 def _open_folder(folder: Path, settings: MapSettings) -> bool:
-    """Make the folder, or see that it is this map's; whether other checks were flown in it than are asked for.
+    """Make the folder, or check that it is of this map; return True if it has checks of other settings.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def _open_folder(folder: Path, settings: MapSettings) -> bool:
 
 
 def _write_cells(folder: Path, outcome: DelayMapOutcome) -> None:
-    """Write ``cells.csv``: the cells of the map, and those between its latencies."""
+    """Write ``cells.csv``: the cells of the map and the refined latencies."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = CellResult.__struct_fields__

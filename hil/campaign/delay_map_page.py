@@ -1,4 +1,4 @@
-"""A delay map as a picture and a page: a heat map for each share of drops, the half, the cells that were checked."""
+"""Report page of a delay map: a heat map for each share of drops, the 50 % line and the checked cells."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator 
 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
-    """Write the picture and the page that carries it."""
+    """Write the picture and the page that shows it."""
     drawn = draw_delay_map(outcome)
     write_atomic(folder / PICTURE, drawn)
     s, first = outcome.settings, outcome.half[0]
@@ -102,7 +102,7 @@ def _share(result: CellResult) -> str:
 
 
 def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
-    """PNG: a heat map of jitter over latency for each share of drops."""
+    """Return the PNG of heat maps of jitter over latency for each share of drops."""
     s = outcome.settings
     latencies = (*s.latencies_s, *outcome.extended)
     figure, axes = figure_with_axes(1, len(s.drops), 0.62 * len(s.jitters_s) + 1.7, width=13.5)
@@ -145,7 +145,7 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
 
 
 def _mark_halves(ax: Axes, outcome: DelayMapOutcome, drops: float, latencies: Sequence[float]) -> None:
-    """A line at the latency at which half fail, in each row that has one."""
+    """Draw a line at the latency at which half fail, in each row that has one."""
     places, rows = [], []
     for y, jitter in enumerate(outcome.settings.jitters_s):
         half = next(h for h in outcome.half if (h.jitter_s, h.drops) == (jitter, drops))

@@ -1,4 +1,4 @@
-"""A campaign as JUnit XML, for whatever shows tests: a suite for each case, a test for each requirement of a run.
+"""Campaign as JUnit XML, for test viewers: a suite for each case, a test for each requirement of a run.
 
 Times are those of the flight, so that the same runs give the same bytes: ``timestamp`` is the scenario's epoch,
 ``time`` how long the approach took.
@@ -26,7 +26,7 @@ def junit_xml(
     runs: Sequence[RunVerdict],
     durations_s: Mapping[tuple[str, int], float],
 ) -> bytes:
-    """The document. Of a run that came to nothing every test has failed.
+    """Return the document. All tests of a run without a result have failed.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def junit_xml(
 
 
 def _test(campaign: Campaign, run: RunVerdict, k: int) -> ET.Element:
-    """A requirement of a run; the run alone where nothing is required of it."""
+    """Return the test of a requirement of a run, or of the run alone if nothing is required."""
     verdict = run.verdicts[k] if run.verdicts else None
     name = f"seed {run.seed}" + (f": {verdict.requirement.name}" if verdict is not None else "")
     test = ET.Element(

@@ -1,4 +1,4 @@
-"""Flights of a delay map: each cell's approaches over its link, without pictures, or drawn and on a board's poses."""
+"""Flights of a delay map: each cell's approaches over its link, without images, or rendered with a board's poses."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, order=True)
 class Cell:
-    """One link: latency from mid-exposure to the pose, jitter added to it evenly from 0, share of poses lost."""
+    """One link: latency from mid-exposure to the pose, uniform jitter added to it, and share of poses lost."""
 
     latency_s: float
     jitter_s: float
@@ -78,7 +78,7 @@ class MapFlight:
 
 
 def fly(task: MapFlight) -> list[str]:
-    """Fly an approach; its line of the table."""
+    """Fly an approach and return its row of the table."""
     # only what is drawn depends on the plan's seed
     plan = _plan(task.scenario, 0 if task.board_command is None else task.seed)
     told = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
@@ -115,7 +115,7 @@ def _plan(scenario: str, seed: int) -> Plan:
 def _drawn(
     plan: Plan, told: ClosedLoopConfig, link: PoseLink, board_command: tuple[str, ...]
 ) -> ClosedLoopFigures:
-    """Every frame drawn, every pose a board's; the link's delays and losses are imposed on the flight's clock.
+    """Fly with every frame rendered and every pose from a board; delays and losses act on the flight's clock.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def _drawn(
 def flown_cells(
     path: Path, tasks: Sequence[MapFlight], workers: int, progress: Callable[[int, int], None]
 ) -> list[tuple[Cell, bool]]:
-    """Fly what ``path`` does not have yet, each flight's line written when those before it are: a table in order.
+    """Fly the flights missing in ``path``; rows are written in order.
 
     Each flight's cell is returned with its success.
 
@@ -173,7 +173,7 @@ def _key(task: MapFlight) -> list[str]:
 
 
 def _journal(path: Path) -> list[list[str]]:
-    """Whole lines of a table that was broken off; the rest of a line is taken away, the head written where it lacks."""
+    """Return the complete rows of an interrupted table; a partial row is removed and a missing header written."""
     head = ",".join(COLUMNS) + "\n"
     text = ""
     if path.exists():

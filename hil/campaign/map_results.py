@@ -1,4 +1,4 @@
-"""Settings and results of a delay map: delay_map.json, with the latency at which half of the flights fail."""
+"""Settings and results of a delay map, delay_map.json, with the latency at which half of the flights fail."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a delay map was asked: ``settings.json``, by which it is known again.
+    """Settings of a delay map, ``settings.json``, which identify it.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """A cell of the map: flights, successes, and the 95 % interval of their share by Wilson."""
+    """Cell of the map: flights, successes, and Wilson's 95 % interval of their share."""
 
     latency_s: float
     jitter_s: float
@@ -51,12 +51,12 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def share(self) -> float:
-        """Of flights that succeeded."""
+        """Share of flights that succeeded."""
         return self.successes / self.flights
 
 
 class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
-    """The latency at which half of the approaches fail, for a jitter and a share of drops.
+    """Latency at which half of the approaches fail, for a jitter and a share of drops.
 
     ``latency_s`` is null where no latency was flown at which half fail; ``above_s`` and ``below_s`` are the nearest
     latencies whose success is more, and less, than a half by its 95 % interval.
@@ -71,7 +71,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def of(row: Sequence[CellResult]) -> HalfLatency:
-        """Interpolate where success falls through a half, in cells of one jitter and share of drops.
+        """Interpolate the latency of 50 % success, in cells of one jitter and share of drops.
 
         The shares are fitted by isotonic regression, so that they never rise with latency.
 
@@ -109,7 +109,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CheckedCell(msgspec.Struct, frozen=True, kw_only=True):
-    """A cell flown again, each frame drawn and each pose a board's; ``agree`` where the two intervals overlap."""
+    """Cell flown again with rendered frames and a board; ``agree`` if the two intervals overlap."""
 
     without_pictures: CellResult
     drawn: CellResult
@@ -117,7 +117,7 @@ class CheckedCell(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """What a delay map came to: delay_map.json.
+    """Result of a delay map: delay_map.json.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A board's process for one flight: started when the host listens, ended with it."""
+"""Board process of one flight, started when the host listens and ended with the flight."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_BYTES = 1 << 20
 def run_with_own_board(
     flight: FlightRun, command: tuple[str, ...], options: tuple[str, ...], log: Path | None = None
 ) -> LedgerSummary:
-    """Run a flight with a board of its own on this machine.
+    """Run a flight with a board process on this machine.
 
     Parameters
     ----------

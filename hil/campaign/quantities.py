@@ -1,4 +1,4 @@
-"""Quantities of a run that a requirement may be about: of its summary, its ledger's rows, its loop's decisions."""
+"""Quantities of a run for requirements: from its summary, its ledger's rows and its loop's decisions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Value: TypeAlias = "float | str | None"
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """What a run left in its folder.
+    """Files of a run in its folder.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class RunRecord:
 
     @staticmethod
     def read(folder: Path) -> RunRecord:
-        """The record of a run's folder.
+        """Read the record of a run's folder.
 
         Raises
         ------
@@ -54,7 +54,7 @@ class RunRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A number or a word that a run comes to.
+    """Number or word derived from a run.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ class Quantity:
 
     @property
     def is_text(self) -> bool:
-        """Whether it is a word."""
+        """True if it is a word."""
         return bool(self.words)
 
     @property
     def needs_in_words(self) -> str:
-        """What a case must have."""
+        """Traits that a case needs, in words."""
         said = {
             "frames": "frames that are sent to a board",
             "closed_loop": "closed_loop = true",
@@ -88,7 +88,7 @@ class Quantity:
 
 
 def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[str, ...] = ()) -> Quantity:
-    """A key of the summary, or of a table in it (``link.late_poses``)."""
+    """Return a quantity that is a key of the summary, or of a table in it (``link.late_poses``)."""
 
     def value(record: RunRecord) -> Value:
         found: object = record.summary
@@ -104,7 +104,7 @@ def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[s
 def _count(
     part: Callable[[LedgerSummary], int | None], of: Callable[[LedgerSummary], int]
 ) -> Callable[..., Value]:
-    """Return a count, which has no value if there is nothing that could have been counted."""
+    """Return a count, without a value if nothing could have been counted."""
 
     def value(record: RunRecord) -> Value:
         counted = part(record.summary) if of(record.summary) else None
@@ -118,7 +118,7 @@ def _share(part: Callable[[LedgerSummary], int]) -> Callable[[RunRecord], Value]
 
 
 def _over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
-    """Return a percentile over the frames that the board was sent; one that lacks the time took infinitely long."""
+    """Return a percentile over the frames sent to the board; a missing time counts as infinite."""
 
     def value(record: RunRecord) -> Value:
         sent = [getattr(row, column) for row in record.rows if row.send_ms is not None]
@@ -132,12 +132,12 @@ def _over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
 
 
 def _came(s: LedgerSummary) -> int:
-    """Return the number of poses that came, in time or not."""
+    """Return the number of poses received, in time or not."""
     return s.accepted + s.declined + s.link.late_poses
 
 
 def _unaccounted(record: RunRecord) -> Value:
-    """Frames whose row is missing, or twice there, or that the summary counts otherwise."""
+    """Return the number of frames whose row is missing, duplicate, or counted otherwise in the summary."""
     s, rows = record.summary, record.rows
     counted = s.accepted + s.declined + s.dropped_total
     twice = len(rows) - len({row.frame_id for row in rows})
@@ -170,7 +170,7 @@ def _mean_nees(record: RunRecord) -> Value:
 
 
 def _hold_s(record: RunRecord) -> Value:
-    """Time in the phase ``hold``."""
+    """Return the time in the phase ``hold``."""
     times, phases = _step_numbers(record, "t_s"), record.steps.get("phase", [])
     if len(times) < 2 or len(times) != len(phases):
         return None
@@ -296,4 +296,4 @@ QUANTITIES: dict[str, Quantity] = {
         needs=_TIMES,
     ),
 }
-"""By the name that a campaign file calls them."""
+"""Quantities by the name in a campaign file."""

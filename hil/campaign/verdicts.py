@@ -1,4 +1,4 @@
-"""Runs against requirements: passed or not, by what margin, and why not."""
+"""Runs against requirements: passed or failed, the margin, and the reason."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Verdict:
 
     @staticmethod
     def of(requirement: Requirement, value: Value) -> Verdict:
-        """A value against a requirement."""
+        """Judge a value against a requirement."""
         limit = requirement.limit
         if isinstance(value, float) and not math.isfinite(value):
             value = None
@@ -61,7 +61,7 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """The value beside what is required."""
+        """Value next to the requirement."""
         r, quantity = self.requirement, QUANTITIES[self.requirement.quantity]
         unit = quantity.unit
         has = (
@@ -72,7 +72,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class RunVerdict:
-    """One run against all that is required of its case.
+    """One run against all requirements of its case.
 
     Parameters
     ----------
@@ -86,22 +86,22 @@ class RunVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether it came to its end and meets all requirements."""
+        """True if it ended properly and meets all requirements."""
         return not self.failure and all(v.passed for v in self.verdicts)
 
     @property
     def reason(self) -> str:
-        """Why it is not passed; nothing where it is."""
+        """Reason why it failed; empty if it passed."""
         return self.failure or "; ".join(v.sentence for v in self.verdicts if not v.passed)
 
     @property
     def folder(self) -> str:
-        """Of its files, within the campaign's."""
+        """Folder of its files, within the campaign's."""
         return f"runs/{self.case}/seed-{self.seed}"
 
 
 def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVerdict:
-    """A run's result against the requirements of its case.
+    """Judge a run's result against the requirements of its case.
 
     A run that the board left has failed, unless a requirement says how it must end.
     """
@@ -115,14 +115,14 @@ def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVer
 
 
 def worst(verdicts: Sequence[Verdict]) -> Verdict:
-    """One without a value, else one that failed, else that of the least margin."""
+    """Return the verdict without a value, else a failed one, else the one with the least margin."""
     return min(
         verdicts, key=lambda v: (v.value is not None, v.passed, v.margin if v.margin is not None else 0.0)
     )
 
 
 def in_words(value: float | str, unit: str = "", *, digits: int = 4) -> str:
-    """A number with its unit, thousands with all their digits; a word as it is."""
+    """Format a number with its unit, thousands with all digits; a word as it is."""
     if isinstance(value, str):
         return value
     number = f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"

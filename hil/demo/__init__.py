@@ -1,1 +1,1 @@
-"""The demo: capture, check, close the loop with a board process, and one page of it all."""
+"""Demo: capture, check, closed loop with a board process, and one page with the results."""

@@ -1,4 +1,4 @@
-"""The demo: fly, capture, check, close the loop with a board process, and make a page of it."""
+"""Demo: fly, capture, check, close the loop with a board process, and write a page."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run_demo(
     say: Callable[[str], None],
     progress_bar: ProgressBar,
 ) -> Path:
-    """Run the whole chain into a folder; returns the page.
+    """Run the whole chain into a folder and return the page's path.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def run_demo(
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """What the loop with the board gave."""
+    """Result of the loop with the board."""
 
     summary: LedgerSummary
     rows: tuple[FrameRecord, ...]
@@ -132,7 +132,7 @@ class Loop:
 
 
 class _Kept:
-    """A sink that remembers the frames for the page."""
+    """Sink that keeps the frames for the page."""
 
     def __init__(self) -> None:
         self.frames: dict[int, Frame] = {}
@@ -142,7 +142,7 @@ class _Kept:
 
 
 def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_bar: ProgressBar) -> Loop:
-    """Thirty frames to a board in its own process, truth to a logger on its own endpoint."""
+    """Send thirty frames to a board in its own process, with the truth to a logger on a separate endpoint."""
     folder.mkdir()
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
@@ -183,7 +183,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
 
 
 def _free_port_pair() -> int:
-    """A port that is free now together with the one above it (truth's endpoint)."""
+    """Return a free port whose successor (the truth endpoint) is free too."""
     for _ in range(50):
         with socket.socket() as a:
             a.bind(("127.0.0.1", 0))

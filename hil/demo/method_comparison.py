@@ -1,4 +1,4 @@
-"""The methods beside each other on the same frames: right, accepted, time, and the stage at which each failed."""
+"""Comparison of methods on the same frames: right, accepted, time, and the stage at which each failed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DECISION = "decision"
 
 @dataclass(frozen=True)
 class MethodAnswer:
-    """What a method made of one frame.
+    """Result of a method on one frame.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def compare_methods(
 def method_answer(
     method: str, frame_id: int, result: PoseResult, poses: Sequence[tuple[str, Any, Any]], truth: Truth
 ) -> MethodAnswer:
-    """Return an estimate held against the truth.
+    """Return an estimate scored against the truth.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def comparison_rows(answers: Sequence[MethodAnswer]) -> list[tuple[str, ...]]:
 
 
 def comparison_section(answers: Sequence[MethodAnswer]) -> Markup:
-    """Return the page's section: the table, and what its columns mean."""
+    """Return the page's section: the table and the meaning of its columns."""
     return markup(
         note(
             "hybrid is this project's method, which also answered on the board; svd-2018 is the algorithm of Sharma, "

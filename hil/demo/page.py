@@ -1,4 +1,4 @@
-"""The demo's page: pictures with their truth, the flight, the errors, the latency; one folder, no server."""
+"""Demo page: images with their truth, the flight, errors and latency; one folder, no server."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ INSET_SHARE = 0.55
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DemoResults:
-    """What the demo's stages handed on."""
+    """Results of the demo's stages."""
 
     folder: Path
     plan: Plan
@@ -65,7 +65,7 @@ TILE_FOLDER = "page"
 
 
 def write_page(results: DemoResults) -> Path:
-    """Make the pictures, the plots and ``index.html``; returns the page's path."""
+    """Write images, plots and ``index.html`` and return the page's path."""
     place = results.folder / TILE_FOLDER
     place.mkdir(exist_ok=True)
     images = [_image(results, place, k) for k in range(results.checked.n_frames)]
@@ -75,7 +75,7 @@ def write_page(results: DemoResults) -> Path:
 
 
 def _image(results: DemoResults, place: Path, k: int) -> Markup:
-    """A labelled image: its truth drawn over it, and plain while it is pointed at."""
+    """Return a labelled image with its truth overlaid, plain on hover."""
     paths = frame_paths(results.folder / "dataset", k)
     truth, image = read_truth(paths.truth), np.asarray(read_png(paths.image), np.uint8)
     drawn = draw_truth(image, truth, results.plan.target)
@@ -98,7 +98,7 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
 
 
 def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
-    """The whole image with the craft, cut out and enlarged, in the corner that is farther from it."""
+    """Return the whole image with an enlarged cut-out of the craft in the corner farther from it."""
     if truth.box_amodal_px is None:
         return image
     height, width = image.shape[:2]
@@ -119,7 +119,7 @@ def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
 
 
 def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
-    """A frame as the board got it, with the pose that came back drawn over it."""
+    """Return a frame as the board received it, with the returned pose overlaid."""
     frame = results.loop_frames[row.frame_id]
     truth = frame.truth
     if truth is None:

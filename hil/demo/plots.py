@@ -1,4 +1,4 @@
-"""Plots of the demo's page: trajectory, pose errors, latency; dark, as the page is."""
+"""Plots of the demo page: trajectory, pose errors and latency, in dark colours."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WIDTH = 13  # inches
 
 
 def plot_trajectory(plan: Plan) -> Figure:
-    """The chaser about the target in LVLH, seen along cross-track and from above, and the range."""
+    """Plot the chaser about the target in LVLH, seen along cross-track and from above, and the range."""
     times = np.linspace(0, plan.scenario.duration_s, 181)
     states = [plan.flight.state(float(t)) for t in times]
     p = np.array([s.position_lvlh_m for s in states])
@@ -55,7 +55,7 @@ def plot_trajectory(plan: Plan) -> Figure:
 
 
 def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
-    """Rotation and translation error of every answered frame, accepted and declined apart."""
+    """Plot rotation and translation error of every answered frame, accepted and declined apart."""
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, dark=True)
     for ax, field, label, limit in (
         (axes[0], "E_R_deg", "rotation error [deg]", 5.0),
@@ -78,7 +78,7 @@ def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
 
 
 def plot_latency(rows: Sequence[FrameRecord]) -> Figure:
-    """Where each frame's time went, and how end-to-end latency is distributed."""
+    """Plot the time of each frame's stages and the distribution of the end-to-end latency."""
     answered = [r for r in rows if r.e2e_ms is not None]
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, widths=(2, 1), dark=True)
     bottom = np.zeros(len(answered))

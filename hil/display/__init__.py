@@ -1,4 +1,4 @@
-"""The optical loop: frames on a screen that a real camera looks at, calibrated so that it sees what was drawn.
+"""Optical loop: frames on a screen viewed by a real camera, calibrated so that it sees the rendered image.
 
 Patterns, what grabbed pictures of them tell, and the pre-distortion of frames. The window that shows them is gui/'s.
 """

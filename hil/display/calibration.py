@@ -1,4 +1,4 @@
-"""What a camera's pictures of the patterns tell: which pixel sees which, and how screen levels become its numbers."""
+"""Calibration from camera images of the patterns: map from screen to camera pixels, and response of the screen."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SCHEMA, VERSION = "flyaround.display", 1
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
 LEAST_MODULATION = 0.1
-"""Share of the white level's light that fringes must swing by for a pixel to count."""
+"""Least swing of the fringes, as a share of the white level's light, for a pixel to count."""
 MOST_POINTS = 60_000
 OUTLIER_SIGMAS = 4.0
 DARKEST_PERCENTILE = 1.0
@@ -34,7 +34,7 @@ CODE_CELL_PX = 8
 
 
 class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """How a screen and a camera see each other.
+    """Relation between a screen and a camera.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def code_place(self) -> CodePlace:
-        """Where the code lies on the camera's picture."""
+        """Place of the code in the camera's image."""
         return CodePlace(self.code_left_px, self.code_top_px, self.code_cell_px)
 
     def camera_from_screen(self, screen_xy_px: FloatArray) -> FloatArray:
-        """(N, 2) camera pixels that see (N, 2) screen pixels."""
+        """Return (N, 2) camera pixels that see (N, 2) screen pixels."""
         flat = np.asarray(self.homography, float).reshape(3, 3)
         points = np.column_stack((screen_xy_px, np.ones(len(screen_xy_px)))) @ flat.T
         straight = points[:, :2] / points[:, 2:]
@@ -79,12 +79,12 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return np.asarray(straight + np.column_stack(bend))
 
     def screen_light_dn(self, screen_xy_px: FloatArray) -> FloatArray:
-        """(N,) light of level 255 at screen pixels, as the camera sees it [DN]."""
+        """Return the (N,) light of level 255 at screen pixels, as the camera sees it [DN]."""
         unit = _unit(screen_xy_px, self.screen_px)
         return np.asarray(chebyshev.chebval2d(unit[:, 0], unit[:, 1], np.asarray(self.shading)))
 
     def levels_for(self, light: FloatArray) -> FloatArray:
-        """Screen levels, not rounded, that give these shares of level 255's light."""
+        """Return the screen levels, not rounded, that give these shares of level 255's light."""
         fine = np.arange(256.0)
         response = PchipInterpolator(np.asarray(self.levels, float), np.asarray(self.response))(fine)
         return np.asarray(np.interp(light, np.maximum.accumulate(response), fine))
@@ -117,7 +117,7 @@ def read_calibration(path: Path) -> DisplayCalibration:
 
 
 def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> DisplayCalibration:
-    """Calibrate from the camera's pictures of `calibration_patterns`.
+    """Calibrate from the camera's images of `calibration_patterns`.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 def _decode(
     grabs: Mapping[str, FloatArray], axis: str, size_px: int, dark: FloatArray, swing: FloatArray
 ) -> FloatArray:
-    """(H, W) screen coordinate along an axis that each camera pixel sees [px]; NaN where it sees none."""
+    """Return the (H, W) screen coordinate along an axis that each camera pixel sees [px]; NaN if it sees none."""
     angles = 2 * np.pi * np.arange(SHIFTS) / SHIFTS
     shifted = [grabs[f"{axis}_phase_{k}"] for k in range(SHIFTS)]
     sine = sum(np.sin(a) * g for a, g in zip(angles, shifted, strict=True))
@@ -205,7 +205,7 @@ def _decode(
 def _fit_map(
     screen: FloatArray, camera: FloatArray, screen_px: tuple[int, int]
 ) -> tuple[FloatArray, list[FloatArray], float, FloatArray]:
-    """Homography and bend from screen to camera, their rms [px], and which points were kept."""
+    """Fit homography and distortion from screen to camera; return them with their RMS [px] and the points kept."""
     found, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
     if found is None:
         raise UserError("the pictures of the fringes do not show a flat screen")
@@ -228,20 +228,20 @@ def _fit_map(
 
 
 def _fit_surface(unit: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Chebyshev coefficients (degree + 1, degree + 1) by least squares."""
+    """Fit Chebyshev coefficients (degree + 1, degree + 1) by least squares."""
     basis = chebyshev.chebvander2d(unit[:, 0], unit[:, 1], [degree, degree])
     solution = np.linalg.lstsq(basis, values, rcond=None)[0]
     return np.asarray(solution.reshape(degree + 1, degree + 1))
 
 
 def _unit(screen_xy_px: FloatArray, screen_px: tuple[int, int]) -> FloatArray:
-    """Screen pixels as -1..1 along both axes."""
+    """Return screen pixels as -1..1 along both axes."""
     size = np.asarray(screen_px, float)
     return np.asarray(2 * screen_xy_px / (size - 1) - 1)
 
 
 def _code_corner(valid: BoolArray) -> tuple[int, int]:
-    """Column and row of the code's block, nearest to the picture's upper left corner, all of it on the screen."""
+    """Return column and row of the code's block nearest to the upper left corner that lies wholly on the screen."""
     width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
     solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     whole = cv2.erode(

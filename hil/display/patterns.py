@@ -1,4 +1,4 @@
-"""Pictures for a screen that tell a camera which of its pixels sees which of the screen's, and how bright.
+"""Patterns for a screen from which a camera derives the map of pixels and the brightness.
 
 Shifted sine fringes under a Gray code: Sansoni, Carocci and Rodella (1999), Applied Optics 38(31), 6565. Eight shifts
 cancel the harmonics that a screen's gamma makes of a sine, up to the sixth.
@@ -24,19 +24,19 @@ Axis = Literal["x", "y"]
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """A picture to show: its name, which a grabbed picture's file carries too, and (H, W) screen levels."""
+    """Image to show: its name, which the file of the camera image has too, and (H, W) screen levels."""
 
     name: str
     image: ByteArray
 
 
 def half_period_bits(size_px: int) -> int:
-    """Bits of the Gray code that numbers the half periods along an axis of that many pixels."""
+    """Return the number of Gray code bits that number the half periods along an axis."""
     return max(1, int(np.ceil(2 * size_px / PERIOD_PX) - 1).bit_length())
 
 
 def calibration_patterns(width_px: int, height_px: int) -> Iterator[Pattern]:
-    """All patterns for a screen of that size, in the order of showing: levels, then fringes and codes of x and of y."""
+    """Yield all patterns for a screen, in the order shown: levels, then fringes and codes of x and of y."""
     for level in LEVELS:
         yield Pattern(f"level_{level:03}", np.full((height_px, width_px), level, np.uint8))
     axes: tuple[tuple[Axis, int], ...] = (("x", width_px), ("y", height_px))

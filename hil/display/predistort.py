@@ -1,4 +1,4 @@
-"""A frame as it must stand on the screen for the camera to see it as it was drawn."""
+"""Pre-distortion of frames for a screen, so that the camera sees them as rendered."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Predistorter:
-    """Maps frames to a screen by a calibration; the tables are made once.
+    """Maps frames to a screen by a calibration, with tables computed once.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Predistorter:
         self.calibration = calibration
 
     def screen_image(self, image: NDArray[Any], white: float) -> ByteArray:
-        """(screen H, screen W) levels that show a frame.
+        """Return the (screen H, screen W) levels that show a frame.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""A sink that puts frames on a screen, pre-distorted for the camera that looks at it, with a code to match by."""
+"""Sink that shows frames on a screen, pre-distorted for the camera, with a code to identify them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class Screen(Protocol):
-    """What shows pictures: a monitor, or a recorder in tests."""
+    """Display of images: a monitor, or a recorder in tests."""
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height."""
+        """Width and height [px]."""
 
     def show(self, image: ByteArray) -> None:
         """Show (H, W) levels."""
@@ -31,7 +31,7 @@ class Screen(Protocol):
 
 @dataclass(frozen=True)
 class ShownFrame:
-    """A frame that was shown: its number, its mid-exposure and when it was shown, since 1970-01-01 UTC [ns]."""
+    """Frame shown: number, mid-exposure and time of display, since 1970-01-01 UTC [ns]."""
 
     frame_id: int
     time_ns: int
@@ -39,7 +39,7 @@ class ShownFrame:
 
 
 class ScreenSink:
-    """Shows each frame that it is handed.
+    """Shows each frame that it receives.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class ScreenSink:
 
     @property
     def code_place(self) -> CodePlace:
-        """Where the code lies on the frame."""
+        """Place of the code in the frame."""
         return CodePlace() if self._predistorter is None else self._predistorter.calibration.code_place
 
     def write(self, frame: Frame) -> None:

@@ -1,1 +1,1 @@
-"""Any estimator against labelled frames: errors and metrics."""
+"""Evaluation of any estimator against labelled frames: errors and metrics."""

@@ -1,4 +1,4 @@
-"""Estimators of other packages, beside the board's own: by name, as any of them."""
+"""Estimators of other packages, chosen by name like the board's own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class AddedEstimator(Estimator):
-    """An estimator of another package, refusing unusable pictures and never raising, as all do.
+    """Wrap an estimator of another package so that it refuses unusable images and never raises.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class AddedEstimator(Estimator):
 
 
 def check_any_method(method: str) -> None:
-    """Refuse a name that neither the board's own estimators have nor those of other packages.
+    """Raise UserError unless ``method`` names one of the board's estimators or one of another package.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def check_any_method(method: str) -> None:
 
 
 def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodChoice) -> Estimator:
-    """The estimator of a choice, whoever brings it.
+    """Return the estimator of a choice, from the board's own or from another package.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The board's estimators over a labelled data set: every frame's answer beside its truth, metrics and a page."""
+"""Evaluation of the board's estimators on a labelled data set: one answer per frame, metrics and a report page."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def evaluate_dataset(
 
 
 def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
-    """Rows that an interrupted evaluation left, written anew without the torn line that it ended with."""
+    """Return the rows of an interrupted evaluation, rewriting the file without its torn last line."""
     done: list[EvaluatedFrame] = []
     if path.is_file():
         done = read_rows(path, header)
@@ -116,7 +116,7 @@ def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 
 def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]) -> Metrics:
-    """Metrics of all methods, with what computed them and what the images are."""
+    """Return the metrics of all methods, with the kernels and the kind of images."""
     kind, colour = _pictures(folder, rows, read_card(folder).camera.pixel_encoding)
     return compose(
         [method_metrics(label, [r for r in rows if r.method == label]) for label in labels],
@@ -128,7 +128,7 @@ def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]
 
 
 def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredictor | None:
-    """What the mean of the feasible frames' truths would have cost as the answer to all of them."""
+    """Return the errors of the mean pose as the answer to every feasible frame."""
     poses = []
     for k in sorted({row.frame for row in rows if row.record.feasible}):
         try:
@@ -141,7 +141,7 @@ def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredict
 
 
 def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tuple[str, bool]:
-    """What a data set's pictures are, by the first that was evaluated, and whether they are in colour."""
+    """Describe the images of a data set by the first one evaluated, and tell if they are in colour."""
     for row in rows:
         try:
             image = read_png(frame_paths(folder, row.frame).image)
@@ -153,7 +153,7 @@ def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tu
 
 
 def method_metrics(label: str, rows: Sequence[EvaluatedFrame]) -> MethodMetrics:
-    """The figures of one method's rows."""
+    """Return the metrics of one method's rows."""
     return summarise(
         [r.record for r in rows],
         method=label,

@@ -1,4 +1,4 @@
-"""The decision of an estimator, measured: availability against false accepts, and what a confidence is worth."""
+"""Curves of an estimator's decision: availability against false accepts, and reliability of the confidence."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """What each threshold of the confidence would accept, the strictest first.
+    """Availability and false accepts at each threshold of the confidence, the strictest first.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Reliability:
 
 
 def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
-    """Availability and false accepts at every threshold; other reasons to decline are left out of account."""
+    """Return availability and false accepts at every threshold; other reasons to decline are ignored."""
     told = np.array([r.confidence for r in rows])
     order = np.argsort(-told, kind="stable")
     feasible = np.array([r.record.feasible for r in rows], bool)[order]
@@ -69,7 +69,7 @@ def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
 
 
 def reliability(rows: Sequence[EvaluatedFrame]) -> list[Reliability]:
-    """How many were right of those that were so sure; bins without frames are left out."""
+    """Return the share of right answers in each bin of confidence; bins without frames are left out."""
     told = np.array([r.confidence for r in rows])
     right = np.array([r.record.coarse for r in rows], bool)
     out = []

@@ -1,4 +1,4 @@
-"""The board's estimator on one picture of one's own: file or array, camera and target by name or as objects."""
+"""Pose of a target in one image: file or array, camera and target by name or as objects."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def estimate(
     method: str = HYBRID,
     sun_camera: Sequence[float] | None = None,
 ) -> PoseResult:
-    """The pose of a target in one picture, as `flyaround estimate` gives it.
+    """Return the pose of a target in one image, as `flyaround estimate` does.
 
     The first call for a target and a camera prepares an estimator, which takes seconds; it is kept for the next.
 
@@ -83,7 +83,7 @@ def estimate(
 def checked_picture(
     image: NDArray[np.unsignedinteger], camera: Camera, where: str
 ) -> NDArray[np.unsignedinteger]:
-    """A picture as estimators take it, linear and in grey.
+    """Return an image as the estimators take it, linear and grey.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def checked_picture(
 
 @dataclass(frozen=True)
 class _Craft:
-    """A target as the key of what is prepared for it: same name and hash, same craft."""
+    """Target as a cache key: targets of equal name and hash are equal."""
 
     name: str
     sha256: str

@@ -1,4 +1,4 @@
-"""The page of an evaluation: the methods side by side, error plots, ranges, classes, and the failures by kind."""
+"""Report page of an evaluation: methods side by side, error plots, ranges, classes and failures by kind."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def write_page(
     metrics: Metrics,
     rows: Sequence[EvaluatedFrame],
 ) -> Path:
-    """Write ``index.html`` and its tiles into a report folder; returns the page's path."""
+    """Write ``index.html`` and its tiles into a report folder and return the page's path."""
     labels = list(metrics.by_method)
     page = Page("Pose estimation", "Pose estimation beside the truth", style=STYLE)
     page.add(
@@ -104,7 +104,7 @@ def write_page(
 
 
 def about_mean_predictor(m: MeanPredictor | None) -> str:
-    """What knowing nothing costs, in a sentence; empty where there is no pose."""
+    """Describe the mean predictor in a sentence; empty if there is no pose."""
     if m is None:
         return ""
     return (
@@ -138,7 +138,7 @@ def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
 
 
 def _digits(x: float) -> str:
-    """Three digits, never with an exponent."""
+    """Format a number with three digits and no exponent."""
     return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
 
 
@@ -258,7 +258,7 @@ def _failures(
     label: str,
     rows: Sequence[EvaluatedFrame],
 ) -> Markup:
-    """One method's failures by kind: each with the worst of its frames."""
+    """Return the HTML of one method's failures by kind, each with its worst frames."""
     wrong = [r for r in rows if r.record.accepted and not r.record.coarse]
     kinds = {"accepted": wrong, **{kind: [r for r in rows if r.failure == kind] for kind in KINDS}}
     parts = []

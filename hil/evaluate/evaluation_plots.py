@@ -1,4 +1,4 @@
-"""The plots of an evaluation: errors against range, along the camera's axes, their histograms, stages."""
+"""Plots of an evaluation: errors against range and along the camera's axes, histograms, stages."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ CAPTIONS = {
 
 
 def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str]) -> dict[str, bytes]:
-    """PNG of every plot that has something to show, by its name, a key of ``CAPTIONS``."""
+    """Return a PNG of every plot that has data, by its name, a key of ``CAPTIONS``."""
     by_method = {label: [r for r in rows if r.method == label] for label in labels}
     figures = {
         "range": _against_range(by_method),
@@ -99,12 +99,12 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
 
 
 def _dot(n: int) -> float:
-    """Area of the dots of ``n`` frames that leave each other room [pt^2]."""
+    """Return the dot area that keeps ``n`` frames apart [pt^2]."""
     return float(np.clip(6000.0 / max(n, 1), 5.0, 22.0))
 
 
 def _mark(ax: Axes, value: float, words: str, style: str) -> None:
-    """A level of others across the axes, with its name on it."""
+    """Draw a labelled horizontal line."""
     ax.axhline(value, color=INK, ls=style, lw=1, zorder=3)
     ax.annotate(
         words,
@@ -121,7 +121,7 @@ def _mark(ax: Axes, value: float, words: str, style: str) -> None:
 
 
 def _binned(x: np.ndarray, y: np.ndarray, percent: Sequence[float]) -> tuple[list[float], np.ndarray]:
-    """Median x of each 3 m bin that holds a few, and percentiles (P, bins) of y there."""
+    """Return the mid-range of each 3 m bin with enough frames, and the percentiles (P, bins) of y there."""
     mids, values = [], []
     for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
         part = (x >= low) & (x < low + 3)
@@ -174,7 +174,7 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
 
 
 def _reach(values: Sequence[float]) -> float:
-    """Half height of an axis that shows nearly all of the right poses' errors."""
+    """Return the half height of an axis that shows nearly all errors of right poses."""
     return max(1.15 * float(np.percentile(np.abs(values), 98)), 1e-3) if values else 1.0
 
 
@@ -213,7 +213,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
 
 
 def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
-    """Availability against false accepts, and the worth of a confidence; None where nothing was told apart."""
+    """Plot availability against false accepts, and reliability; None if no method has more than one confidence."""
     methods = {m: rows for m, rows in by_method.items() if len({r.confidence for r in rows}) > 1}
     if not methods:
         return None

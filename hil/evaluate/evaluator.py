@@ -1,4 +1,4 @@
-"""Estimators of one process of an evaluation: made once, then asked for frame after frame."""
+"""Estimators of one process of an evaluation, made once and called frame after frame."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Evaluator:
-    """Answers frames of one data set with one or more methods.
+    """Runs one or more methods on the frames of a data set.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ class Evaluator:
         self._last: tuple[int, LabelRecord, NDArray[Any]] | None = None
 
     def _frame(self, k: int) -> tuple[LabelRecord, NDArray[Any]]:
-        """A frame's truth and image, linear and in grey; the last one is kept, for the next method."""
+        """Return a frame's truth and image, linear and grey; the last frame is cached for the next method."""
         if self._last is None or self._last[0] != k:
             paths = frame_paths(self.folder, k)
             self._last = k, read_label_record(paths.truth), grey(read_png(paths.image), self._encoding)
         return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:
-        """Frame ``k`` by the method ``label``.
+        """Return the answer to frame ``k`` of the method ``label``.
 
         Raises
         ------
@@ -110,13 +110,13 @@ _evaluator: Evaluator | None = None
 def start_worker(
     folder: Path, model: BoardModel, camera: dict[str, Any], choices: tuple[MethodChoice, ...]
 ) -> None:
-    """Make this process's estimators."""
+    """Make the estimators of this process."""
     global _evaluator  # noqa: PLW0603 - a pool hands its workers nothing else to hold on to
     _evaluator = Evaluator(folder, model, camera, choices)
 
 
 def answer_in_worker(task: tuple[int, str]) -> EvaluatedFrame | str:
-    """One (frame, method) in a pool's process; a sentence when the frame cannot be read."""
+    """Evaluate one (frame, method) in a pool's process; return a message if the frame cannot be read."""
     if _evaluator is None:
         raise RuntimeError("start_worker was not called in this process")
     try:

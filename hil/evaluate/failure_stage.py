@@ -1,4 +1,4 @@
-"""Why a pose was missed: the first stage of the estimator that had lost it, judged with the truth at hand."""
+"""Cause of a missed pose: the first stage of the estimator that lost it, judged by the truth."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def failure_kind(
     craft: PreparedTarget,
     noise: float,
 ) -> str:
-    """One of ``KINDS`` for a frame whose best pose is not coarse.
+    """Return the element of ``KINDS`` for a frame whose best pose is not coarse.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def _drawn(
     craft: PreparedTarget,
     noise: float,
 ) -> float:
-    """Share of the visible model with an edge under it at the true pose."""
+    """Return the share of the visible model that has an edge under it at the true pose."""
     h, w = image.shape
     m = 8.0 + 0.1 * (box[2] - box[0] + box[3] - box[1])
     x0, y0 = max(0, int(box[0] - m)), max(0, int(box[1] - m))

@@ -1,4 +1,4 @@
-"""Pictures of what went wrong: each missed frame with the true and the estimated wireframe."""
+"""Images of failures: each missed frame with the true and the estimated wireframe."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def failure_tile(
     true: tuple[Any, Any],
     estimated: tuple[Any, Any] | None,
 ) -> NDArray[np.uint8]:
-    """(HEIGHT, WIDTH, 3) BGR tile around the target: truth green; estimate orange, an arrow towards one beyond."""
+    """Return a (HEIGHT, WIDTH, 3) BGR tile around the target: truth green, estimate orange, an arrow if it is
+    outside.
+    """
     h, w = image.shape[:2]
     box = box_px or (0.0, 0.0, w - 1.0, h - 1.0)
     half = max(0.75 * (box[2] - box[0]), 0.75 * (box[3] - box[1]) * WIDTH / HEIGHT, 60.0)
@@ -65,7 +67,7 @@ def _point_at(
     corner: tuple[float, float],
     scale: float,
 ) -> None:
-    """An arrow towards an estimate whose middle lies beyond the tile."""
+    """Draw an arrow towards an estimate whose centre is outside the tile."""
     if t[2] <= 0:
         return
     middle = np.array([WIDTH, HEIGHT]) / 2

@@ -1,4 +1,4 @@
-"""Colour pictures for estimators that look at brightness alone."""
+"""Conversion of colour images to grey for the estimators."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 GREY_NOTE = "colour, taken in grey (the mean of the three channels)"
-"""What is said of a colour picture to whom its pose is told."""
+"""Note on a colour image, shown with its pose."""
 
 PLAIN = "mono, 8 bits"
-"""A picture of which nothing need be said."""
+"""Description of a linear 8-bit grey image, which needs no note."""
 
 
 def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArray[np.unsignedinteger]:
-    """A picture as estimators take it: linear, and colour as the mean of its channels, the panchromatic band.
+    """Return a linear grey image; colour becomes the mean of its channels.
 
     The mean is that of light, so no display weights: they would drop most of what blue and red have seen.
 
@@ -43,7 +43,7 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
 
 
 def about_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> str:
-    """What kind of picture it is, in words: bands, bits of the file, and what is done before it is looked at."""
+    """Describe an image: bands, bit depth and the conversion before estimation."""
     bits = 8 * image.dtype.itemsize
     kind = "mono" if image.ndim == 2 else GREY_NOTE
     scale = "" if bits == 8 else ", full scale is its brightest pixel"

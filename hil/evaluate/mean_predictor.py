@@ -1,4 +1,4 @@
-"""What knowing nothing of a picture costs: one pose for every frame, the mean of the truths."""
+"""Mean predictor: one pose for every frame, the mean of the truths, as a baseline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
-    """Errors of the mean pose, told for every frame: the least that an estimator must be better than.
+    """Errors of the mean pose as the answer to every frame, which an estimator must beat.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
-    """The mean pose of a data set's own truths (N, 4), (N, 3), and its errors on them.
+    """Return the mean pose of the truths (N, 4), (N, 3) and its errors on them.
 
     It has seen what it is judged by, so that an estimator is held against the best of its kind.
 

@@ -1,4 +1,4 @@
-"""Which estimators are run, and the model that they are given."""
+"""Choice of estimators and the model that they use."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
     @property
     def in_order(self) -> bool:
-        """Whether its frames must come one after another, in one process."""
+        """True if the frames must be evaluated in order, in one process."""
         return self.method == HYBRID_TRACK
 
     @property
     def label(self) -> str:
-        """Its name in tables."""
+        """Name in tables."""
         extra = [*([self.solver] if self.solver else []), *(self.streams or ())]
         # of a network the file alone: names of files are made of this
         method = self.method
@@ -40,7 +40,7 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
 
 def board_model(target: Target) -> BoardModel:
-    """The small form of a target, as a board reads it."""
+    """Return the board model of a target, as a board reads it."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{target.name}.board.json"
         write_board_model(target, path)

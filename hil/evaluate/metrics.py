@@ -1,4 +1,4 @@
-"""The figures that a set of estimated poses is summarised by."""
+"""Metrics that summarise a set of estimated poses."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ CHI_SQUARE_6_95 = 12.592
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """The figures of one group of frames; None where there is nothing to average.
+    """Metrics of one group of frames; None if there is nothing to average.
 
     Parameters
     ----------
@@ -101,14 +101,14 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RangeBin(Summary, frozen=True, kw_only=True):
-    """The figures of the frames between two true ranges; ``to_m`` None: no upper end."""
+    """Metrics of the frames between two true ranges; no upper end if ``to_m`` is None."""
 
     from_m: float
     to_m: float | None
 
 
 class MethodMetrics(Summary, frozen=True, kw_only=True):
-    """The figures of one method, whole, by range and by class.
+    """Metrics of one method, overall, by range and by class.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
 
 
 class Metrics(MethodMetrics, frozen=True, kw_only=True):
-    """What ``metrics.json`` holds: the first method's figures at the top level, all of them by name.
+    """Contents of ``metrics.json``: the first method's metrics at the top level, all methods by name.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def wilson_interval(k: int, n: int) -> tuple[float, float] | None:
 def bootstrap_intervals(
     values: Sequence[float], resamples: int = 1000
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-    """95 % percentile intervals of the median and of the mean; None of fewer than five values.
+    """Return the 95 % percentile intervals of the median and of the mean; None for fewer than five values.
 
     The same values always give the same intervals: the draw is seeded.
 
@@ -193,7 +193,7 @@ def summarise(
     failures: Sequence[str] = (),
     times_ms: Sequence[float] = (),
 ) -> MethodMetrics:
-    """The figures of a set of frames, whole, by range and by class.
+    """Return the metrics of a set of frames, overall, by range and by class.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def compose(
     grey_from_colour: bool = False,
     mean_predictor: MeanPredictor | None = None,
 ) -> Metrics:
-    """The document of ``metrics.json``: the first method's figures at the top, every method's by name.
+    """Return the document of ``metrics.json``: the first method at the top level, all methods by name.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One frame's estimated pose beside its truth: errors, and whether it counts as right."""
+"""Estimated pose of one frame against its truth: errors, and the limits of coarse and fine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FINE_DEG, FINE_SHARE = 0.5, 0.005
 
 
 class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
-    """One frame's answer beside its truth.
+    """Answer to one frame scored against its truth.
 
     Parameters
     ----------
@@ -45,19 +45,19 @@ class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def coarse(self) -> bool:
-        """Within 5 deg and 5 % of the range."""
+        """True if within 5 deg and 5 % of the range."""
         return _within(self, COARSE_DEG, COARSE_SHARE)
 
     @property
     def fine(self) -> bool:
-        """Within 0.5 deg and 0.5 % of the range."""
+        """True if within 0.5 deg and 0.5 % of the range."""
         return _within(self, FINE_DEG, FINE_SHARE)
 
 
 def frame_errors(
     q_true_wxyz: ArrayLike, t_true_m: ArrayLike, q_est_wxyz: ArrayLike, t_est_m: ArrayLike
 ) -> tuple[float, float, float]:
-    """Errors of one pose: ``E_T`` [m], ``e_t = E_T / |t|`` [1], ``E_R`` [deg].
+    """Return the errors of one pose: ``E_T`` [m], ``e_t = E_T / |t|`` [1], ``E_R`` [deg].
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def frame_record(
     frame_class: str = "",
     covariance: ArrayLike | None = None,
 ) -> FrameScore:
-    """A record from two poses; a frame without an estimate keeps its errors as None.
+    """Return the score of one frame; without an estimate its errors are None.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def frame_record(
 
 
 def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
-    """An error (6,) over its covariance; None where that is missing or cannot be inverted."""
+    """Return the normalised squared error of (6,) errors; None if the covariance is missing or singular."""
     if covariance is None:
         return None
     C = np.asarray(covariance, float)
@@ -147,7 +147,7 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
 
 
 def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
-    """(3,) rotation vector [rad] of ``R_est R_true'``, camera axes."""
+    """Return the (3,) rotation vector [rad] of ``R_est R_true'`` in camera axes."""
     w, x, y, z = np.asarray(q_true_wxyz, float) / np.linalg.norm(np.asarray(q_true_wxyz, float))
     p = np.asarray(q_est_wxyz, float) / np.linalg.norm(np.asarray(q_est_wxyz, float))
     # p times the conjugate of q

@@ -1,4 +1,4 @@
-"""How large the errors of accepted poses are, along the camera's axes: what a navigation filter must know of them."""
+"""Standard deviations of accepted poses along the camera's axes, for a navigation filter."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEAST_POSES, LEAST = 10, 1e-6
 
 
 class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
-    """Of accepted poses that are not wrong, RMS; ``wrong``: share of those that are.
+    """RMS errors of accepted poses that are not wrong; ``wrong`` is the share of wrong ones.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
-    """The spread of a set of frames; None of fewer than ten accepted poses."""
+    """Return the spread of a set of frames; None for fewer than ten accepted poses."""
     feasible = [r for r in records if r.feasible]
     accepted = [r for r in feasible if r.accepted]
     if len(accepted) < LEAST_POSES:

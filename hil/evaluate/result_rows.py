@@ -1,4 +1,4 @@
-"""The rows of an evaluation: one frame by one method; as CSV for people, line by line as JSON while it runs."""
+"""Rows of an evaluation, one frame by one method: CSV for people, JSON lines while it runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """One frame's answer by one method.
+    """Answer of one method to one frame.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total_ms(self) -> float:
-        """All stages together."""
+        """Sum of all stages [ms]."""
         return float(sum(self.stages_ms.values()))
 
 
 class RunHeader(msgspec.Struct, frozen=True):
-    """What an unfinished evaluation was of: the first line of its rows."""
+    """First line of the rows: identifies the evaluation so that it can be resumed."""
 
     dataset: str
     target_sha256: str
@@ -55,13 +55,13 @@ class RunHeader(msgspec.Struct, frozen=True):
 
 
 def append_row(path: Path, row: EvaluatedFrame | RunHeader) -> None:
-    """Add one line; a torn last line is ignored when read."""
+    """Append one line; a torn last line is ignored when read."""
     with path.open("ab") as file:
         file.write(msgspec.json.encode(row) + b"\n")
 
 
 def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
-    """Rows of an earlier run of the same thing.
+    """Return the rows of an earlier run of the same evaluation.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 
 def rows_there(path: Path) -> list[EvaluatedFrame]:
-    """Rows of an evaluation, whatever it is of; none where there is no file."""
+    """Return the rows of any evaluation; none if there is no file."""
     return _decoded(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
 
 
@@ -99,7 +99,7 @@ def _decoded(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:
 
 
 def frames_csv(rows: Iterable[EvaluatedFrame]) -> bytes:
-    """The table of all rows."""
+    """Return all rows as CSV."""
     text = io.StringIO()
     axes = [f"shift_{a}_m" for a in "xyz"] + [f"turn_{a}_deg" for a in "xyz"]
     plain = [n for n in FrameScore.__struct_fields__ if n not in ("shift_camera_m", "turn_camera_deg")]

@@ -1,4 +1,4 @@
-"""hil forecast: closed loops flown without pictures, and how well their filter foretells the target's attitude."""
+"""Attitude prediction of the navigation filter in closed loops without images, for hil forecast."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 FORECAST_CSV, FORECAST_PNG = "forecast.csv", "forecast.png"
 STEPS = 12
-"""Horizons from now to the longest."""
+"""Number of horizons from zero to the longest."""
 SETTLED_S, BETWEEN_S = 60.0, 10.0
-"""Forecasts start once so long a track is there, and so often [s]."""
+"""Age of the track at the first prediction, and the interval between predictions [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Forecasts:
-    """Errors over the horizon by two models of the target's motion: a rigid body of known inertia, a constant rate."""
+    """Errors against the horizon by two models of the target's motion: rigid body of known inertia, constant rate."""
 
     rigid_body: list[ForecastError]
     constant_rate: list[ForecastError]
@@ -48,7 +48,7 @@ def fly_forecasts(
     horizon_s: float,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Forecasts:
-    """Fly a plan's closed loop on noisy poses, ``runs`` seeds from the plan's on, and foretell from each track.
+    """Fly a plan's closed loop on noisy poses, ``runs`` seeds from the plan's on, and predict from each track.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def fly_forecasts(
 
 
 def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
-    """Write ``forecast.csv`` and ``forecast.png`` into a folder that is there.
+    """Write ``forecast.csv`` and ``forecast.png`` into an existing folder.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
 
 
 def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
-    """Error over the horizon, a panel each: RMS and 95th percentile, and the RMS that the filter foretells."""
+    """Plot the error against the horizon, one panel each: RMS, 95th percentile, and the RMS predicted by the filter."""
     figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
     every = [e for _, found in panels for e in (*found.rigid_body, *found.constant_rate)]
     # the same for all panels, and never so narrow that a decade has no label

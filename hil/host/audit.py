@@ -1,4 +1,4 @@
-"""A run held against its pictures alone: what their time codes say, and what the ledger says."""
+"""Audit of a run by its images alone: comparison of their time codes with the ledger."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_TOLD = 20
 
 @dataclass(kw_only=True)
 class PictureAudit:
-    """What pictures and ledger say of each other.
+    """Comparison of images and ledger.
 
     Parameters
     ----------
@@ -48,14 +48,14 @@ class PictureAudit:
 
     @property
     def passed(self) -> bool:
-        """Whether all that was answered is there, once, as the ledger has it."""
+        """True if every answered frame is there once and agrees with the ledger."""
         return bool(self.agree) and not (self.unreadable or self.wrong or self.twice or self.missing)
 
 
 def audit_pictures(
     rows: Sequence[FrameRecord], pictures: Pictures, place: CodePlace | None = None
 ) -> PictureAudit:
-    """Read the code of each picture, and compare it with the ledger.
+    """Read the code of each image and compare it with the ledger.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def audit_pictures(
 
 
 def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Name and image of each picture of a folder of PNG files, or of an MCAP file with ROS 2 images.
+    """Yield name and image of each PNG file of a folder, or of each ROS 2 image of an MCAP file.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def _pixels(image: Any) -> NDArray[Any]:  # noqa: ANN401 - made at run time from the message's definition
-    """Digital numbers of a sensor_msgs/Image."""
+    """Return the digital numbers of a sensor_msgs/Image."""
     kinds = {"mono8": ("u1", 1), "mono16": ("<u2", 1), "rgb8": ("u1", 3), "rgb16": ("<u2", 3)}
     if image.encoding not in kinds or image.is_bigendian:
         raise ValueError(f"a picture is {image.encoding}, which is none of {', '.join(kinds)}")

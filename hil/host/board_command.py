@@ -11,7 +11,7 @@ ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
 
 
 def board_url(url: str) -> str:
-    """Return the address that a board connects to: this machine's name if the host listens on all its addresses."""
+    """Return the address for a board: this machine's name if the host listens on all its addresses."""
     scheme, host, port = parse_url(url)
     if scheme != "serial" and host in ANY_ADDRESS:
         return f"{scheme}://{socket.gethostname()}:{port}"

@@ -1,4 +1,4 @@
-"""The sink of a run that sends each frame to the board, and keeps the books of what became of it."""
+"""Sink of a run that sends each frame to the board and records its outcome."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ GOODBYES: dict[Ended, str] = {
 
 
 def _readout(frame: Frame) -> Readout:
-    """What part of the detector the image is, as far as the scene says."""
+    """Return the part of the detector that the image shows, if the scene has one."""
     detector, (height, width) = frame.scene.sensor.detector, frame.image.shape[:2]
     if detector is None:
         return Readout()
@@ -53,7 +53,7 @@ def _readout(frame: Frame) -> Readout:
 
 
 def _told_truth(frame: Frame) -> dict[str, object] | None:
-    """The truth record of a frame, with the pixels that a time code covers."""
+    """Return the truth record of a frame, with the pixels that a time code covers."""
     if frame.truth is None:
         return None
     document: dict[str, object] = truth_document(frame.truth)
@@ -61,7 +61,7 @@ def _told_truth(frame: Frame) -> dict[str, object] | None:
 
 
 class BoardSink:
-    """Sends each frame to the board, in lockstep or when it is due, and keeps the books of what became of them."""
+    """Sends each frame to the board, in lockstep or when due, and records the outcomes."""
 
     def __init__(
         self, link: HostLink, config: RunConfig, on_row: Callable[[FrameRecord], None] | None
@@ -81,14 +81,14 @@ class BoardSink:
         self._terms: RunTerms | None = None
 
     def write(self, frame: Frame) -> None:
-        """Send one frame; afterwards ``is_lost`` says whether the board stayed away for too long."""
+        """Send one frame; afterwards ``is_lost`` is True if the board stayed away for too long."""
         if self._realtime:
             self._when_due(frame)
         else:
             self._in_lockstep(frame)
 
     def _in_lockstep(self, frame: Frame) -> None:
-        """Frame out, outcome in."""
+        """Send a frame and wait for its outcome."""
         if not self.link.wait_for_board(self.config.link.timeout_s):
             self.is_lost = True
             return
@@ -98,7 +98,9 @@ class BoardSink:
         self.wait_for_outcomes()
 
     def _when_due(self, frame: Frame) -> None:
-        """Frame out at the scenario's pace, the camera's latency after its exposure, whatever drawing and board do."""
+        """Send a frame at the scenario's pace, the camera's latency after its exposure, whatever renderer and board
+        do.
+        """
         scene = frame.scene
         t_ns = round((scene.t_s + 0.5 * scene.exposure_s + self.config.latency_s) * 1e9)
         if self._origin_ns is None:
@@ -123,7 +125,7 @@ class BoardSink:
             self.is_lost = True
 
     def open_books(self) -> None:
-        """Begin the ledger, if one is kept, and write down what a run that is killed can no longer say."""
+        """Begin the ledger, if any, and write the terms that a killed run could not write later."""
         config = self.config
         if config.log_dir is None:
             return
@@ -140,7 +142,7 @@ class BoardSink:
             raise
 
     def _told(self) -> dict[str, Any]:
-        """What the run was told, as terms and summary both have it."""
+        """Return the run's settings for both terms and summary."""
         link = self.config.link
         return {
             "started_utc": self._started_utc,
@@ -152,7 +154,7 @@ class BoardSink:
         }
 
     def record_board(self, gl_renderer: str) -> None:
-        """Add the board that came, and the driver that drew, to the terms."""
+        """Add the board and the graphics driver to the terms."""
         if self.config.send_sun and self.link.board is not None and not self.link.board.takes_fields:
             logger.warning("this board takes no optional fields: the Sun's direction is not sent to it")
         if self.config.log_dir is not None and self._terms is not None:
@@ -165,7 +167,7 @@ class BoardSink:
         return None if self.link.last_board is None else self.link.last_board.board
 
     def _tell(self, what: Callable[[Recorder], None]) -> None:
-        """Tell the recorders; one that fails (a full disk) is left, and the run and its ledger go on to their end."""
+        """Notify the recorders; one that fails (a full disk) is dropped, and the run and its ledger continue."""
         for recorder in tuple(self._recorders):
             try:
                 what(recorder)
@@ -177,7 +179,7 @@ class BoardSink:
                     recorder.close()
 
     def end(self, ended: Ended) -> LedgerSummary:
-        """Goodbye to the board, and the books closed; in a bounded time where the run was broken off.
+        """Say goodbye to the board and close the ledger; in bounded time if the run was interrupted.
 
         Raises
         ------
@@ -199,7 +201,7 @@ class BoardSink:
             self._tell(lambda recorder: recorder.close())
 
     def _close_books(self, ended: Ended) -> LedgerSummary:
-        """Frames without an outcome are dropped, the summary is written."""
+        """Drop frames without an outcome and write the summary."""
         self._take_results()
         for frame in list(self._open.values()):
             record = FrameRecord.of(frame)
@@ -238,7 +240,7 @@ class BoardSink:
         self._tell(lambda recorder: recorder.frame(frame))
 
     def wait_for_outcomes(self) -> None:
-        """Wait until every frame that was handed over has its outcome; the link process sees to that."""
+        """Wait until every submitted frame has its outcome, which the link process ensures."""
         while self._open:
             self._collect(0.5)
 

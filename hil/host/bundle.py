@@ -1,4 +1,4 @@
-"""One file to copy to a board: the agent, the estimator, the link, pyserial, and board models, as a Python zip."""
+"""Bundle for a board in one file: agent, estimators, link, pyserial and board models, as a Python zip."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ LEFT_OUT = (
 
 
 def write_bundle(path: Path, targets: Sequence[Target]) -> int:
-    """Write the bundle with the board models of ``targets``; returns its size [bytes].
+    """Write the bundle with the board models of ``targets`` and return its size [bytes].
 
     It needs Python 3.9, numpy and OpenCV 4.6 on the board, and nothing else.
 

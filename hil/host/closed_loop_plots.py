@@ -1,4 +1,4 @@
-"""The plot of a closed loop: the way in, the errors of the estimate beside its sigma, and when the chaser held."""
+"""Plot of a closed loop: the approach, the errors of the estimate with sigma, and the holds."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 AXES = ("radial", "along_track", "cross_track")
 PHASES = {"hold": ORANGE, "abort": VERMILION}
-"""Phases that are marked on the time axis."""
+"""Phases marked on the time axis."""
 
 
 def numbers(column: Sequence[str]) -> FloatArray:
-    """A column with gaps as NaN."""
+    """Return a column as floats with gaps as NaN."""
     return np.array([float(cell) if cell else np.nan for cell in column])
 
 
 def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray, what: str) -> None:
-    """An error of the estimate and the largest sigma that the filter gives it."""
+    """Plot an error of the estimate and the largest sigma of the filter."""
     ax.plot(t_s, error, color=BLUE, label="error")
     ax.plot(t_s, sigma, color=DIM, lw=1, label="sigma")
     ax.set(xlabel="time [s]", ylabel=what)
@@ -36,12 +36,12 @@ def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray,
 
 
 def position_error_m(steps: Mapping[str, Sequence[str]]) -> FloatArray:
-    """Length of the estimate's error in each period, NaN where there is no estimate."""
+    """Return the length of the position error in each period, NaN without an estimate."""
     return np.sqrt(np.sum([numbers(steps[f"{axis}_error_m"]) ** 2 for axis in AXES], axis=0))
 
 
 def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
-    """PNG of ``closed_loop.csv``, its columns by name."""
+    """Return the PNG of ``closed_loop.csv``, given its columns by name."""
     figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
     t_s = numbers(steps["t_s"])
     for axis, colour in zip(AXES, (BLUE, VERMILION, GREEN), strict=True):

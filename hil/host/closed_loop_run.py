@@ -1,4 +1,4 @@
-"""A closed loop for the host: on the board's poses, each picture drawn of what was flown; or on the truth, without."""
+"""Closed loop for the host: on a board's poses with rendered images, or on the truth without images."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ PoseFrom = Literal["board", "truth", "noisy"]
 
 
 class BoardPoses:
-    """The board's accepted poses as measurements, handed on in the order in which their rows come.
+    """Accepted poses of the board as measurements, in the order of their rows.
 
     The link carries no covariance: that of ``noise`` is taken.
 
@@ -79,11 +79,11 @@ class BoardPoses:
         self._queue = PoseQueue(link)
 
     def note(self, frame: int, snapshot: Snapshot) -> None:
-        """Remember what a picture was taken of: when, and where the camera looked."""
+        """Remember time and camera attitude of an image."""
         self._looks[frame] = snapshot
 
     def take(self, row: FrameRecord) -> None:
-        """The outcome of a picture."""
+        """Process the outcome of an image."""
         snapshot = self._looks.pop(row.frame_id, None)
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
             return
@@ -92,13 +92,13 @@ class BoardPoses:
         self._queue.put(row.frame_id, pose)
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses that are there by ``t_s``."""
+        """Return the poses available by ``t_s``."""
         return self._queue.arrived(t_s)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoardLoop:
-    """A closed loop on a board's poses: its frames for `run_host`, which hands each row to ``poses.take``.
+    """Closed loop on a board's poses: its frames for `run_host`, which passes each row to ``poses.take``.
 
     `run_host` asks for the next frame only after it has sent the one before, in lockstep after its answer: so no
     frame is drawn before it is decided.
@@ -118,7 +118,7 @@ class BoardLoop:
         link: PoseLink | None = None,
         noise: PoseNoise | None = None,
     ) -> BoardLoop:
-        """The loop of a plan's flight.
+        """Make the loop of a plan's flight.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class BoardLoop:
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
 
     def frames(self, *, device_index: int | None = None, realtime: bool = False) -> Iterator[Frame]:
-        """Each frame drawn of what was flown, one at a time; `run_host` asks for the next when it is to be decided."""
+        """Yield each frame rendered from the state flown; `run_host` requests the next when it is to be decided."""
         with open_frames(
             Frame.image_and_truth,
             processes=1,
@@ -155,12 +155,12 @@ class BoardLoop:
                 yield producer.result()
 
     def figures(self) -> ClosedLoopFigures | None:
-        """What it came to so far; None before its first period."""
+        """Return the result so far; None before the first period."""
         return figures(self.loop.result(), "board", self.seed) if self.loop.steps else None
 
 
 def scene_flown(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
-    """The scene of picture ``number``, of what was flown instead of what the plan's flight has."""
+    """Return the scene of image ``number``, with the state flown in place of the plan's."""
     world = plan.flight.state_with_chaser(
         ChaserState(
             t_s=snapshot.t_s,
@@ -179,7 +179,7 @@ def fly_without_pictures(
     pose: Literal["truth", "noisy"],
     link: PoseLink | None = None,
 ) -> ClosedLoopResult:
-    """A closed loop on the truth, or on the truth with the errors of the estimator; nothing is drawn or sent.
+    """Fly a closed loop on the truth, or on the truth with the estimator's errors; nothing is rendered or sent.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def fly_without_pictures(
 
 
 def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> LedgerSummary:
-    """The summary of a run that sent no frames."""
+    """Return the summary of a run that sent no frames."""
     return summarise(
         [],
         started_utc=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -214,7 +214,7 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
-    """The result as summary.json has it."""
+    """Return the result as in summary.json."""
     return ClosedLoopFigures(
         pose=pose,
         outcome=result.outcome,
@@ -230,7 +230,7 @@ def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFi
 
 
 def frame_every(every_s: float | None, plan: Plan) -> int:
-    """Periods of control from picture to picture.
+    """Return the number of control periods from image to image.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
 
 
 def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
-    """Write ``closed_loop.csv``: a line for each period of control, with what was decided and why.
+    """Write ``closed_loop.csv``: a line per control period with the decision and its reason.
 
     Raises
     ------
@@ -266,7 +266,7 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:
-    """Columns of a folder's ``closed_loop.csv``; none where there is no such file.
+    """Return the columns of a folder's ``closed_loop.csv``; none if there is no such file.
 
     Raises
     ------

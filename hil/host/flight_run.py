@@ -1,4 +1,4 @@
-"""One flight through the host as its options ask for it: frames of its plan, of a folder, or of a closed loop."""
+"""One flight through the host by its options: frames of a plan, of a folder, or of a closed loop."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightOptions:
-    """What is asked of a flight besides its link.
+    """Options of a flight besides its link.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class FlightOptions:
 
 
 class FlightRun:
-    """A flight that is ready to be sent.
+    """Flight ready to be sent.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class FlightRun:
         on_listening: Callable[[str, str | None], None] | None = None,
         on_end: Callable[[LedgerSummary], None] | None = None,
     ) -> LedgerSummary:
-        """Send it, as `run_host` does; a closed loop's decisions are written beside the ledger.
+        """Send the flight with `run_host`; a closed loop's decisions are written next to the ledger.
 
         Parameters
         ----------
@@ -149,14 +149,14 @@ class FlightRun:
 
 
 def interval_s(plan: Plan) -> float | None:
-    """From frame to frame, the middle of all."""
+    """Return the median interval between frames."""
     return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
 
 
 def with_time_code(
     frames: Iterable[Frame], place: CodePlace | None = None, faults: Faults = NO_FAULTS
 ) -> Iterator[Frame]:
-    """Frames with a `flyaround.hil.corner_code` in a corner: the camera's frame number and mid-exposure.
+    """Yield frames with a `flyaround.hil.corner_code` in a corner: the camera's frame number and mid-exposure.
 
     Parameters
     ----------

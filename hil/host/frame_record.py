@@ -1,4 +1,4 @@
-"""The record of one frame, from the host's plan through the link process to the ledger and its reports."""
+"""Record of one frame, from the host's plan through the link process to the ledger and its reports."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ DURATIONS = (
 
 @dataclass(frozen=True, kw_only=True)
 class FrameTimes:
-    """Times of a frame while it is under way, on the host's monotonic clock [ns]; None while unknown.
+    """Times of a frame in progress, on the host's monotonic clock [ns]; None while unknown.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class FrameTimes:
     clock_bound_ns: int | None = None
 
     def exposure_ns(self, exposure_s: float) -> tuple[int, int] | None:
-        """Return start and end of the exposure: the latency before the picture is due, or was handed over."""
+        """Return start and end of the exposure: the latency before the image is due or was handed over."""
         over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
         if over_ns is None:
             return None
@@ -76,7 +76,7 @@ class FrameTimes:
 
     @property
     def board_fault(self) -> str:
-        """Why the times that the board reports cannot be; empty if they can, or it reports none.
+        """Reason why the times reported by the board are impossible; empty if possible or absent.
 
         They are in order, and by the clock offset not before the frame was sent nor after its answer came, within the
         bound of that offset.
@@ -182,7 +182,7 @@ class FrameRecord:
 
     @staticmethod
     def of(frame: Frame) -> FrameRecord:
-        """Return the record of a frame that is not under way yet."""
+        """Make the record of a frame not yet in progress."""
         scene = frame.scene
         return FrameRecord(
             frame_id=frame.number,
@@ -194,21 +194,21 @@ class FrameRecord:
         )
 
     def at(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with more of its times."""
+        """Return the record with more times."""
         return replace(self, times=replace(self.times, **times))
 
     def ended(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with its outcome and the last of its times."""
+        """Return the record with its outcome and last times."""
         return replace(self.at(**times), outcome=outcome, reason=reason)
 
     @property
     def exposure_ns(self) -> tuple[int, int] | None:
-        """Start and end of the exposure on the host's monotonic clock, while the frame is under way."""
+        """Start and end of the exposure on the host's monotonic clock, while the frame is in progress."""
         return self.times.exposure_ns(self.exposure_s)
 
     @property
     def wrong(self) -> bool | None:
-        """Whether the pose is no coarse success (5 deg, 5 % of the range) as `evaluate` counts; None if not known."""
+        """True if the pose is no coarse success (5 deg, 5 % of the range) as in `evaluate`; None if unknown."""
         if self.E_T_m is None or self.E_R_deg is None or self.truth_t_m is None:
             return None
         share = self.E_T_m / max(float(np.linalg.norm(self.truth_t_m)), 1e-9)
@@ -222,7 +222,7 @@ def complete(
     utc_minus_monotonic_ns: int = 0,
     deadline_ms: float | None = None,
 ) -> FrameRecord:
-    """Return a record as the ledger has it, of one that came back from the link.
+    """Return a record from the link as the ledger has it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How large the board's errors are, for the filter: as an evaluation of its estimator measured them."""
+"""Errors of the board's poses for the filter, as measured by an evaluation of its estimator."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ LEAST, MOST = 1e-7, 3.2
 
 
 class _Metrics(msgspec.Struct, frozen=True):
-    """What is read of a metrics.json."""
+    """Fields read from a metrics.json."""
 
     spread: PoseSpread | None = None
 
 
 def read_pose_noise(path: Path) -> PoseNoise:
-    """The noise of an estimator's poses, of the first method in a ``metrics.json``.
+    """Return the noise of an estimator's poses, of the first method in a ``metrics.json``.
 
     Raises
     ------

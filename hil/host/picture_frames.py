@@ -1,4 +1,4 @@
-"""Pictures of a folder as frames of a camera: in a loop, with the numbers and times of a flight."""
+"""Images of a folder as frames of a camera: looped, with the numbers and times of a flight."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KEPT_BYTES = 1 << 30
 
 @dataclass(frozen=True, eq=False)
 class StoredPicture:
-    """A picture and what is known of it."""
+    """Image and its known data."""
 
     path: Path
     image: NDArray[np.unsignedinteger]
@@ -37,7 +37,7 @@ class StoredPicture:
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """The PNG files of a folder, or of the ``images`` of a data set, by name; masks and other layers left out.
+    """Return the PNG files of a folder, or of the ``images`` of a data set, by name, without masks and other layers.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
-    """Frames of a folder's pictures, again from the first after the last, until the plan has no more.
+    """Yield frames of a folder's images, looped until the plan ends.
 
     Each round has new frame numbers and times: those of the plan. A picture with a truth record beside it (a data
     set's) brings its own camera, sensor, exposure and truth; one without takes the plan's, and its pose is not known.

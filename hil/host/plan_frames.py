@@ -1,4 +1,4 @@
-"""The frames of a plan for a board: from the loop, drawn in processes of their own, a frame ahead of the link."""
+"""Frames of a plan for a board, rendered in separate processes one frame ahead of the link."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def frames_of_plan(
     warm_up: bool = False,
     sinks: Iterable[Sink[Frame]] = (),
 ) -> Iterator[Frame]:
-    """Draw the plan's frames in ``workers`` other processes and yield them in order, as `run_host` sends them.
+    """Render the plan's frames in ``workers`` other processes and yield them in order, as `run_host` sends them.
 
     Pixels are the detector's own numbers, grey or in colour, in one byte up to 8 bits and in two above. Truth
     travels inside the host only; ``run_host`` decides what leaves it.
@@ -57,7 +57,7 @@ def frames_of_plan(
 
 
 def _moments(plan: Plan, workers: int) -> Iterator[FrameRequest]:
-    """Scenes over the whole flight, each as often as there are processes, while there is time."""
+    """Yield scenes over the whole flight, each as often as there are processes, while time remains."""
     until = time.monotonic() + WARM_UP_S
     for k in np.unique(np.linspace(0, plan.n_frames - 1, WARM_UP_FRAMES).astype(int)):
         if time.monotonic() > until:

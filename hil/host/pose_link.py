@@ -1,4 +1,4 @@
-"""When a pose is there, by the flight's clock: a link's latency, and what the line's faults do to it."""
+"""Time at which a pose is available, by the flight's clock: the latency of a link and the line's faults."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 # from mid-exposure to a pose: what `hybrid` takes for a picture of 1920 x 1200 on a slow core
 LATENCY_S = 0.3
 ACTING = (Delay, Jitter, Drop)
-"""Faults of the line that a link of poses knows."""
+"""Faults of the line that affect a link of poses."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PoseLink:
-    """From a picture to its pose in the filter, where no clock but the flight's runs.
+    """Link from an image to its pose in the filter, on the flight's clock alone.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ class PoseLink:
 
     @staticmethod
     def in_lockstep(faults: Faults) -> PoseLink:
-        """Of a board in lockstep: what delays the line makes; what it loses is lost there."""
+        """Make the link of a board in lockstep: the line's delays; losses happen on the line itself."""
         late = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
         return PoseLink(faults=late, seed=faults.seed)
 
     @staticmethod
     def without_pictures(faults: Faults) -> PoseLink:
-        """Of poses that need no board.
+        """Make the link of poses without a board.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class PoseLink:
         return PoseLink(faults=faults.line, seed=faults.seed)
 
     def delay_s(self, number: int, t_s: float) -> float | None:
-        """How long after its exposure at ``t_s`` the pose of a picture is there; None where it is lost."""
+        """Return the delay of an image's pose after its exposure at ``t_s``; None if lost."""
         delay_s = self.latency_s
         for k, fault in enumerate(self.faults):
             if not isinstance(fault, ACTING) or not fault.acts(t_s):
@@ -79,7 +79,7 @@ class PoseLink:
 
 
 class PoseQueue:
-    """Poses on their way over a link, which keeps their order.
+    """Poses in transit over a link that keeps their order.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class PoseQueue:
         self._last_s = -np.inf
 
     def put(self, number: int, pose: PoseMeasurement) -> None:
-        """A pose sets out: of the picture of that number."""
+        """Add the pose of an image by its number."""
         if self._link is None:
             self._waiting.append((-np.inf, pose))
             return
@@ -102,7 +102,7 @@ class PoseQueue:
             self._waiting.append((self._last_s, pose))
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses that are there by ``t_s`` and were not handed out before."""
+        """Return the poses available by ``t_s`` that were not returned before."""
         ready = []
         while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
             ready.append(self._waiting.popleft()[1])
@@ -110,7 +110,7 @@ class PoseQueue:
 
 
 class LinkedPoses:
-    """A source of poses that come at once, seen over a link.
+    """Source of immediate poses, delayed by a link.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ class LinkedPoses:
         self._source, self._queue, self._number = source, PoseQueue(link), 0
 
     def look(self, snapshot: Snapshot) -> None:
-        """The camera exposes a picture of this moment."""
+        """Expose an image of this moment."""
         self._source.look(snapshot)
         for pose in self._source.arrived(snapshot.t_s):
             self._queue.put(self._number, pose)
         self._number += 1
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses that are there by ``t_s``."""
+        """Return the poses available by ``t_s``."""
         return self._queue.arrived(t_s)

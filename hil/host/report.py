@@ -1,4 +1,4 @@
-"""The report of a run, made from any ledger folder: one page with its plots."""
+"""Report of a run, made from any ledger folder: one page with its plots."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MOST_BYTES = 1 << 24
 WRONG_LABEL = "accepted poses wrong"
 TIME_FAULT_LABEL = "answers with board times that cannot be"
 MOST_TIME_FAULTS = 20
-"""Rows of the table of them."""
+"""Rows of the table of impossible times."""
 LATE_LABEL = "not drawn in time"
 INSIDE_LABEL = "periods inside the sphere"
 
@@ -57,7 +57,7 @@ CAPTIONS = {
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` and ``trace.json`` into a ledger folder; returns the page's path.
+    """Write ``report.html`` and ``trace.json`` into a ledger folder and return the page's path.
 
     A ledger without summary.json (the host was killed) is summarised from its rows and from run.json.
 
@@ -93,12 +93,12 @@ def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
 
 
 def _summary_of_killed(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
-    """What is known of a run that could not close its books."""
+    """Return the summary of a run that was killed before writing it."""
     return summarise(rows, **_terms(folder, rows))
 
 
 def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:
-    """What a run without a summary was told; of ledgers older than run.json, what their rows say."""
+    """Return the settings of a run without a summary; for ledgers older than run.json, from the rows."""
     terms = read_terms(folder)
     if terms is not None:
         return {
@@ -121,7 +121,7 @@ def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:
 
 
 def _record(terms: RunTerms | None, s: LedgerSummary) -> Markup:
-    """Return what was flown, with which software and board; nothing of a run that did not record it."""
+    """Return the table of scenario, software and board; empty if the run did not record it."""
     if terms is None or terms.scenario is None or terms.versions is None:
         return markup()
     scenario, v, board = terms.scenario, terms.versions, s.board or terms.board
@@ -208,7 +208,7 @@ TIMES = (
 
 
 def _times(rows: Sequence[FrameRecord]) -> Markup:
-    """Percentiles of every time of a frame, over the frames that have it."""
+    """Return the percentiles of every time of a frame, over the frames that have it."""
     lines = []
     for label, name in TIMES:
         ms = [value for row in rows if (value := getattr(row, name)) is not None]
@@ -221,7 +221,7 @@ def _times(rows: Sequence[FrameRecord]) -> Markup:
 
 
 def _faults(rows: Sequence[FrameRecord]) -> Markup:
-    """What became of the frames that were struck on purpose."""
+    """Return the outcomes of frames with deliberate faults."""
     names = sorted({name for row in rows for name in row.faults})
     outcomes = sorted({row.outcome for row in rows if row.faults})
     lines = []
@@ -232,7 +232,7 @@ def _faults(rows: Sequence[FrameRecord]) -> Markup:
 
 
 def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
-    """What a closed loop came to, and how it went."""
+    """Return the section of a closed loop: its result and plots."""
     figures = [
         (c.outcome, "approach"),
         (_text(c.final_error_m, "m"), "off the hold point"),

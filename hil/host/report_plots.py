@@ -1,4 +1,4 @@
-"""The plots of a ledger: latency, jitter, outcomes, stages, pose errors."""
+"""Plots of a ledger: latency, jitter, outcomes, stages, pose errors."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ MARKERS = {ACCEPTED: "o", WRONG: "X", DECLINED: "x"}
 
 
 def outcome_colour(outcome: str) -> str:
-    """Green accepted, orange declined, red what is accepted and wrong or dropped: the same on every plot."""
+    """Return green for accepted, orange for declined, red for accepted but wrong or dropped, as on every plot."""
     return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
 
 
 def kind_of(row: FrameRecord) -> str:
-    """The row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
+    """Return the row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
     return WRONG if row.outcome == ACCEPTED and row.wrong else row.outcome
 
 
@@ -56,7 +56,7 @@ def _title(ax: Axes, text: str) -> None:
 
 
 def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figure | None:
-    """Histogram and cumulative share of the end-to-end latency."""
+    """Plot histogram and cumulative share of the end-to-end latency."""
     e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
     if not len(e2e):
         return None
@@ -83,7 +83,7 @@ def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figu
 
 
 def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figure | None:
-    """Latency frame by frame, with drops marked where they happened."""
+    """Plot the latency frame by frame, with drops marked."""
     answered = [row for row in rows if row.e2e_ms is not None]
     dropped = [row for row in rows if row.e2e_ms is None]
     if not answered and not all(row.outcome.startswith(DROPPED) for row in rows):
@@ -116,7 +116,7 @@ def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Fig
 
 
 def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """How unevenly answers come: change of latency from frame to frame, and lateness of sending."""
+    """Plot the change of latency from frame to frame, and the lateness of sending."""
     e2e = np.array([row.e2e_ms for row in rows if row.e2e_ms is not None])
     lag = np.array([row.send_lag_ms for row in rows if row.send_lag_ms is not None])
     if len(e2e) < 2:
@@ -138,7 +138,7 @@ def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 
 def plot_outcomes(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Frames by outcome and cause."""
+    """Plot frames by outcome and cause."""
     if not rows:
         return None
     counts = Counter(kind_of(row) for row in rows)
@@ -158,7 +158,7 @@ def plot_outcomes(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Fi
 
 
 def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Where the time of an answered frame goes: link out, waiting, each board stage, link back."""
+    """Plot the stages of an answered frame: link out, waiting, each board stage, link back."""
     answered = [row for row in rows if row.e2e_ms is not None]
     names = list(dict.fromkeys(name for row in answered for name in row.stages_ms))
     parts: list[tuple[str, list[float]]] = [
@@ -188,7 +188,7 @@ def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 
 def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Pose errors over simulated time: accepted, accepted though wrong, and declined apart."""
+    """Plot pose errors over simulated time: accepted, accepted but wrong, and declined apart."""
     known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not known:
         return None
@@ -219,7 +219,7 @@ def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 
 def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """How old frames were when they were used, over the flight, and how well the camera kept its latency."""
+    """Plot the age of frames when used, over the flight, and the error of the camera's latency."""
     stale = [(row.t_s, row.staleness_ms, kind_of(row)) for row in rows if row.staleness_ms is not None]
     errors = np.array([abs(row.handover_error_ms) for row in rows if row.handover_error_ms is not None])
     if not stale:
@@ -247,7 +247,7 @@ def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 
 def plot_drops(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """When frames were dropped, by cause, and what struck frames on purpose."""
+    """Plot the times of drops by cause, and of deliberate faults."""
     causes = sorted({row.outcome for row in rows if row.outcome.startswith(DROPPED)})
     faults = sorted({name for row in rows for name in row.faults})
     if not causes and not faults:
@@ -282,6 +282,6 @@ PLOTS: dict[str, Callable[[Sequence[FrameRecord], float | None], Figure | None]]
 
 
 def draw_plots(rows: Sequence[FrameRecord], deadline_ms: float | None) -> dict[str, bytes]:
-    """PNG of each plot that the rows have data for, by name, in the order of the report."""
+    """Return a PNG of each plot that has data, by name, in the order of the report."""
     figures = {name: plot(rows, deadline_ms) for name, plot in PLOTS.items()}
     return {name: png(figure, dpi=130) for name, figure in figures.items() if figure is not None}

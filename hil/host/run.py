@@ -1,4 +1,4 @@
-"""One run of frames through the loop: lockstep or in real time, with a ledger that always adds up."""
+"""One run of frames through the loop: lockstep or real time, with a ledger that always adds up."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def _send_all(
 
 
 def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
-    """All frames, checked against the terms that the first one settled."""
+    """Yield all frames, checked against the terms of the first."""
     yield first
     before = first
     for frame in rest:
@@ -155,7 +155,7 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until what is inside is done; it must take a short and bounded time.
+    """Hold SIGINT and SIGTERM back until the block is done, which must take a short and bounded time.
 
     Who stops a program often sends the signal twice (``timeout``, an impatient Ctrl-C): the second must not break off
     what the first began. Where an exception is on its way already, from inside or from before, they are forgotten: it

@@ -1,4 +1,4 @@
-"""The terms of one run of frames through the loop."""
+"""Terms of one run of frames through the loop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Ended = Literal["completed", "board_lost", "no_board", "interrupted", "failed"]
 
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """What a run is told before its first frame.
+    """Settings of a run.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How long one frame takes on a serial line, told before the run begins, with what would make it shorter."""
+"""Time of one frame on a serial line, reported before the run with ways to shorten it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from flyaround.hil.host.link_process.ipc import LinkConfig
 
 ZSTD_NOISY = 2.3
-"""How much shorter zstd makes a noisy picture."""
+"""Compression ratio of zstd on a noisy image."""
 PATIENCE_S = 1.0
 
 
 def line_time_s(image_bytes: int, baud: int) -> float:
-    """How long a frame takes on a line of this rate: start and stop bits, packets and framing included."""
+    """Return the time of a frame on a line of this rate: start and stop bits, packets and framing included."""
     whole, rest = divmod(image_bytes, SerialTransport.chunk_bytes)
     line_bytes = _line_bytes(FrameHeader.LAYOUT.size)
     line_bytes += whole * _line_bytes(FrameChunk.LAYOUT.size + SerialTransport.chunk_bytes)
@@ -29,7 +29,9 @@ def line_time_s(image_bytes: int, baud: int) -> float:
 
 
 def _line_bytes(payload_bytes: int) -> int:
-    """A packet on the line at its longest: COBS adds one byte in 254 and one more, a zero stands on either side."""
+    """Return the largest size of a packet on the line: COBS adds one byte in 254 and one more, with a zero on either
+    side.
+    """
     packet_bytes = OVERHEAD_BYTES + payload_bytes
     return packet_bytes + packet_bytes // 254 + 1 + 2
 
@@ -37,7 +39,7 @@ def _line_bytes(payload_bytes: int) -> int:
 def serial_advice(
     link: LinkConfig, size_px: tuple[int, int], bits: int, pixel_format: PixelFormat, every_s: float | None
 ) -> str | None:
-    """What a user should know of frames on a serial line; None for any other line.
+    """Return advice on frames on a serial line; None for any other line.
 
     Parameters
     ----------

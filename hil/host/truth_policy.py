@@ -1,4 +1,4 @@
-"""Who may connect: this machine's programs, from elsewhere whoever proves to have the key; and the truth's address."""
+"""Access to the link: local programs, remote ones with the key; and the address of the truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def default_truth_url(url: str) -> str:
-    """Same host, next port (port 0 stays 0); the loopback for serial lines.
+    """Return the same host with the next port (port 0 stays 0); the loopback for serial lines.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def default_truth_url(url: str) -> str:
 
 
 def with_truth_endpoint(link: LinkConfig) -> LinkConfig:
-    """The link with a truth endpoint when truth travels separately, and with none otherwise.
+    """Return the link with a truth endpoint if truth travels separately, otherwise without.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def with_truth_endpoint(link: LinkConfig) -> LinkConfig:
 
 
 def check_access(link: LinkConfig) -> None:
-    """Refuse to listen where other machines can connect, unless they must prove that they have a key.
+    """Raise UserError for an address reachable from other machines, unless a key is required.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def check_access(link: LinkConfig) -> None:
 
 
 def is_private(url: str) -> bool:
-    """Whether only this machine's programs, or the other end of a serial line, can connect to ``url``.
+    """Return True if only local programs, or the other end of a serial line, can connect to ``url``.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def is_private(url: str) -> bool:
 
 
 def is_loopback(host: str, port: int) -> bool:
-    """Whether a host's name means this machine alone; false where it means nothing."""
+    """Return True if a host's name means this machine alone; False if it cannot be resolved."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError:

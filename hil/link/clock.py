@@ -1,4 +1,4 @@
-"""Monotonic clocks of two machines: the offset between them, how it drifts, and how well both are known.
+"""Offset and drift between the monotonic clocks of two machines, with their uncertainty.
 
 The exchange is that of NTP: asked (a), received (b), answered (b), back (a). Reference: Mills (1991),
 Internet time synchronization, IEEE Trans. Communications 39(10): the sample with the smallest round
@@ -27,13 +27,13 @@ MAD_TO_SIGMA = 1.4826
 
 
 def now_ns() -> int:
-    """Monotonic clock of this machine [ns]; the wall clock is never used for durations."""
+    """Return this machine's monotonic clock [ns]; the wall clock is never used for durations."""
     return time.monotonic_ns()
 
 
 @dataclass(frozen=True)
 class ClockSample:
-    """One exchange: when it was, in the middle, by this clock; the other clock minus this one; its round trip [ns]."""
+    """One exchange: mid-time on this clock, the other clock minus this one, and the round trip [ns]."""
 
     at_ns: int
     offset_ns: int
@@ -42,7 +42,7 @@ class ClockSample:
 
 @dataclass(frozen=True)
 class ClockLine:
-    """Offset ``offset_ns`` at ``at_ns``, growing by ``drift_ppm``, which is known to ``sigma_ppm`` (one sigma)."""
+    """Line ``offset_ns`` at ``at_ns`` with slope ``drift_ppm``, known to ``sigma_ppm`` (one sigma)."""
 
     at_ns: int
     offset_ns: float
@@ -51,7 +51,7 @@ class ClockLine:
 
 
 class ClockFilter:
-    """Offset and drift of the other side's clock, from the exchanges of the last minutes.
+    """Estimates offset and drift of the other side's clock from the exchanges of the last minutes.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class ClockFilter:
         self._stale = False  # whether the line is older than the samples
 
     def add(self, asked_ns: int, received_ns: int, answered_ns: int, back_ns: int) -> None:
-        """One exchange; a round trip that is not positive is a broken clock and is left out."""
+        """Add one exchange; a negative round trip means a broken clock and is ignored."""
         round_trip = (back_ns - asked_ns) - (answered_ns - received_ns)
         if round_trip < 0:
             return
@@ -84,32 +84,32 @@ class ClockFilter:
         self._stale = True
 
     def add_reply(self, reply: TimeSyncReply, back_ns: int) -> int:
-        """One exchange from its reply packet; its round trip [ns], negative where a clock is broken."""
+        """Add one exchange from its reply packet and return its round trip [ns], negative for a broken clock."""
         self.add(reply.asked_ns, reply.received_ns, reply.sent_ns, back_ns)
         return (back_ns - reply.asked_ns) - (reply.sent_ns - reply.received_ns)
 
     def offset_at(self, at_ns: int) -> Optional[int]:
-        """Other clock minus this one at a time of this clock; None before the first exchange."""
+        """Return the other clock minus this one at a time of this clock; None before the first exchange."""
         best = self._best(at_ns)
         if best is None:
             return None
         return best.offset_ns + round(1e-6 * self._drift_ppm * (at_ns - best.at_ns))
 
     def offset_bound_at(self, at_ns: int) -> Optional[int]:
-        """How far off ``offset_at`` may be at most: half a round trip, and what drift may have added since [ns]."""
+        """Return the largest error of ``offset_at``: half a round trip plus the drift since [ns]."""
         best = self._best(at_ns)
         return None if best is None else self._bound(best, at_ns)
 
     @property
     def line(self) -> Optional[ClockLine]:
-        """Offset and drift as a line through the exchanges; None while they are too few or too close together."""
+        """Line through the exchanges; None while they are too few or too close together."""
         if self._stale:
             self._line, self._stale = fit_line(list(self._samples)), False
         return self._line
 
     @property
     def round_trip_ns(self) -> Optional[int]:
-        """Shortest round trip of the exchanges that are remembered."""
+        """Shortest round trip of the exchanges in memory."""
         return min((sample.round_trip_ns for sample in self._samples), default=None)
 
     def __len__(self) -> int:
@@ -129,7 +129,7 @@ class ClockFilter:
 
 
 def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
-    """A robust line through offsets, with the uncertainty of its slope.
+    """Fit a robust line to offsets, with the uncertainty of its slope.
 
     Samples whose round trip is beyond twice the shortest, and above their median, are left out: something stood in
     their way, on one side more than on the other.
@@ -159,5 +159,5 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
 def answer_time_sync(
     request: TimeSyncRequest, received_ns: int, newest_frame: Optional[int] = None
 ) -> TimeSyncReply:
-    """The reply to a request, stamped now; ``newest_frame`` is the last one that came whole."""
+    """Return the reply to a request, stamped now; ``newest_frame`` is the last one received whole."""
     return TimeSyncReply(request.asked_ns, received_ns, now_ns(), newest_frame)

@@ -1,4 +1,4 @@
-"""What can go wrong on the link, each as one sentence saying what, where and what to do."""
+"""Errors of the link; each message is one sentence with the problem, the place and the remedy."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from typing import Optional
 
 
 class LinkError(Exception):
-    """The link failed or the other side refused; the message is one sentence for the user."""
+    """Failure of the link or refusal by the other side; the message is one sentence for the user."""
 
 
 class LinkClosed(LinkError):  # noqa: N818 - it is an event as much as an error
-    """The other side closed the line or it broke."""
+    """End of the line: closed by the other side or broken."""
 
 
 class FormatRefused(LinkError):  # noqa: N818 - it is a decision as much as an error
-    """The board takes no pixel format that the host can send."""
+    """Refusal of a board that takes no pixel format of the host."""
 
 
 class PacketError(LinkError):
-    """Bytes arrived that are not a valid packet; the link stays usable and the bytes are dropped."""
+    """Invalid bytes on the line; they are dropped and the link stays usable."""
 
 
 class VersionMismatch(PacketError):  # noqa: N818 - the trade's word
-    """An intact packet of another protocol version."""
+    """Intact packet of another protocol version."""
 
 
 class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
-    """An intact packet that says what the protocol does not allow: the sender is at fault, not the line.
+    """Intact packet that violates the protocol: the sender is at fault, not the line.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
 
 
 class RepeatedPacket(PacketError):  # noqa: N818 - it is not wrong, only late
-    """A sealed packet that came already, or long after its time: passed over, as if it had not come."""
+    """Sealed packet received twice or much too late; it is ignored."""
 
 
 class UnsealedPacket(PacketError):  # noqa: N818 - it is a stranger's as often as an error
-    """An intact packet without the seal of a session whose board has proved itself: dropped and counted."""
+    """Intact packet without the seal of an authenticated session; it is dropped and counted."""

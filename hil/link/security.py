@@ -1,4 +1,4 @@
-"""A pre-shared key on the line: each side proves that it has it, and every packet carries a MAC that is good once.
+"""Authentication by a pre-shared key: each side proves it has the key; each packet carries a MAC valid once.
 
 Challenge and answer both ways (after ISO/IEC 9798-4, mutual, three passes), HMAC-SHA-256 (RFC 2104) throughout:
 
@@ -33,18 +33,18 @@ MAC_BYTES = 16
 COUNTER = struct.Struct("<Q")
 TRAILER_BYTES = COUNTER.size + MAC_BYTES
 WINDOW = 1024
-"""Packets that may overtake each other on a line that does not keep their order."""
+"""Largest reordering of packets that is accepted on a line that does not keep their order."""
 LEAST_KEY_BYTES, MOST_KEY_BYTES = 16, 4096
 ANSWER_S = 10.0
 REPEAT_S = 1.0
 MOST_ASKS = 128
-"""Requests on one line before a proof: a board asks each second for a minute, and nobody is answered without end."""
+"""Largest number of requests on one line before a proof; a board asks each second for a minute."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 
 
 def read_key(path: str) -> bytes:
-    """A key from a file: its bytes less white space at the end.
+    """Read a key from a file: its bytes without white space at the end.
 
     Raises
     ------
@@ -94,13 +94,13 @@ class Seal:
         self._seen = 0  # bit k: whether the counter k below the newest came
 
     def seal(self, packet: Packet) -> Packet:
-        """The packet with counter and MAC behind its payload."""
+        """Return the packet with counter and MAC after its payload."""
         self._sent += 1
         body = packet.payload + COUNTER.pack(self._sent)
         return replace(packet, payload=body + self._mac(self._out, packet, body))
 
     def open(self, packet: Packet) -> Packet:
-        """The packet as it was before it was sealed.
+        """Return the packet as it was before sealing.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Seal:
 
 
 class HostHandshake:
-    """The host's half: answers requests, and has a `Seal` once a board has proved itself."""
+    """Host side of the handshake: answers requests and holds a `Seal` once a board has proved itself."""
 
     def __init__(self, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
         self._key, self._clock = key, clock
@@ -145,7 +145,7 @@ class HostHandshake:
         self.seal: Optional[Seal] = None
 
     def take(self, packet: Packet) -> Optional[Packet]:
-        """Return the answer to a packet of the handshake, None where there is none to give.
+        """Return the answer to a packet of the handshake; None if there is none.
 
         A request that is repeated has the same answer, so that a board may prove any of those that a slow host gives.
         A board that began again asks with another nonce; the seal of before stays until it has proved itself.
@@ -188,7 +188,7 @@ class HostHandshake:
 
 
 class HostTransport:
-    """A line on which a board must prove itself before anything else is heard from it."""
+    """Line on which a board must prove itself before any other message is accepted."""
 
     def __init__(self, line: Transport, key: bytes) -> None:
         self._line = line
@@ -196,7 +196,7 @@ class HostTransport:
         self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
-        """Send sealed; before the proof only errors and goodbyes go out, as they are."""
+        """Send sealed; before the proof only errors and goodbyes are sent, unsealed."""
         seal = self._handshake.seal
         if seal is not None:
             packet = seal.seal(packet)
@@ -205,11 +205,11 @@ class HostTransport:
         self._line.send_packet(packet)
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Faults strike below the seal: see `flyaround.hil.host.faults`."""
+        """Send a damaged packet; faults act below the seal, see `flyaround.hil.host.faults`."""
         self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """The next packet that is of this session; None after ``timeout_s``."""
+        """Return the next packet of this session; None after ``timeout_s``."""
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))
@@ -230,11 +230,11 @@ class HostTransport:
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
     def be_patient(self, silence_s: float) -> None:
-        """Take another side for gone only after so long."""
+        """Set the time without a sign of life after which the other side is considered gone."""
         self._line.be_patient(silence_s)
 
     def fileno(self) -> int:
-        """What to wait on."""
+        """Return the file descriptor to wait on."""
         return self._line.fileno()
 
     def close(self) -> None:
@@ -243,24 +243,24 @@ class HostTransport:
 
 
 class BoardTransport:
-    """A line to a host that has proved that it has the key."""
+    """Line to a host that has proved that it has the key."""
 
     def __init__(self, line: Transport, seal: Seal, proof: Packet) -> None:
         self._line, self._seal, self._proof = line, seal, proof
         self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
-        """Send sealed. HELLO is told the proof again before: a line that loses bytes may have lost it."""
+        """Send sealed. HELLO is preceded by the proof again, since a line that loses bytes may have lost it."""
         if packet.type is PacketType.HELLO:
             self._line.send_packet(self._proof)
         self._line.send_packet(self._seal.seal(packet))
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Faults strike below the seal: see `flyaround.hil.host.faults`."""
+        """Send a damaged packet; faults act below the seal, see `flyaround.hil.host.faults`."""
         self._line.send_damaged(packet, at, flip)
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """The next packet that is of this session; None after ``timeout_s``."""
+        """Return the next packet of this session; None after ``timeout_s``."""
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))
@@ -271,11 +271,11 @@ class BoardTransport:
                 return self._seal.open(packet)
 
     def be_patient(self, silence_s: float) -> None:
-        """Take another side for gone only after so long."""
+        """Set the time without a sign of life after which the other side is considered gone."""
         self._line.be_patient(silence_s)
 
     def fileno(self) -> int:
-        """What to wait on."""
+        """Return the file descriptor to wait on."""
         return self._line.fileno()
 
     def close(self) -> None:
@@ -284,7 +284,7 @@ class BoardTransport:
 
 
 def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_S) -> BoardTransport:
-    """The board's half, or a truth logger's: a sealed line to a host that has the same key.
+    """Run the handshake of a board or a truth logger and return a sealed line to a host with the same key.
 
     Raises
     ------

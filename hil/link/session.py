@@ -1,4 +1,4 @@
-"""A session: the handshake that opens it, and messages with session id and sequence on a transport."""
+"""Session: the opening handshake, and messages with session id and sequence on a transport."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ BOARD_IN_SESSION: FrozenSet[PacketType] = frozenset(
 )
 
 SILENCE_S = 1.5
-"""A side that was heard from regularly, and then says nothing for so long, is gone: its line is cut, or it hangs."""
+"""Silence after which a side that used to send regularly is considered gone."""
 
 # packets left out in a row before a receiver that does not wait comes back to its caller
 MAX_LEFT_OUT = 256
@@ -93,7 +93,7 @@ class LinkStats:
     kinds: Dict[str, int] = field(default_factory=dict)
 
     def add_mistake(self, kind: str, about: str = "") -> None:
-        """Count a mistake of the other side; the first of a kind is logged, with what it is about, if that is given."""
+        """Count a mistake of the other side; the first of each kind is logged, with its subject if given."""
         self.mistakes += 1
         self.kinds[kind] = self.kinds.get(kind, 0) + 1
         if about and self.kinds[kind] == 1:
@@ -128,11 +128,11 @@ class Link:
         self._heard_session = 0
         self.last_sequence: Optional[int] = None
         self.gave_way = False
-        """Whether the last `recv` came back after ``MAX_LEFT_OUT`` packets that do not belong here: more may be there
-        already, for which a wait on the line would wait in vain."""
+        """True if the last `recv` returned after ``MAX_LEFT_OUT`` foreign packets: more may be buffered already, so
+        waiting on the line could block for nothing."""
 
     def send(self, message: Message) -> None:
-        """Send one message; threads may share this."""
+        """Send one message; safe to call from several threads."""
         payload = message.encode()
         with self._lock:
             self.transport.send_packet(Packet(message.TYPE, payload, self.session_id, self._sequence))
@@ -140,7 +140,7 @@ class Link:
             self.stats.sent += 1
 
     def recv(self, timeout_s: float) -> Optional[Message]:
-        """The next message of this session; None after ``timeout_s``, or with ``gave_way``.
+        """Return the next message of this session; None after ``timeout_s`` or with ``gave_way``.
 
         Raises
         ------
@@ -194,7 +194,7 @@ class Link:
         return True
 
     def close(self, reason: Optional[str] = None) -> None:
-        """Close the line, after a BYE when ``reason`` is given and the line still works."""
+        """Close the line, after a BYE if ``reason`` is given and the line still works."""
         if reason is not None:
             with contextlib.suppress(LinkClosed):  # the other side may have been faster
                 self.send(Bye(reason))
@@ -214,7 +214,7 @@ def answer_hello(
     encodings: Sequence[Encoding] = (),
     pixel_formats: Sequence[PixelFormat] = (),
 ) -> HelloAck:
-    """The host's answer to a board: its terms, cut to what the board can do.
+    """Return the host's answer to a board: its terms, reduced to the board's capabilities.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def answer_hello(
 
 
 def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = math.inf) -> HelloAck:
-    """The board's half of the handshake.
+    """Run the board's side of the handshake.
 
     HELLO is repeated every ``repeat_s`` while no answer comes, for lines that lose bytes; the host tells
     a repetition from a restarted board by the packet's sequence number.
@@ -295,7 +295,7 @@ def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = 
 
 
 def refuse(link: Link, code: ErrorCode, sentence: str) -> None:
-    """Tell the other side why, then close."""
+    """Tell the other side the reason, then close."""
     with contextlib.suppress(LinkClosed):  # it may not have waited to hear it
         link.send(ErrorMessage(code, sentence))
     link.transport.close()

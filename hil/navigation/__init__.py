@@ -1,1 +1,1 @@
-"""Navigation on poses: a filter, guidance on its estimate, the loop that flies both. Draws nothing, knows no board."""
+"""Navigation on poses: filter, guidance on its estimate, and the loop that flies both. Independent of any board."""

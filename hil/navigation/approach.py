@@ -1,4 +1,4 @@
-"""Guidance on the estimate: along the scenario's path, hold where the poses stay away, abort where that lasts."""
+"""Guidance on the estimate: follow the scenario's path, hold while poses are missing, abort if that lasts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Phase = Literal["acquire", "approach", "hold", "abort", "arrived"]
 
 @dataclass(frozen=True, kw_only=True)
 class ApproachRules:
-    """When the approach waits, ends well, or is given up.
+    """Conditions on which the approach holds, ends or aborts.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ApproachRules:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What guidance asks of the thrusters for a period, and why.
+    """Velocity change commanded for a period, and the reason.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Decision:
 
 
 class Approach:
-    """Decides once a period. Time on the path stands still while the chaser holds.
+    """Decides once per period. Time on the path stands still while the chaser holds.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Approach:
     def decide(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
     ) -> Decision:
-        """What to do from ``t_s`` on, by what is known then.
+        """Return the decision from ``t_s`` on, by what is known then.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Approach:
         return ""
 
     def _retreat(self, estimate: RelativeEstimate | None) -> FloatArray:
-        """Straight outward; a chaser that was never told where it is stays as it is, outside the sphere."""
+        """Return a retreat straight outward; a chaser without any estimate stays as it is, outside the sphere."""
         if estimate is None:
             return np.zeros(3)
         keep_out = self._keep_out or KeepOut(radius_m=float(np.linalg.norm(self._end)) * 2)

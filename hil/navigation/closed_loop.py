@@ -1,4 +1,4 @@
-"""The closed loop: a pose, the filter, guidance, thrusters, and the next picture is of what was flown."""
+"""Closed loop: pose, filter, guidance and thrusters; the next image is taken from the state flown."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 Outcome = Literal["arrived", "aborted", "failed"]
 
 _END_S = 1e9
-"""By then every path has ended."""
+"""Time by which every path has ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedLoopConfig:
-    """What a closed loop is told before it starts.
+    """Settings of a closed loop.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class ClosedLoopConfig:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoopStep:
-    """One period of control: what was known, what was decided, and what was true.
+    """One period of control: estimate, decision and truth.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class LoopStep:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ClosedLoopResult:
-    """What a closed loop came to.
+    """Outcome of a closed loop.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class ClosedLoopResult:
 
 
 def check_closed_loop(flight: Flight, what: str) -> None:
-    """Refuse a flight whose chaser follows no path by thrusters.
+    """Raise UserError for a flight whose chaser does not follow a path by thrusters.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def fly_closed_loop(
     poses: PoseSource,
     config: ClosedLoopConfig = ClosedLoopConfig(),
 ) -> ClosedLoopResult:
-    """Fly an approach on poses alone: each period the newest estimate decides what the thrusters are asked for.
+    """Fly an approach on poses alone: in each period the newest estimate decides the thrust.
 
     The chaser knows its own and the target's absolute orbit and its own attitude, which follows what is asked of it;
     of the target it knows centre of mass and, with ``inertia_known``, inertia. No picture is taken of what is not
@@ -158,7 +158,7 @@ def fly_closed_loop(
 
 
 class ClosedLoop:
-    """One closed loop as it goes on: it asks for a picture, and for what is known, and decides.
+    """Closed loop in progress: it asks for an image and for the estimate, and decides.
 
     Parameters
     ----------
@@ -201,17 +201,18 @@ class ClosedLoop:
 
     @property
     def most_pictures(self) -> int:
-        """Pictures of a flight that never arrives."""
+        """Number of images of a flight that never arrives."""
         periods = int(np.floor(self._flight.duration_s / self._thrusters.period_s))
         return -(-periods // self._config.frame_every)
 
     @property
     def between_pictures_s(self) -> float:
-        """From one picture to the next."""
+        """Time from one image to the next."""
         return self._thrusters.period_s * self._config.frame_every
 
     def pictures(self) -> Iterator[Snapshot]:
-        """The pictures to take, each of what was flown, until the chaser has arrived, is away, or the flight ends.
+        """Yield the images to take, each of the state flown, until the chaser arrives, has retreated, or the flight
+        ends.
 
         The next is not decided before it is asked for.
         """
@@ -256,7 +257,7 @@ class ClosedLoop:
         decision: Decision,
         camera: tuple[FloatArray, FloatArray],
     ) -> LoopStep:
-        """The books of a period, before its thrust."""
+        """Return the record of a period before its thrust."""
         p, v = frame.from_eci(*self._state)
         ideal, _ = self._camera((p, v), frame)
         error = None if estimate is None else estimate.error_of(p, v, *self._flight.attitude(t))
@@ -281,14 +282,14 @@ class ClosedLoop:
     def _camera(
         self, state_lvlh: tuple[FloatArray, FloatArray], frame: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
-        """Attitude and rate of a camera that looks at the target from there; attitude control follows exactly."""
+        """Return attitude and rate of a camera that points at the target from a state; pointing is exact."""
         p, v = frame.to_eci(*state_lvlh)
         return self._flight.pointing.attitude(-p, -v, frame)
 
     def _thrust(
         self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
-        """Fire, tell the filter what was commanded, and fly what the thrusters gave."""
+        """Fire, add the command to the filter, and propagate with the thrust delivered."""
         commanded, self._mass_kg = self._thrusters.fire(wanted_m_s, self._mass_kg)
         if commanded.any():
             self._filter.add_thrust(
@@ -301,13 +302,13 @@ class ClosedLoop:
         return np.asarray(commanded), given
 
     def _is_away(self, step: LoopStep) -> bool:
-        """After an abort: twice the sphere's radius away, or, where nobody knows where it is, at once."""
+        """Return True beyond twice the sphere's radius, or at once if the position is unknown."""
         keep_out = self._flight.guidance.keep_out
         radius = 0.0 if keep_out is None else keep_out.radius_m
         return step.estimate is None or float(np.linalg.norm(step.position_lvlh_m)) > 2 * radius
 
     def result(self) -> ClosedLoopResult:
-        """What it came to, once `pictures` has ended, or so far."""
+        """Return the outcome after `pictures` has ended, or so far."""
         steps = self.steps
         last = steps[-1]
         violations = sum(bool(step.violation) for step in steps)

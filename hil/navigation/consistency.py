@@ -1,4 +1,4 @@
-"""Consistency of a filter: normalised estimation errors squared, and the band that they must lie in."""
+"""Consistency of a filter: normalised estimation error squared and its confidence band."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 
 def chi_square_quantile(probability: float, degrees: float) -> float:
-    """Value that a chi-square variable stays below with a probability."""
+    """Return the quantile of the chi-square distribution."""
     from scipy.special import chdtri  # noqa: PLC0415 - slow to import: who has no filter need not wait
 
     return float(chdtri(degrees, 1.0 - probability))
 
 
 def fisher_quantile(probability: float, degrees: float, degrees_of_size: float) -> float:
-    """Value that the ratio of two chi-square variables, each over its degrees of freedom, stays below."""
+    """Return the quantile of the F distribution."""
     from scipy.special import fdtri  # noqa: PLC0415 - slow to import: who has no filter need not wait
 
     return float(fdtri(degrees, degrees_of_size, probability))
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> float:
-    """Normalised estimation error squared; its mean is the number of states where the covariance is right.
+    """Return the normalised estimation error squared; its mean is the number of states if the covariance is right.
 
     References
     ----------
@@ -37,7 +37,7 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
 
 
 def nees_band(runs: int, states: int, probability: float = 0.95) -> tuple[float, float]:
-    """Band of the mean over independent runs of the NEES of one time, two-sided."""
+    """Return the two-sided band of the mean NEES over independent runs at one time."""
     rest = (1.0 - probability) / 2
     degrees = runs * states
     return chi_square_quantile(rest, degrees) / runs, chi_square_quantile(1.0 - rest, degrees) / runs

@@ -1,4 +1,4 @@
-"""How large the errors of poses are on the view that is seen: a factor for each part, learned as it goes."""
+"""Scale of the poses' errors on the current view: a factor for each component, learned on the way."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleSettings:
-    """What is believed of the factors before a pose was seen, and how fast that changes.
+    """Prior of the scale factors and their rate of change.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class ScaleSettings:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ErrorScale:
-    """Belief about the squared factors of the six parts of a pose's error: an inverse gamma distribution each.
+    """Belief about the squared factors of a pose's six error components: independent inverse gamma distributions.
 
     An estimator's errors are measured over many views; on the one that is flown towards they are half or five times
     as large. The factor multiplies both the errors that poses remember and those that are new in each.
@@ -52,12 +52,12 @@ class ErrorScale:
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Of the errors, which are Student's t where their size is only believed."""
+        """Degrees of freedom of the errors, which follow Student's t while their scale is uncertain."""
         return self.settings.prior_poses + self.weight
 
     @property
     def factors(self) -> FloatArray:
-        """(6,) of the standard deviations, along camera axes: right, down, forward, turn about the same.
+        """Factors (6,) of the standard deviations in camera axes: right, down, forward, rotation about the same.
 
         The geometric mean of what is believed: a size too small by a factor harms more than one too large by it.
         """
@@ -67,10 +67,10 @@ class ErrorScale:
         return np.clip(np.sqrt(squared), self.settings.least, self.settings.most)
 
     def faded(self) -> ErrorScale:
-        """At the next pose, before it is looked at."""
+        """Return the belief at the next pose, before that pose is used."""
         kept = self.settings.kept
         return replace(self, weight=kept * self.weight, squares=kept * self.squares)
 
     def after(self, squares: FloatArray) -> ErrorScale:
-        """With one more pose, of such squared errors (6,) over the variance of a factor of 1."""
+        """Return the belief after one more pose with squared errors (6,), relative to the variance of a factor of 1."""
         return replace(self, weight=self.weight + 1.0, squares=self.squares + squares)

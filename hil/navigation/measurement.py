@@ -1,4 +1,4 @@
-"""A pose as a measurement: when it was exposed, where the camera looked, how sure it is; and noise to draw one by."""
+"""Pose as a measurement: exposure time, camera attitude and uncertainty; and a noise model to draw one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseMeasurement:
-    """A pose of the target in the camera, by its mid-exposure.
+    """Pose of the target in the camera at mid-exposure.
 
     Parameters
     ----------
@@ -35,17 +35,20 @@ class PoseMeasurement:
     remembered: float
 
     def new_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """(6, 6) by which six white errors of unit variance enter; ``factors`` (6,) of the parts' sizes."""
+        """Return the (6, 6) input matrix of six new white errors of unit variance; ``factors`` (6,) scale the
+        components.
+        """
         return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
 
     def remembered_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """(6, 6) by which six remembered errors of unit variance enter."""
+        """Return the (6, 6) input matrix of six remembered errors of unit variance."""
         return np.asarray(np.sqrt(self.remembered) * self.errors * factors)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorMemory:
-    """How long an estimator's errors stay alike: while the view does, for the same shadow pulls the same edge.
+    """Correlation of an estimator's errors: they stay alike while the view does, since the same shadow pulls the same
+    edge.
 
     Parameters
     ----------
@@ -57,13 +60,13 @@ class ErrorMemory:
     range_ratio: float = 4.0
 
     def kept(self, turn_rad: float, ratio: float) -> float:
-        """Share of a remembered error that is left after a turn and between two ranges of this ratio."""
+        """Return the share of a remembered error left after a rotation and between two ranges of this ratio."""
         return float(np.exp(-abs(turn_rad) / self.turn_rad - abs(np.log(ratio) / np.log(self.range_ratio))))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Snapshot:
-    """What a camera looks at: chaser and target at mid-exposure.
+    """State of chaser and target at mid-exposure.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ class Snapshot:
     com_target_m: FloatArray
 
     def pose(self) -> tuple[FloatArray, FloatArray]:
-        """The true ``q_camera_from_target_wxyz`` and ``t_camera_from_target_m`` [m], as a picture's label has them."""
+        """Return the true ``q_camera_from_target_wxyz`` and ``t_camera_from_target_m`` [m], as in a label."""
         origin = -(matrix_from_quat(self.q_eci_from_target_wxyz) @ self.com_target_m)
         t = matrix_from_quat(self.q_camera_from_eci_wxyz) @ (origin - self.position_eci_m)
         return quat_multiply(self.q_camera_from_eci_wxyz, self.q_eci_from_target_wxyz), t
@@ -91,7 +94,7 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseNoise:
-    """Errors of accepted poses: normal, a part of them remembered from pose to pose; how often there is a pose.
+    """Errors of accepted poses: normal, partly remembered from pose to pose; and the rate of poses.
 
     The defaults are those of the estimator `hybrid` on Tango with the SPEED camera, measured along closed loops with
     the target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
@@ -116,7 +119,9 @@ class PoseNoise:
     wrong: float = 0.004
 
     def sigmas(self, range_m: float) -> FloatArray:
-        """(6,) standard deviations along camera axes: right, down, forward [m], turn about the same [rad]."""
+        """Return the (6,) standard deviations in camera axes: right, down, forward [m], rotation about the same
+        [rad].
+        """
         across = float(np.hypot(self.across_m, self.across_share * range_m))
         along = self.along_share * range_m
         return np.array([across, across, along, self.tilt_rad, self.tilt_rad, self.roll_rad])
@@ -128,7 +133,7 @@ class PoseNoise:
         t_camera_from_target_m: FloatArray,
         q_camera_from_eci_wxyz: FloatArray,
     ) -> PoseMeasurement:
-        """A pose with what is known of its errors, for the boresight near the target."""
+        """Return a pose with its error model, for a boresight near the target."""
         errors = self._axes(q_camera_from_target_wxyz) * self.sigmas(
             float(np.linalg.norm(t_camera_from_target_m))
         )
@@ -143,7 +148,9 @@ class PoseNoise:
 
     @staticmethod
     def _axes(q_camera_from_target_wxyz: FloatArray) -> FloatArray:
-        """(6, 6) from camera axes to those of a pose's errors, whose turn is about the target's."""
+        """Return the (6, 6) matrix from camera axes to those of a pose's errors, whose rotation is about the
+        target's axes.
+        """
         axes = np.eye(6)
         axes[3:, 3:] = matrix_from_quat(q_camera_from_target_wxyz).T
         return axes

@@ -1,4 +1,4 @@
-"""The filter: poses update the estimate at the time they were exposed; a gate, lost and found."""
+"""Navigation filter: poses update the estimate at their exposure time; with a gate, loss and reacquisition."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Status = Literal["searching", "tracking", "lost"]
 
 @dataclass(frozen=True, kw_only=True)
 class FilterSettings:
-    """What the filter takes for right.
+    """Settings of the filter.
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ class FilterSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Fix:
-    """A pose that was used, and the estimate after it."""
+    """Accepted pose and the estimate after it."""
 
     pose: PoseMeasurement
     after: RelativeEstimate
 
 
 class NavigationFilter:
-    """Extended Kalman filter of relative orbit and target attitude (multiplicative) on poses that come late.
+    """Extended Kalman filter of relative orbit and target attitude (multiplicative) on delayed poses.
 
     A pose is applied at its exposure; what was applied after that is applied again (Bar-Shalom's out-of-sequence
     update by reprocessing, which loses nothing). A pose whose innovation fails the gate starts a second track beside
@@ -111,24 +111,24 @@ class NavigationFilter:
 
     @property
     def status(self) -> Status:
-        """Whether there is a track, and whether it is trusted."""
+        """State of the track: none, tentative or trusted."""
         if not self._track:
             return "searching"
         return "lost" if self._gated_in_a_row >= self.settings.lost_after else "tracking"
 
     @property
     def last_used_s(self) -> float | None:
-        """Exposure of the newest pose in the estimate."""
+        """Exposure time of the newest pose in the estimate."""
         return self._track[-1].pose.t_s if self._track else None
 
     def add_thrust(self, interval: ThrustInterval) -> None:
-        """What the thrusters were told to give."""
+        """Add thrust as commanded."""
         self._thrust.append(interval)
         if self._foretold is not None and interval.start_s < self._foretold.t_s:
             self._foretold = None
 
     def add(self, pose: PoseMeasurement) -> Verdict:
-        """Take a pose, whenever it comes, and say what became of it.
+        """Add a pose, at any time, and return the verdict on it.
 
         One that is the newest's again to the last digit is of a picture that stands still, and tells nothing: noise
         makes two pictures differ.
@@ -149,7 +149,7 @@ class NavigationFilter:
         return self._add_to_candidate(pose)
 
     def _add_to_candidate(self, pose: PoseMeasurement) -> Verdict:
-        """Another pose that agrees with those that the track does not explain, or the first of them."""
+        """Add a pose to the candidate track of poses that the track does not explain, or start one."""
         longer = self._with(self._candidate, pose) if self._candidate else None
         if longer == "too old":
             return "too old"
@@ -164,7 +164,7 @@ class NavigationFilter:
         return "found"
 
     def estimate(self, t_s: float) -> RelativeEstimate | None:
-        """The estimate foretold to a time; None before a track is found."""
+        """Return the estimate propagated to a time; None before there is a track."""
         if not self._track:
             return None
         last = self._foretold
@@ -175,7 +175,7 @@ class NavigationFilter:
         return self._foretold
 
     def _with(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
-        """The fixes with one more in its place; None where it fails the gate."""
+        """Return the fixes with one more in its place; None if it fails the gate."""
         before = [fix for fix in fixes if fix.pose.t_s <= pose.t_s]
         later = fixes[len(before) :]
         if not before:
@@ -190,11 +190,11 @@ class NavigationFilter:
         return result
 
     def _gate(self, scale: ErrorScale) -> float:
-        """The largest squared distance: of Student's t in six dimensions, of chi-square where the sizes are known."""
+        """Return the largest squared distance: Student's t in six dimensions, chi-square if the scale is known."""
         return 6.0 * fisher_quantile(self.settings.gate, 6, scale.degrees_of_freedom)
 
     def _foretold_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
-        """The estimate at a later pose's exposure; of what errors remember so much is left as the view is the same."""
+        """Return the estimate at a later pose's exposure, with the remembered errors reduced as the view changes."""
         old, new = fix.after, self.motion.propagated(fix.after, pose.t_s, self._thrust)
         frame = self._lvlh(old.t_s)
         p, v = frame.to_eci(old.position_lvlh_m, old.velocity_lvlh_m_s)
@@ -212,7 +212,7 @@ class NavigationFilter:
         self._thrust = [i for i in self._thrust if i.end_s >= start]
 
     def updated(self, estimate: RelativeEstimate, pose: PoseMeasurement) -> tuple[RelativeEstimate, float]:
-        """The estimate with a pose of its time, and the squared Mahalanobis distance of the innovation."""
+        """Return the estimate updated by a pose of its time, and the squared Mahalanobis distance of the innovation."""
         estimate = estimate.with_scaled_errors(estimate.error_scale.faded())
         factors = estimate.error_scale.factors
         new = pose.new_errors(factors)
@@ -234,7 +234,7 @@ class NavigationFilter:
         return after.with_scaled_errors(scale), distance
 
     def _residual(self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray) -> FloatArray:
-        """(6,) pose minus what the estimate foretells of it, remembered errors included."""
+        """Return the (6,) innovation: pose minus its prediction, remembered errors included."""
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_lvlh = self._lvlh(pose.t_s).R_eci_from_lvlh
         origin = target_origin_offset_m(estimate, self._com)
@@ -247,7 +247,7 @@ class NavigationFilter:
     def _sensitivity(
         self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray
     ) -> FloatArray:
-        """(6, 18) of a pose to the errors of the estimate."""
+        """Return the (6, 18) sensitivity of a pose to the errors of the estimate."""
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_target = matrix_from_quat(estimate.q_eci_from_target_wxyz)
         H = np.zeros((6, 18))
@@ -258,7 +258,7 @@ class NavigationFilter:
         return H
 
     def _first_estimate(self, pose: PoseMeasurement) -> RelativeEstimate:
-        """All that one pose tells; velocity and rate are zero, and open."""
+        """Return the estimate from one pose; velocity and rate are zero with a wide covariance."""
         q = quat_normalize(
             quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
         )

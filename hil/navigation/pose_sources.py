@@ -1,4 +1,4 @@
-"""Where poses come from without a picture: the truth, or the truth with the errors of an estimator."""
+"""Poses without images: the truth, or the truth with the errors of an estimator."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 class PoseSource(Protocol):
-    """Looks at what was flown, and answers some time later."""
+    """Source of poses: exposes on request and answers some time later."""
 
     def look(self, snapshot: Snapshot) -> None:
-        """The camera exposes a picture of this moment."""
+        """Expose an image of this moment."""
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses whose answers have come by ``t_s`` and were not handed out before."""
+        """Return the poses available by ``t_s`` that were not returned before."""
 
 
 class PoseErrors:
-    """Draws the errors of one run's poses, which remember each other.
+    """Draws the errors of one run's poses, which are correlated.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class PoseErrors:
         self._before: tuple[FloatArray, FloatArray] | None = None
 
     def draw(self, snapshot: Snapshot) -> PoseMeasurement | None:
-        """A pose of a snapshot with errors drawn; None where none is accepted.
+        """Return a pose of a snapshot with errors drawn; None if none is accepted.
 
         A wrong one is turned by any angle, and a tenth of the range away.
         """
@@ -73,18 +73,18 @@ class PoseErrors:
 
 
 class LatePoses:
-    """Poses that wait until their answers are there, a constant while after the exposure."""
+    """Queue of poses that are available a constant delay after the exposure."""
 
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._waiting: deque[PoseMeasurement] = deque()
 
     def wait(self, pose: PoseMeasurement) -> None:
-        """Keep a pose until it is old enough."""
+        """Keep a pose until its delay has passed."""
         self._waiting.append(pose)
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
-        """Poses of pictures that are old enough."""
+        """Return the poses whose delay has passed."""
         ready = []
         while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
             ready.append(self._waiting.popleft())
@@ -92,7 +92,7 @@ class LatePoses:
 
 
 class NoisyPoses(LatePoses):
-    """The truth with errors of an estimator, a constant while after the exposure.
+    """Truth with the errors of an estimator, after a constant delay.
 
     Parameters
     ----------
@@ -111,13 +111,13 @@ class NoisyPoses(LatePoses):
 
 
 class TruePoses(LatePoses):
-    """The truth itself, as late; the filter is told the accuracy of ``noise`` all the same."""
+    """Truth itself, after the same delay; the filter assumes the accuracy of ``noise`` all the same."""
 
     def __init__(self, noise: PoseNoise, latency_s: float) -> None:
         super().__init__(latency_s)
         self._noise = noise
 
     def look(self, snapshot: Snapshot) -> None:
-        """Note the pose of this moment."""
+        """Record the pose of this moment."""
         q, t = snapshot.pose()
         self.wait(self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))

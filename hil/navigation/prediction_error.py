@@ -1,4 +1,4 @@
-"""The filter as a prophet: error of the foretold attitude of the target over how far ahead it looks."""
+"""Prediction error of the filter: error of the target's predicted attitude against the horizon."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForecastError:
-    """Error of the attitude foretold ``horizon_s`` ahead, of ``count`` forecasts.
+    """Error of the attitude predicted ``horizon_s`` ahead, over ``count`` predictions.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def forecast_errors(
     horizons_s: Sequence[float],
     end_s: float,
 ) -> list[ForecastError]:
-    """Errors of the estimated attitude at each estimate's time (horizon 0) and foretold from there.
+    """Return the errors of the attitude at each estimate's time (horizon 0) and predicted from there.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The estimate: where the chaser is beside the target, how the target lies and turns, and how sure that is."""
+"""Relative estimate: chaser relative to the target, the target's attitude and rate, and the covariance."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _LONGEST_STEP_S = 1.0
 P, V, A, W, B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 18)
-"""Places in the error state: position, velocity, attitude, rate; and what the poses' errors remember."""
+"""Slices of the error state: position, velocity, attitude, rate, and the poses' remembered errors."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,7 +55,7 @@ class RelativeEstimate:
 
     @property
     def covariance(self) -> FloatArray:
-        """(12, 12) of the errors of position, velocity, attitude and rate, whatever the poses' errors are."""
+        """Covariance (12, 12) of position, velocity, attitude and rate, marginal over the poses' errors."""
         return self.joint_covariance[:12, :12]
 
     @property
@@ -69,7 +69,9 @@ class RelativeEstimate:
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[A, A])[-1], 0.0)))
 
     def corrected(self, error: FloatArray, covariance: FloatArray) -> RelativeEstimate:
-        """With an estimated error (18,) taken out; the attitude's multiplies (Lefferts, Markley & Shuster 1982)."""
+        """Return the estimate with an error (18,) removed; the attitude's is multiplicative (Lefferts, Markley &
+        Shuster 1982).
+        """
         turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
         return replace(
             self,
@@ -82,7 +84,7 @@ class RelativeEstimate:
         )
 
     def with_older_bias(self, kept: float) -> RelativeEstimate:
-        """With the poses' remembered errors as they are once a share ``kept`` of them is left.
+        """Return the estimate with the poses' remembered errors decayed to a share ``kept``.
 
         A Gauss-Markov process of first order and unit variance: what goes is replaced by what nobody knows.
         """
@@ -93,7 +95,7 @@ class RelativeEstimate:
         return replace(self, joint_covariance=covariance, pose_bias=kept * self.pose_bias)
 
     def with_scaled_errors(self, scale: ErrorScale) -> RelativeEstimate:
-        """With poses' errors taken for as large as another belief says.
+        """Return the estimate with the poses' errors rescaled to another belief.
 
         What of the estimate's own error comes from remembered ones grows with them; those keep the size [m, rad] that
         was found.
@@ -119,7 +121,7 @@ class RelativeEstimate:
         q_eci_from_target_wxyz: FloatArray,
         omega_target_rad_s: FloatArray,
     ) -> FloatArray:
-        """(12,) truth minus estimate, in the order of the covariance."""
+        """Return the (12,) truth minus estimate, in the order of the covariance."""
         return np.concatenate(
             [
                 position_lvlh_m - self.position_lvlh_m,
@@ -132,7 +134,7 @@ class RelativeEstimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ThrustInterval:
-    """Thrust that was commanded over a time [s]: acceleration (3,) [m s-2] along the LVLH axes of its start.
+    """Thrust commanded over an interval [s]: acceleration (3,) [m s-2] along the LVLH axes of its start.
 
     It keeps its direction among the stars, from which the axes turn away meanwhile.
     """
@@ -144,7 +146,7 @@ class ThrustInterval:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionModel:
-    """How an estimate moves on: Clohessy-Wiltshire under the commanded thrust, the target as a free rigid body.
+    """Propagation of an estimate: Clohessy-Wiltshire with the commanded thrust, the target as a free rigid body.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ class MotionModel:
     def propagated(
         self, estimate: RelativeEstimate, to_s: float, thrust: Sequence[ThrustInterval] = ()
     ) -> RelativeEstimate:
-        """The estimate at a later time.
+        """Return the estimate at a later time.
 
         Parameters
         ----------
@@ -227,14 +229,16 @@ class MotionModel:
         )
 
     def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
-        """(6,) what a moment's acceleration comes to, ``since_s`` after its start and with ``left_s`` to go."""
+        """Return the (6,) effect of constant acceleration that began ``since_s`` ago, ``left_s`` later."""
         c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
         x, y, z = push.tolist()
         turned = np.array([c * x + s * y, c * y - s * x, z])
         return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
 
     def _turned(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-        """One classical Runge-Kutta step of the rate; the attitude by its mean over the step (error h^3)."""
+        """Return attitude and rate after one classical Runge-Kutta step of the rate; the attitude uses its mean
+        (error h^3).
+        """
         if self.inertia_kg_m2 is None:
             return quat_normalize(quat_multiply(q, quat_from_rotvec(w * h))), w
 
@@ -251,7 +255,7 @@ class MotionModel:
         )
 
     def _euler(self, w: FloatArray) -> FloatArray:
-        """Angular acceleration of a free body [rad s-2]."""
+        """Return the angular acceleration of a free body [rad s-2]."""
         J = self.inertia_kg_m2
         assert J is not None  # noqa: S101 - a constant rate asks for none
         return np.asarray(self._inverse_inertia @ -(skew(w) @ (J @ w)), float)
@@ -263,7 +267,7 @@ class MotionModel:
         return np.asarray(np.linalg.inv(J), float)
 
     def _attitude_transition(self, w: FloatArray, h: float) -> FloatArray:
-        """(6, 6) transition of the errors of attitude and rate, the rate held over the step."""
+        """Return the (6, 6) transition of the errors of attitude and rate, with the rate held over the step."""
         F = np.zeros((6, 6))
         F[:3, :3], F[:3, 3:] = -skew(w), np.eye(3)
         J = self.inertia_kg_m2
@@ -277,11 +281,11 @@ class MotionModel:
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """(3, 3) matrix whose product with x is the cross product of v and x."""
+    """Return the (3, 3) matrix whose product with x is the cross product of v and x."""
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def target_origin_offset_m(estimate: RelativeEstimate, com_target_m: FloatArray) -> FloatArray:
-    """(3,) model's origin minus centre of mass along GCRS axes [m]."""
+    """Return the (3,) model's origin minus centre of mass in GCRS axes [m]."""
     return -(matrix_from_quat(estimate.q_eci_from_target_wxyz) @ com_target_m)

@@ -1,4 +1,4 @@
-"""What every estimator shares: camera, target model, quaternions, the record of its stages, and the answer.
+"""Parts that all estimators share: camera, target model, quaternions, stage record and result.
 
 numpy only, Python >= 3.9; imports none of the methods.
 """

@@ -1,4 +1,4 @@
-"""Camera intrinsics and the two lens models: from points to pixels, and from pixels to rays."""
+"""Camera intrinsics and the two lens models: points to pixels, and pixels to rays."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class CameraIntrinsics:
 
     @staticmethod
     def from_dict(data: Dict[str, Any]) -> CameraIntrinsics:
-        """A camera from the project's camera JSON object.
+        """Make a camera from the project's camera JSON object.
 
         Raises
         ------
@@ -91,11 +91,11 @@ class CameraIntrinsics:
 
     @cached_property
     def pinhole(self) -> CameraIntrinsics:
-        """The same camera with a lens that does not bend."""
+        """Same camera with an ideal lens."""
         return replace(self, distortion_model="none", distortion=())
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
-        """Normalised coordinates after the lens, OpenCV's two models."""
+        """Return normalised coordinates after the lens, by OpenCV's two models."""
         if self.distortion_model == "none":
             return x, y
         k = np.zeros(8)
@@ -115,14 +115,14 @@ class CameraIntrinsics:
         return x * scale, y * scale
 
     def pixels(self, points_camera_m: Array) -> Array:
-        """(..., 2) pixels of points (..., 3) in the camera frame; depth is kept away from zero."""
+        """Return the (..., 2) pixels of points (..., 3) in the camera frame; depth is kept away from zero."""
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:
-    """(N, 2) undistorted points at z = 1 of pixels (N, 2): points are undistorted, never the picture."""
+    """Return the (N, 2) undistorted points at z = 1 of pixels (N, 2); points are undistorted, never the image."""
     p = np.asarray(pixels, float).reshape(-1, 2)
     x0 = (p[:, 0] - camera.cx_px) / camera.fx_px
     y0 = (p[:, 1] - camera.cy_px) / camera.fy_px

@@ -1,4 +1,4 @@
-"""What every method does around its own stages: refuses unusable pictures and never raises on one."""
+"""Base of every method: refuses unusable images and never raises on one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SMALLEST_FRAME_PX = 64
 
 
 class Estimator:
-    """A method of pose estimation; subclasses give ``method`` and ``_estimate``.
+    """Method of pose estimation; subclasses define ``method`` and ``_estimate``.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Estimator:
         t_s: Optional[float] = None,  # noqa: ARG002 - for methods that follow a target
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
-        """The pose in ``image``, or a decline with its reason; never raises on a bad picture.
+        """Return the pose in ``image``, or a decline with its reason; never raises on a bad image.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class Estimator:
             return self._declined(frame, f"internal: {error!r}"[:200])
 
     def _declined(self, frame: StageRecord, reason: str) -> PoseResult:
-        """No pose."""
+        """Return a result without a pose."""
         return PoseResult(False, reason, None, None, 0.0, frame.stages_ms, frame.counts, method=self.method)
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
@@ -69,7 +69,7 @@ class Estimator:
 
 
 def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate
-    """Why a picture cannot be used, else empty."""
+    """Return the reason why an image cannot be used, empty if it can."""
     if not isinstance(image, np.ndarray) or image.size == 0:
         return "no picture"
     if image.ndim != 2:

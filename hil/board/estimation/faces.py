@@ -1,4 +1,4 @@
-"""Plane faces of the target with their materials, and the tree that orders them from any place."""
+"""Planar faces of the target with their materials, and the tree that orders them from any viewpoint."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEPS, ROUND_STEPS = 3, 6
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Plane faces with their materials, and the tree that orders them from any place.
+    """Planar faces with their materials, and the tree that orders them from any viewpoint.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Faces:
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Faces:
-        """Faces from the board file's ``faces`` object; groups of one material and nearly one direction.
+        """Make faces from the board file's ``faces`` object; a group has one material and nearly one direction.
 
         Raises
         ------
@@ -76,29 +76,31 @@ class Faces:
         return Faces(corners, n, offset, group, groups, material, plane, children, members)
 
     def grouped(self, steps: int) -> Faces:
-        """The same with one brightness for each material and ``steps``-th of a direction's components."""
+        """Return the faces regrouped: one brightness per material and direction, rounded to ``steps`` steps per
+        component.
+        """
         group, groups = _grouped(self.material, self.normals, steps)
         return replace(self, group=group, groups=groups)
 
     @cached_property
     def labels(self) -> Array:
-        """(T + 1,) group + 1 of each face, zero first: what no face covers."""
+        """Group + 1 of each face (T + 1,), with zero first for the background."""
         return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
 
     @cached_property
     def area_m2(self) -> Array:
-        """(T,) area of each face [m^2]."""
+        """Area of each face (T,) [m^2]."""
         c = self.corners
         return np.asarray(0.5 * np.linalg.norm(np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]), axis=1))
 
     @cached_property
     def middles(self) -> Array:
-        """(T, 3) mean of each face's corners [m]."""
+        """Mean of each face's corners (T, 3) [m]."""
         return np.asarray(self.corners.mean(axis=1))
 
 
 def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
-    """Group of each face, one material and nearly one direction, and how many there are."""
+    """Return the group of each face, one material and nearly one direction, and the number of groups."""
     key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
     unique, group = np.unique(key, axis=0, return_inverse=True)
     return group.ravel(), len(unique)

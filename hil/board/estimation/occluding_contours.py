@@ -1,4 +1,4 @@
-"""Occluding contours of the target from all sides, as the board file carries them."""
+"""Occluding contours of the target from all sides, as in the board file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Outer outlines from V directions, N points each, evenly spaced along the outline.
+    """Outer contours from V directions, N points each, evenly spaced along the contour.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Outlines:
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Outlines:
-        """Outlines from the board file's `outlines` object.
+        """Make outlines from the board file's `outlines` object.
 
         Raises
         ------
@@ -65,11 +65,11 @@ class Outlines:
         )
 
     def nearest(self, C_m: Array) -> Array:
-        """Number of the view nearest to each camera position (B, 3), target frame."""
+        """Return the number of the view nearest to each camera position (B, 3), target frame."""
         return np.asarray(np.argmax(_unit(C_m - self.center_m) @ self.directions.T, axis=1))
 
     def seen_from(self, view: int, C_m: Array) -> Tuple[Array, Array]:
-        """Points and normals (N, 3) of a view's outline, slid over the surface to a camera at ``C_m`` (3,).
+        """Return points and normals (N, 3) of a view's contour, shifted on the surface for a camera at ``C_m`` (3,).
 
         Good to second order in the angle between the view and the camera, exact for spheres, cylinders seen across
         and sharp edges (Cipolla and Giblin 2000, Visual Motion of Curves and Surfaces, section 3).

@@ -11,7 +11,7 @@ Array = np.ndarray
 
 
 def multiply(p: Array, q: Array) -> Array:
-    """Hamilton product of (..., 4) quaternions."""
+    """Return the Hamilton product of (..., 4) quaternions."""
     pw, px, py, pz = np.moveaxis(np.asarray(p, float), -1, 0)
     qw, qx, qy, qz = np.moveaxis(np.asarray(q, float), -1, 0)
     return np.stack(
@@ -26,7 +26,7 @@ def multiply(p: Array, q: Array) -> Array:
 
 
 def normalise(q: Array) -> Array:
-    """(..., 4) scaled to unit length, with a scalar part that is not negative."""
+    """Return (..., 4) quaternions scaled to unit length, with a scalar part that is not negative."""
     q = np.asarray(q, float)
     if q.ndim == 1:
         # of one alone numbers cost a tenth of what arrays do
@@ -38,7 +38,7 @@ def normalise(q: Array) -> Array:
 
 
 def matrix(q: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of unit quaternions: ``x_a = R @ x_b`` for ``q_a_from_b``."""
+    """Return the rotation matrices (..., 3, 3) of unit quaternions: ``x_a = R @ x_b`` for ``q_a_from_b``."""
     q = np.asarray(q, float)
     w, x, y, z = q.tolist() if q.ndim == 1 else np.moveaxis(q, -1, 0)
     rows = [
@@ -52,7 +52,7 @@ def matrix(q: Array) -> Array:
 
 
 def from_matrix(R: Array) -> Array:
-    """Quaternions (..., 4) of rotation matrices (..., 3, 3).
+    """Return the quaternions (..., 4) of rotation matrices (..., 3, 3).
 
     The eigenvector of Bar-Itzhack's symmetric matrix would do as well; Shepperd's largest-pivot rule
     (J. Guidance and Control 1(3), 1978) is cheaper and as exact.
@@ -77,7 +77,7 @@ def from_matrix(R: Array) -> Array:
 def _from_one(
     xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
 ) -> Tuple[float, float, float, float]:
-    """The same of one matrix, row by row, of any length."""
+    """Return the quaternion of one matrix given by row, of any length."""
     a, b, c, e, f, g = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
     pivots = 1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz
     k = pivots.index(max(pivots))
@@ -86,14 +86,14 @@ def _from_one(
 
 
 def from_rotvec(v: Array) -> Array:
-    """Quaternion of a rotation by ``|v|`` about ``v`` (..., 3) [rad]."""
+    """Return the quaternion of a rotation by ``|v|`` about ``v`` (..., 3) [rad]."""
     v = np.asarray(v, float)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
 
 
 def angle_rad(p: Array, q: Array) -> Array:
-    """Angle between attitudes, broadcast over leading axes [rad]."""
+    """Return the angle between attitudes, broadcast over leading axes [rad]."""
     if np.ndim(p) == 1 and np.ndim(q) == 1:
         (pw, px, py, pz), (qw, qx, qy, qz) = np.asarray(p, float).tolist(), np.asarray(q, float).tolist()
         return np.asarray(2 * np.arccos(min(abs(pw * qw + px * qx + py * qy + pz * qz), 1.0)))
@@ -102,7 +102,7 @@ def angle_rad(p: Array, q: Array) -> Array:
 
 
 def turned(q: Array, v: Array) -> Array:
-    """One attitude (4,) turned by the rotation vector ``v`` (3,) [rad]: what is left of it are a few numbers."""
+    """Return one attitude (4,) rotated by the rotation vector ``v`` (3,) [rad], in scalar arithmetic."""
     w, x, y, z = q.tolist()
     vx, vy, vz = v.tolist()
     angle = math.sqrt(vx * vx + vy * vy + vz * vz)

@@ -1,4 +1,4 @@
-"""One image on its way through an estimator: the time of each stage, counters, and results kept for debug pictures."""
+"""Record of one image in an estimator: stage times, counters and intermediate results for debug images."""
 
 from __future__ import annotations
 
@@ -57,6 +57,6 @@ class StageRecord:
             self.trace[name] = value
 
     def keep_poses(self, stage: str, q: Array, t: Array) -> None:
-        """Keep the poses q (N, 4), t (N, 3) that a stage hands on, in ``poses`` of the trace, if wanted."""
+        """Record the poses q (N, 4), t (N, 3) that a stage passes on, in ``poses`` of the trace, if wanted."""
         if self.trace is not None:
             self.trace.setdefault("poses", []).append((stage, np.reshape(q, (-1, 4)), np.reshape(t, (-1, 3))))

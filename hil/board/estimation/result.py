@@ -1,4 +1,4 @@
-"""An estimator's answer to one image, and the distinct poses beside the best one."""
+"""Result of an estimator for one image, and the distinct poses beside the best one."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Alternative:
 
 @dataclass(frozen=True, eq=False)
 class PoseResult:
-    """What the estimator says of one picture.
+    """Result of an estimator for one image.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class PoseResult:
 
 
 def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
-    """Return True if two poses are distinct answers rather than one answer twice."""
+    """Return True if two poses are distinct answers."""
     far = np.linalg.norm(t - t2) > DISTINCT_SHARE * np.linalg.norm(t2)
     return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
 

@@ -1,4 +1,4 @@
-"""What the board knows beforehand: the target's model file and the camera's intrinsics."""
+"""Prior knowledge of the board: the target's model file and the camera's intrinsics."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class WireEdge:
 
 @dataclass(frozen=True, eq=False)
 class BoardModel:
-    """The target as the estimator sees it.
+    """Target as the estimator uses it.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class BoardModel:
 
     @staticmethod
     def from_dict(data: Dict[str, Any]) -> BoardModel:
-        """A model from the parsed JSON object.
+        """Make a model from the parsed JSON object.
 
         Raises
         ------
@@ -134,18 +134,18 @@ class BoardModel:
 
     @property
     def centre_m(self) -> Array:
-        """(3,) middle of the wireframe's bounding box [m]."""
+        """Centre of the wireframe's bounding box (3,) [m]."""
         p = self.ends_m
         return 0.5 * (p.min(axis=0) + p.max(axis=0))
 
     @property
     def radius_m(self) -> float:
-        """Radius of the sphere about ``centre_m`` that holds the wireframe [m]."""
+        """Radius of the sphere about ``centre_m`` that contains the wireframe [m]."""
         return float(np.linalg.norm(self.ends_m - self.centre_m, axis=1).max())
 
     @cached_property
     def ends_m(self) -> Array:
-        """(2E, 3) all edge ends [m]."""
+        """All edge ends (2E, 3) [m]."""
         return np.array([p for e in self.wireframe for p in (e.a_m, e.b_m)])
 
 

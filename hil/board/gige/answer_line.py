@@ -1,4 +1,4 @@
-"""A line of its own for poses: to the host whose camera the board reads, so that its ledger gets them."""
+"""Separate line for poses to the host whose camera the board reads, so that its ledger gets them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LOOK_S = 0.5
 
 
 class AnswerLine:
-    """A session with a host, as any board has one, in which pictures come another way.
+    """Session with a host, like any board's, but with images from elsewhere.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class AnswerLine:
     ) -> None:
         self._silence_ns = silence_s * 1e9
         self.ended = ""
-        """Why the session is over, one sentence; empty while it goes on."""
+        """Reason why the session is over, one sentence; empty while it runs."""
         self.goodbye = False
         line = connect(url, timeout_s)
         try:
@@ -63,16 +63,16 @@ class AnswerLine:
 
     @property
     def camera(self) -> Dict[str, Any]:
-        """The camera JSON object that the host names."""
+        """Camera JSON object that the host sends."""
         return self._terms.camera
 
     @property
     def takes_fields(self) -> bool:
-        """Whether the host takes optional fields."""
+        """True if the host accepts optional fields."""
         return self._terms.takes_fields
 
     def send(self, pose: PoseMessage) -> None:
-        """One answer; earlier pictures without one get none."""
+        """Send one answer; earlier images without one get none."""
         try:
             self._link.send(pose)
             self._link.send(Credit(pose.frame_id, self._terms.window))

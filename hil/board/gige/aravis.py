@@ -1,4 +1,4 @@
-"""Aravis's C library through ctypes: the few calls that a camera is set, triggered and read with.
+"""Aravis's C library through ctypes: the few calls to configure, trigger and read a camera.
 
 Any interpreter can have it, also one in a virtual environment, where Aravis's Python binding would have to be compiled.
 """
@@ -78,11 +78,11 @@ class _Error(ctypes.Structure):
 
 
 class AravisError(LinkError):
-    """What Aravis says of a call that failed."""
+    """Error that Aravis reports for a call."""
 
 
 class Aravis:
-    """The library, by the names of its functions.
+    """Library with its functions by name.
 
     Raises
     ------
@@ -102,7 +102,7 @@ class Aravis:
             self._functions[name] = function
 
     def __call__(self, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - what the function returns
-        """Call a function; its error, where it has one, is raised.
+        """Call a function and raise its error, if any.
 
         Raises
         ------
@@ -121,19 +121,19 @@ class Aravis:
         return result
 
     def sensor_size(self, camera: int) -> Tuple[int, int]:
-        """Width and height of a camera's detector [px]."""
+        """Return width and height of a camera's detector [px]."""
         width, height = c_int(), c_int()
         self("arv_camera_get_sensor_size", camera, byref(width), byref(height))
         return width.value, height.value
 
     def region(self, camera: int) -> Tuple[int, int, int, int]:
-        """X, y, width, height of what a camera reads [px]."""
+        """Return x, y, width and height of the region that a camera reads [px]."""
         x, y, width, height = (c_int() for _ in range(4))
         self("arv_camera_get_region", camera, byref(x), byref(y), byref(width), byref(height))
         return x.value, y.value, width.value, height.value
 
     def buffer_bytes(self, buffer: int) -> bytes:
-        """A copy of what a buffer holds."""
+        """Return a copy of a buffer's contents."""
         size = c_size_t()
         data = self("arv_buffer_get_data", buffer, byref(size))
         return ctypes.string_at(data, size.value) if data else b""
@@ -141,7 +141,7 @@ class Aravis:
 
 @lru_cache(maxsize=1)
 def load_aravis() -> Aravis:
-    """The library, loaded once.
+    """Load the library, once.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A GigE Vision camera as a board reads it: set by its features, its newest frame, triggers where they are wanted."""
+"""GigE Vision camera for a board: configured by its features, newest frame, triggers on request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_PAYLOAD_BYTES = 1 << 27
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """What a camera is told before it streams; None leaves a feature as it is.
+    """Settings of a camera before it streams; None leaves a feature as it is.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """A picture as the camera gave it.
+    """Image from the camera.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class CameraFrame:
 
 
 class GigeCamera:
-    """A camera under this program's control; close it, so that the next may have it.
+    """Camera under this program's control; close it to release it.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class GigeCamera:
         self._heard = False  # whether the stream has brought a whole picture
         self._count = _BlockCount()
         self.damaged = 0
-        """Frames that came with packets missing, which nobody estimates from."""
+        """Number of frames with missing packets, which are not used."""
         try:
             self._camera = self._aravis("arv_camera_new", address.encode() or None)
         except AravisError as error:
@@ -120,13 +120,13 @@ class GigeCamera:
 
     @property
     def name(self) -> str:
-        """Maker and model."""
+        """Manufacturer and model."""
         said = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
         return " ".join((text or b"").decode("utf-8", "replace") for text in said).strip()
 
     @property
     def roi_px(self) -> Tuple[int, int, int, int]:
-        """X, y, width, height of the part of the detector that is read.
+        """, y, width and height of the part of the detector that is read.
 
         Raises
         ------
@@ -140,11 +140,11 @@ class GigeCamera:
 
     @property
     def packet_bytes(self) -> int:
-        """Of the stream's packets, headers of IP and UDP included."""
+        """Size of the stream's packets, headers of IP and UDP included."""
         return int(self._do("gv_get_packet_size"))
 
     def start(self) -> None:
-        """Stream, or stream anew.
+        """Start the stream, or restart it.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class GigeCamera:
 
     @property
     def deaf(self) -> bool:
-        """Whether the stream leaves out the camera's packets, so that it has to be begun anew.
+        """True if the stream misses the camera's packets and must be restarted.
 
         Before its filter is set, a packet socket hears what other programs say. Aravis takes that for pictures, too:
         where one's number seems to be among the next hundred, the true ones up to it count as late and are thrown away.
@@ -186,7 +186,9 @@ class GigeCamera:
         )
 
     def mend(self) -> bool:
-        """Begin a stream anew that is `deaf`, from the second time on without a packet socket; whether it was."""
+        """Restart a stream that is `deaf`, from the second time on without a packet socket; return True if
+        restarted.
+        """
         if not self.deaf:
             return False
         self._deaf_starts += 1
@@ -194,7 +196,7 @@ class GigeCamera:
         return True
 
     def trigger(self) -> None:
-        """Ask for a picture.
+        """Request an image.
 
         Raises
         ------
@@ -207,7 +209,7 @@ class GigeCamera:
             raise LinkError(f"camera {self._address} takes no trigger: {error}") from error
 
     def frame(self, timeout_s: float) -> Optional[CameraFrame]:
-        """The newest whole frame, once; None after ``timeout_s``."""
+        """Return the newest complete frame, once; None after ``timeout_s``."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None, timeout_s)
             taken, self._newest = self._newest, None
@@ -215,7 +217,7 @@ class GigeCamera:
             return None if taken is None else replace(taken, skipped=skipped)
 
     def stop(self) -> None:
-        """End the stream; nothing where there is none."""
+        """Stop the stream, if any."""
         self._stop.set()
         if self._reader is not None:
             self._reader.join()
@@ -227,7 +229,7 @@ class GigeCamera:
             self._stream = None
 
     def close(self) -> None:
-        """End the stream and give control back."""
+        """Stop the stream and release control."""
         self.stop()
         self._unref()
 
@@ -301,7 +303,7 @@ class GigeCamera:
     # --- the reader's thread -----------------------------------------------------------------
 
     def _read(self, stream: int) -> None:
-        """Take every frame off the stream at once, so that the newest is new when somebody asks for it."""
+        """Take every frame off the stream at once, so that the newest one is current when requested."""
         arv = self._aravis
         while not self._stop.is_set():
             buffer = arv("arv_stream_timeout_pop_buffer", stream, POP_US)
@@ -333,12 +335,12 @@ class GigeCamera:
         return CameraFrame(number, image, (x, y, width, height), stamp, at_ns)
 
     def _counted(self, name: str) -> int:
-        """A count that Aravis keeps of the stream."""
+        """Return a counter that Aravis keeps of the stream."""
         return int(self._aravis("arv_stream_get_info_uint64_by_name", self._stream, name.encode()))
 
 
 def parse_roi(text: str) -> Tuple[int, int, int, int]:
-    """X, y, width, height as they are written: 0,0,640,480.
+    """Parse x, y, width, height as in 0,0,640,480.
 
     Raises
     ------
@@ -357,14 +359,14 @@ def parse_roi(text: str) -> Tuple[int, int, int, int]:
 
 
 class _BlockCount:
-    """Numbers that go on where a camera's block identifiers begin again."""
+    """Continuous frame numbers across the wrap of a camera's block identifiers."""
 
     def __init__(self) -> None:
         self._last = 0
         self._before = 0
 
     def number(self, block_id: int) -> int:
-        """Counted from 0, of the next block's identifier."""
+        """Return the number, from 0, of the next block's identifier."""
         if block_id < self._last and block_id <= MOST_BLOCK_ID:
             self._before += MOST_BLOCK_ID
         self._last = block_id
@@ -372,7 +374,7 @@ class _BlockCount:
 
 
 def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optional[Image]:
-    """(H, W) image, uint8 or uint16, from a buffer's bytes; None where they are too few or of another kind.
+    """Return an (H, W) image, uint8 or uint16, of a buffer's bytes; None if too short or of another kind.
 
     Parameters
     ----------

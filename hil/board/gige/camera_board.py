@@ -1,4 +1,4 @@
-"""A board at a GigE Vision camera: its newest picture, an estimate, a row in a file and an answer to a host."""
+"""Board at a GigE Vision camera: newest image, estimate, row in a file and answer to a host."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_RESTARTS = 3
 
 @dataclass(frozen=True)
 class CameraBoardOptions:
-    """What a board at a camera is told.
+    """Options of a board at a camera.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def run_camera_board(
     make_estimator: Callable[[Dict[str, Any]], BoardEstimator],
     hello: Hello,
 ) -> BoardSummary:
-    """Read a camera, estimate, keep the poses, until enough came, somebody stops it, or the camera is gone.
+    """Read a camera, estimate and record the poses, until enough frames came, the user stops it, or the camera is gone.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class _Session:
         return BoardSummary(self._frames, self._accepted, orderly, f"{sentence} after {self._frames} frames")
 
     def _next_frame(self) -> Optional[CameraFrame]:
-        """The newest picture, or one that is triggered now; None where none comes in time, or the host ended."""
+        """Return the newest image, or one triggered now; None on a timeout or if the host ended."""
         device, triggered = self._device, self._options.settings.software_trigger
         damaged, until_ns = -1, now_ns() + round(1e9 * self._options.dark_s)
         while now_ns() < until_ns and not (self._line is not None and self._line.ended):
@@ -190,7 +190,7 @@ class _Session:
             self._poses.add(frame, pose)
 
     def _look_through(self, roi_px: Tuple[int, int, int, int]) -> None:
-        """An estimator for a part of the detector."""
+        """Make an estimator for a part of the detector."""
         try:
             self._estimator, self._roi_px = self._make(camera_of_part(self._camera, roi_px)), roi_px
         except Exception as error:
@@ -200,7 +200,7 @@ class _Session:
 
 
 def read_camera(path: str) -> Dict[str, Any]:
-    """A camera JSON object from a file.
+    """Return the camera JSON object of a file.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def read_camera(path: str) -> Dict[str, Any]:
 
 
 def check_size(camera: Dict[str, Any], sensor_px: Tuple[int, int], address: str) -> None:
-    """Whether intrinsics are those of a detector of this size.
+    """Raise LinkError unless the intrinsics are those of a detector of this size.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def check_size(camera: Dict[str, Any], sensor_px: Tuple[int, int], address: str)
 
 
 def camera_of_part(camera: Dict[str, Any], roi_px: Tuple[int, int, int, int]) -> Dict[str, Any]:
-    """Intrinsics of a part of the detector: the principal point moves, the rays stay."""
+    """Return the intrinsics of a part of the detector: the principal point moves, the rays stay."""
     x, y, width, height = roi_px
     try:
         return {

@@ -1,4 +1,4 @@
-"""What a board at a camera is told: a table beside that of the link's agent, and the options made of both."""
+"""Options of a board at a camera: a table beside that of the link's agent, and the options made of both."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ OF_HOSTS = ("window", "reconnect", "watchdog")
 
 
 def check_options(url: str, given: Dict[str, Any]) -> None:
-    """Refuse what is told to a camera and means a host, and the other way round.
+    """Raise LinkError for options of a host given to a camera, and vice versa.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def check_options(url: str, given: Dict[str, Any]) -> None:
 
 
 def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
-    """The options of a board at a camera.
+    """Return the options of a board at a camera.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Poses of a camera's pictures as a file: JSON lines or CSV, each row with the camera's own time stamp."""
+"""Poses of a camera's images as JSON lines or CSV, each row with the camera's time stamp."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COLUMNS = (
 
 
 class PoseFile:
-    """Rows, each whole and with the operating system before the next picture is looked at.
+    """File of rows, each complete and flushed before the next image is processed.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class PoseFile:
             self._write(_table_line(COLUMNS))
 
     def add(self, frame: CameraFrame, pose: PoseMessage) -> None:
-        """Write one picture's row."""
+        """Write the row of one image."""
         row: Dict[str, Any] = {
             "frame": frame.number,
             "camera_time_ns": frame.camera_time_ns,
@@ -111,6 +111,6 @@ def _table_line(cells: Any) -> str:  # noqa: ANN401 - cells of any kind
 
 
 def _utc_of(at_ns: int) -> str:
-    """A time of the monotonic clock as UTC, by the wall clock as it is now."""
+    """Return a time of the monotonic clock as UTC, by the present wall clock."""
     seconds = datetime.now(timezone.utc).timestamp() - (now_ns() - at_ns) * 1e-9
     return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec="microseconds")

@@ -1,4 +1,4 @@
-"""Feature correspondence: every group of the image paired with every group of its kind on the wireframe, and solved.
+"""Feature correspondence: each group of the image is paired with each group of its kind on the wireframe, and solved.
 
 Sharma, Ventura & D'Amico (2018), pose determination: each pair of groups is a hypothesis, solved by EPnP. The thesis
 draws three points of a pair at random for P3P, and counts inliers (RANSAC, Fischler & Bolles 1981).
@@ -34,7 +34,7 @@ ORDER = (
 
 
 def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET) -> Iterator[Pairs]:
-    """Pairs of one combination at a time: picture points (N, P, 2) and model points (N, P, 3), P four to six.
+    """Yield the pairs of one combination at a time: image points (N, P, 2) and model points (N, P, 3), P four to six.
 
     Notes
     -----
@@ -57,7 +57,7 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET
 
 
 def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: bool) -> Array:
-    """(N, 4) indices: picture group, model group, picture antenna, model antenna."""
+    """Return (N, 4) indices: image group, model group, image antenna, model antenna."""
     counts = [len(image.of(kind)), len(model.of(kind)), 1, 1]
     if with_antenna:
         counts[2:] = [len(image.of("antenna")), len(model.of("antenna"))]
@@ -67,7 +67,7 @@ def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: b
 def solve_all(
     image: PointGroups, model: PointGroups, camera: CameraIntrinsics, config: PublishedConfig
 ) -> Tuple[Array, Array, int]:
-    """Every pose of every pair: q (N, 4), t (N, 3), and the number of pairs solved.
+    """Return every pose of every pair, q (N, 4) and t (N, 3), and the number of pairs solved.
 
     Notes
     -----
@@ -100,7 +100,7 @@ def solve_all(
 
 
 def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
-    """All poses of figures (N, P, 3) seen as (N, P, 2): three points together, OpenCV's solvers one by one."""
+    """Return all poses of model points (N, P, 3) seen at (N, P, 2): P3P as a batch, OpenCV's solvers one by one."""
     if solver == "p3p":
         q, t, _ = three_point_poses(target, points)
         return q, t
@@ -115,5 +115,5 @@ def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
 
 
 def _needed(solver: str) -> int:
-    """Points a solver takes at least."""
+    """Return the least number of points of a solver."""
     return {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}[solver]

@@ -1,4 +1,4 @@
-"""Ellipses by a Hough transform, and the poses of a round body that its circles allow: an option of the streams.
+"""Ellipses by a Hough transform, and the poses of a round body from its circles: an option of the streams.
 
 The outlook of Sharma's thesis proposes separate Hough transforms for shapes other than lines.
 """
@@ -26,7 +26,7 @@ ELLIPSES, CIRCLES, ROLLS = 4, 8, 24
 
 @dataclass(frozen=True)
 class EllipseFit:
-    """An ellipse on the picture.
+    """Ellipse in the image.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class EllipseFit:
     share: float
 
     def points(self, n: int = 90) -> Array:
-        """(n, 2) points of the outline [px]."""
+        """Return (n, 2) points of the outline [px]."""
         s = np.arange(n) * (2 * np.pi / n)
         c, d = np.cos(self.angle_rad), np.sin(self.angle_rad)
         x, y = self.a * np.cos(s), self.b * np.sin(s)
@@ -56,7 +56,7 @@ class EllipseFit:
 
 
 def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float) -> Tuple[EllipseFit, ...]:
-    """The ellipses with the best covered outlines.
+    """Return the ellipses with the best covered outlines.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
 
 
 def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]:
-    """Half axes and votes of each pair of points as ends of a major axis."""
+    """Return minor half axes and votes of each pair of points as ends of a major axis."""
     half = 0.5 * np.linalg.norm(sample[i] - sample[j], axis=1)
     best_b, best_votes = np.zeros(len(i)), np.zeros(len(i))
     for low in range(0, len(i), 1000):
@@ -147,7 +147,7 @@ def _refit(e: EllipseFit, points: Array, distance: Array) -> Optional[EllipseFit
 
 
 def _band(e: EllipseFit, points: Array, reach: float) -> Array:
-    """Points within about ``reach`` pixels of the outline."""
+    """Return True for points within about ``reach`` pixels of the outline."""
     c, s = np.cos(e.angle_rad), np.sin(e.angle_rad)
     x = points[:, 0] - e.u
     y = points[:, 1] - e.v
@@ -164,7 +164,7 @@ def _same(a: EllipseFit, b: EllipseFit) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """A circle of the wireframe: (3,) centre and unit axis, target frame, and radius [m]."""
+    """Circle of the wireframe: (3,) centre and unit axis, target frame, and radius [m]."""
 
     centre_m: Array
     axis: Array
@@ -172,7 +172,7 @@ class Circle:
 
 
 def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
-    """Closed rings of short wireframe edges that lie on a circle, the largest first."""
+    """Return closed rings of short wireframe edges that lie on a circle, the largest first."""
     ends = np.array([[e.a_m, e.b_m] for e in model.wireframe if e.radius_m == 0]).reshape(-1, 2, 3)
     free = np.ones(len(ends), bool)
     out: List[Circle] = []
@@ -194,7 +194,7 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
 
 
 def _ring_from(ends: Array, start: int) -> List[int]:
-    """Edges that follow ``start`` bend by bend until the ring closes; empty when it does not."""
+    """Return the edges that follow ``start`` bend by bend until the ring closes; empty if it does not."""
     ring, at = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
     for _ in range(400):
@@ -222,7 +222,7 @@ def _ring_from(ends: Array, start: int) -> List[int]:
 def circle_poses(
     ellipses: Tuple[EllipseFit, ...], circles: Tuple[Circle, ...], camera: CameraIntrinsics
 ) -> Tuple[Array, Array]:
-    """Poses q (N, 4), t (N, 3) of every ellipse seen as every circle, at ``ROLLS`` angles about its axis.
+    """Return poses q (N, 4), t (N, 3) of every ellipse seen as every circle, at ``ROLLS`` angles about its axis.
 
     A circle leaves two mirror-image attitudes of its axis, each with either sense, and the roll open.
 
@@ -248,7 +248,7 @@ def circle_poses(
 
 
 def circle_views(rays: Array) -> List[Tuple[Array, Array]]:
-    """Both (axis towards the camera, centre) of a circle of radius 1 whose outline has these rays (N, 2) at z = 1."""
+    """Return both (axis towards the camera, centre) of a unit circle whose outline has these rays (N, 2) at z = 1."""
     x, y = rays[:, 0], rays[:, 1]
     mean = np.array([x.mean(), y.mean()])
     scale = max(float(np.hypot(x - mean[0], y - mean[1]).mean()), 1e-9)
@@ -279,7 +279,7 @@ def circle_views(rays: Array) -> List[Tuple[Array, Array]]:
 
 
 def _unit_section(Q: Array, normal: Array) -> Array:
-    """(3,) centre of the circle of radius 1 that planes across ``normal`` cut from cone ``Q``.
+    """Return the (3,) centre of the unit circle cut from cone ``Q`` by planes normal to ``normal``.
 
     The centre is the pole of the plane's line at infinity, ``Q c`` along ``normal``; its distance follows from
     the section ``(x - c)' Q (x - c) = -c' Q c``.
@@ -292,7 +292,7 @@ def _unit_section(Q: Array, normal: Array) -> Array:
 
 
 def _turn_to(a: Array, b: Array) -> Array:
-    """Quaternion of the shortest turn from unit vector ``a`` to ``b``."""
+    """Return the quaternion of the shortest rotation from unit vector ``a`` to ``b``."""
     v, w = np.cross(a, b), 1.0 + float(a @ b)
     if w < 1e-9:
         v = np.cross(a, [1.0, 0.0, 0.0] if abs(a[0]) < 0.9 else [0.0, 1.0, 0.0])

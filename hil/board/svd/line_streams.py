@@ -1,4 +1,4 @@
-"""Feature streams of a region: lines by Hough transforms of two edge images, and the streams of other detectors.
+"""Feature streams of a region: lines by Hough transforms of two edge images, and other detectors.
 
 Sharma, Ventura & D'Amico (2018), image processing: the first stream is a Hough transform of what WGE leaves, the
 second one (S&H) of Sobel edges; ``rho = x cos(theta) + y sin(theta)`` in steps of 1 px and 0.5 deg, with lengths and
@@ -41,7 +41,7 @@ HARRIS_CORNERS, HARRIS_K = 60, 0.04
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """What the feature streams found, full-resolution pixels.
+    """Output of the feature streams, in full-resolution pixels.
 
     Parameters
     ----------
@@ -71,7 +71,9 @@ class Streams:
 
 
 def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
-    """Pixels of a mask whose magnitude is a maximum across the larger gradient component: edges one pixel wide."""
+    """Return the pixels of a mask whose magnitude is a maximum across the larger gradient component: edges one pixel
+    wide.
+    """
     h, w = magnitude.shape
     out = np.zeros(mask.shape, bool)
     # a few per cent of the picture: looked at one by one
@@ -87,14 +89,16 @@ def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
 
 
 def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
-    """Thinned Sobel edges: squared magnitude above ``threshold``; None: ``sobel_threshold`` of this picture."""
+    """Return thinned Sobel edges with a squared magnitude above ``threshold``, by default `sobel_threshold` of this
+    image.
+    """
     gx, gy = _sobel(image)
     b = gx * gx + gy * gy
     return thinned(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
 
 
 def sobel_threshold(image: Array) -> float:
-    """The customary threshold, four times the mean of the squared magnitude over the whole picture.
+    """Return the customary threshold, four times the mean of the squared magnitude over the whole image.
 
     Over the region alone one saturated part would set it, and with it lose the rest of the craft.
     """
@@ -108,14 +112,14 @@ def _sobel(image: Array) -> Tuple[Array, Array]:
 
 
 def wge_edges(image: Array, strong: Array) -> Array:
-    """What weak gradient elimination left of ``image``, thinned: the band of a blurred edge is many lines to Hough."""
+    """Return the edges of ``image`` left by weak gradient elimination, thinned: a wide band is many lines to Hough."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     gx, gy = prewitt(blurred)
     return thinned(strong, gx * gx + gy * gy, gx, gy)
 
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
-    """(N, 4) segments x0 y0 x1 y1 by the probabilistic Hough transform, 1 px and 0.5 deg."""
+    """Return (N, 4) segments x0 y0 x1 y1 of the probabilistic Hough transform, 1 px and 0.5 deg."""
     votes = int(max(12, 0.6 * min_length_px))
     found = cv2.HoughLinesP(
         mask.astype(np.uint8) * 255,
@@ -130,7 +134,7 @@ def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
 
 
 def drop_specks(mask: Array, smallest: int) -> Array:
-    """The mask without connected components of fewer than ``smallest`` pixels."""
+    """Return the mask without connected components of fewer than ``smallest`` pixels."""
     rows, columns = (np.flatnonzero(mask.any(axis=k)) for k in (1, 0))
     if not len(rows):
         return mask
@@ -163,7 +167,7 @@ def lsd_lines(image: Array, shortest_px: float) -> Array:
 
 
 def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
-    """(C, 2) corners of Harris and Stephens (1988), sub-pixel by the response's own parabola."""
+    """Return (C, 2) corners of Harris and Stephens (1988), sub-pixel by a parabola through the response."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     response = cv2.cornerHarris(blurred, 5, 3, HARRIS_K)
     top = float(response.max())
@@ -187,7 +191,7 @@ def _parabola(a: Array, b: Array, c: Array) -> Array:
 def find_streams(
     image: Array, wge: WeakGradientElimination, region: Region, config: PublishedConfig
 ) -> Streams:
-    """Every stream of ``config`` in a region; edges outside of it are dropped by not being looked at.
+    """Return every stream of ``config`` in a region; edges outside of it are not computed.
 
     Parameters
     ----------
@@ -235,6 +239,6 @@ def _together(found: Dict[str, Array]) -> Array:
 
 
 def _inside(lines: Array, region: Region) -> Array:
-    """(N,) whether the middle of each line (N, 4) lies in the region."""
+    """Return an (N,) mask of the lines (N, 4) whose midpoint is in the region."""
     x, y = 0.5 * (lines[:, 0] + lines[:, 2]), 0.5 * (lines[:, 1] + lines[:, 3])
     return np.asarray((x >= region.x0) & (x <= region.x1) & (y >= region.y0) & (y <= region.y1))

@@ -29,7 +29,7 @@ LARGEST = {
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Segments with what the grouping needs of them.
+    """Segments with the quantities needed for grouping.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Lines:
 
     @staticmethod
     def of(segments: Array) -> Lines:
-        """From (N, 4) x0 y0 x1 y1."""
+        """Make lines from (N, 4) x0 y0 x1 y1."""
         ends = np.asarray(segments, float).reshape(-1, 2, 2)
         d = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(d, axis=1)
@@ -55,7 +55,7 @@ class Lines:
 
 
 def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
-    """(P, 2) pairs of about one direction that overlap along it."""
+    """Return (P, 2) pairs of nearly parallel lines that overlap along their direction."""
     n = len(lines.length)
     cross = np.abs(_cross(lines.direction[:, None], lines.direction[None]))
     i, j = np.nonzero(np.triu(cross < np.sin(angle_rad), 1))
@@ -71,7 +71,7 @@ def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
 
 
 def antennas(lines: Lines, pairs: Array, diagonal_px: float) -> Array:
-    """(A, 2) parallel pairs that are much longer than wide: the outlines of rods."""
+    """Return (A, 2) parallel pairs that are much longer than wide: the outlines of rods."""
     if not len(pairs):
         return pairs
     i, j = pairs[:, 0], pairs[:, 1]
@@ -99,7 +99,7 @@ class Corners:
 
 
 def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = np.radians(12.0)) -> Corners:
-    """Corners: intersections no farther than ``reach_px`` from one end of both lines."""
+    """Return the intersections no farther than ``reach_px`` from one end of both lines."""
     n = len(lines.length)
     i, j = np.triu_indices(n, 1)
     det = _cross(lines.direction[i], lines.direction[j])
@@ -135,7 +135,7 @@ class Chains:
 
 
 def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
-    """Chains of three lines bent the same way at both ends of the middle one, largest first."""
+    """Return chains of three lines bent the same way at both ends of the middle one, largest first."""
     at: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
     for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=
         corners.line, corners.end, corners.point
@@ -174,7 +174,7 @@ def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
 
 @dataclass(frozen=True, eq=False)
 class PointGroups:
-    """Groups by kind, each (N, P, 2) or (N, P, 3) points in an order that pairs them.
+    """Groups by kind, each (N, P, 2) or (N, P, 3) points in a matching order.
 
     Notes
     -----
@@ -186,12 +186,12 @@ class PointGroups:
     by_kind: Dict[str, Array]
 
     def of(self, kind: str) -> Array:
-        """(N, P, D) the groups of a kind."""
+        """Return the groups of a kind, (N, P, D)."""
         return self.by_kind[kind]
 
 
 def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
-    """Groups among merged segments (N, 4)."""
+    """Return the groups among merged segments (N, 4)."""
     lines = Lines.of(segments)
     corners = proximity_pairs(lines, 0.08 * diagonal_px)
     chains = image_triads(lines, corners)
@@ -222,7 +222,7 @@ def _largest(points: Array, keep: int) -> Array:
 
 
 def _unique(quads: Array) -> Array:
-    """Each closed tetrad once: its four sides have each found it."""
+    """Return each closed tetrad once, since all four sides find it."""
     out: List[Array] = []
     for q in quads:
         centre = q.mean(axis=0)
@@ -232,7 +232,7 @@ def _unique(quads: Array) -> Array:
 
 
 def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
-    """Open tetrads: a triad whose one far end meets a fourth line that runs back towards the other far end."""
+    """Return open tetrads: a triad whose far end meets a fourth line that runs back towards the other far end."""
     out: List[Array] = []
     for points, closed in zip(chains.points, chains.closed):  # noqa: B905 - Python 3.9 has no strict=
         if closed:
@@ -247,7 +247,7 @@ def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
 
 
 def run_alike(a: Array, b: Array) -> Array:
-    """Both ends of two lines, the second turned to run as the first."""
+    """Return both ends of two lines, with the second reversed if needed to run like the first."""
     return np.concatenate([a, b if (a[1] - a[0]) @ (b[1] - b[0]) > 0 else b[::-1]])
 
 

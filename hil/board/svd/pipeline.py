@@ -1,4 +1,4 @@
-"""The published pipeline: an image in, a pose and the decision on it out. Each stage is a function of its own file.
+"""Published pipeline from an image to a pose and the decision on it. Each stage is a function in its own module.
 
 Sharma, Ventura & D'Amico (2018), sections on image processing and on pose determination. What the paper and the
 thesis leave open is chosen in the stages' files and described in docs/svd.md.
@@ -76,7 +76,7 @@ class ScoredPose(NamedTuple):
 
 
 class PublishedEstimator(Estimator):
-    """A published method; it keeps nothing between images.
+    """Published method; keeps no state between images.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class PublishedEstimator(Estimator):
         return self.from_streams(frame, streams)
 
     def from_streams(self, frame: StageRecord, streams: Streams) -> PoseResult:
-        """Return the pose that the features of an image give: every stage after the line streams."""
+        """Return the pose from the features of an image: every stage after the line streams."""
         groups = image_point_groups(streams.lines, streams.region.diagonal_px)
         frame.keep("point_groups", groups)
         for kind, points in groups.by_kind.items():
@@ -179,7 +179,9 @@ class PublishedEstimator(Estimator):
         ]
 
     def _decide(self, frame: StageRecord, found: List[ScoredPose]) -> PoseResult:
-        """Return the pose of the least reprojection error, accepted if it is met and no other is as good."""
+        """Return the pose of least reprojection error, accepted if the error is small enough and no other pose is as
+        good.
+        """
         if not found:
             return self._declined(frame, "no target found")
         best = min(found, key=lambda f: f.error)

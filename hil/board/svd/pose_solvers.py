@@ -1,4 +1,4 @@
-"""Pose from points: OpenCV's solvers by name, and whole batches of the perspective three-point problem.
+"""Pose from points: OpenCV's solvers by name, and the perspective three-point problem in batches.
 
 Sharma, Ventura & D'Amico (2018) solve each pairing with EPnP; the thesis takes three points of it at random (P3P with
 RANSAC).
@@ -35,8 +35,8 @@ Solver = Callable[[Array, Array], Tuple[List[Array], List[Array]]]
 
 
 def point_solver(solver: str) -> Solver:
-    """One of OpenCV's solvers, by name: from object (N, 3) and rays (N, 2) at z = 1 to rotation vectors and shifts,
-    finite or not.
+    """Return one of OpenCV's solvers by name: object points (N, 3) and rays (N, 2) at z = 1 to rotation vectors and
+    translations, finite or not.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ def point_solver(solver: str) -> Solver:
 
 
 def from_rotvecs(turns: Sequence[Array], shifts: Sequence[Array]) -> Tuple[Array, Array]:
-    """Q (K, 4), t (K, 3) of rotation vectors and shifts, those that are not finite dropped."""
+    """Return q (K, 4), t (K, 3) of rotation vectors and translations, dropping non-finite ones."""
     v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)
     ok = np.isfinite(v).all(axis=1) & np.isfinite(t).all(axis=1)
     return quat.normalise(quat.from_rotvec(v[ok])), t[ok]
 
 
 def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
-    """Every pose of every triple, up to four each: q (M, 4), t (M, 3), and whose it is (M,), ascending.
+    """Return every pose of every triple, up to four each: q (M, 4), t (M, 3), and the triple's index (M,), ascending.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array
 
 
 def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
-    """(M, 3) distances of three points along unit rays y (N, 3, 3), and of which triple (M,)."""
+    """Return (M, 3) distances of three points along unit rays y (N, 3, 3), and the triple's index (M,)."""
     a12, a13, a23 = (((x[:, i] - x[:, j]) ** 2).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     b12, b13, b23 = (-2.0 * (y[:, i] * y[:, j]).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     none = np.zeros(len(x))
@@ -147,12 +147,12 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
 
 
 def _form(xx: Array, xy: Array, xz: Array, yy: Array, yz: Array, zz: Array) -> Array:
-    """(N, 3, 3) symmetric matrices of their six entries (N,)."""
+    """Return (N, 3, 3) symmetric matrices of their six entries (N,)."""
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
 
 
 def _pencil_root(first: Array, second: Array) -> Array:
-    """(N,) a real g with det(first - g second) = 0: of three the one farthest from the others."""
+    """Return a real g (N,) with det(first - g second) = 0: of three the one farthest from the others."""
     cofactor1, cofactor2 = _cofactors(first), _cofactors(second)
     p0, p3 = (first[:, 0] * cofactor1[:, 0]).sum(axis=1), -(second[:, 0] * cofactor2[:, 0]).sum(axis=1)
     p1, p2 = -(cofactor1 * second).sum(axis=(1, 2)), (cofactor2 * first).sum(axis=(1, 2))
@@ -175,13 +175,13 @@ def _pencil_root(first: Array, second: Array) -> Array:
 
 
 def _cofactors(A: Array) -> Array:
-    """(N, 3, 3) cofactors of symmetric matrices."""
+    """Return the (N, 3, 3) cofactors of symmetric matrices."""
     rows = [np.cross(A[:, 1], A[:, 2]), np.cross(A[:, 2], A[:, 0]), np.cross(A[:, 0], A[:, 1])]
     return np.stack(rows, axis=1)
 
 
 def _planes(A: Array) -> Tuple[Array, Array]:
-    """Normals (N, 3) of the two planes that a singular quadratic form consists of."""
+    """Return normals (N, 3) of the two planes of a degenerate quadratic form."""
     trace = A[:, 0, 0] + A[:, 1, 1] + A[:, 2, 2]
     minors = (
         A[:, 0, 0] * A[:, 1, 1]
@@ -200,7 +200,7 @@ def _planes(A: Array) -> Tuple[Array, Array]:
 
 
 def _eigenvector(A: Array, value: Array) -> Array:
-    """(N, 3) unit eigenvectors of symmetric matrices for a simple eigenvalue: the largest cofactor row."""
+    """Return (N, 3) unit eigenvectors of symmetric matrices for a simple eigenvalue: the largest cofactor row."""
     rows = _cofactors(A - value[:, None, None] * np.eye(3))
     size = np.linalg.norm(rows, axis=2)
     best = rows[np.arange(len(A)), size.argmax(axis=1)]
@@ -208,7 +208,7 @@ def _eigenvector(A: Array, value: Array) -> Array:
 
 
 def _newton(s: Array, squares: Array, dots: Array) -> Array:
-    """One step of Newton's for s_i^2 + s_j^2 + b_ij s_i s_j = a_ij, pairs 12 13 23: (N, K, 3)."""
+    """Take one Newton step for s_i^2 + s_j^2 + b_ij s_i s_j = a_ij, pairs 12 13 23: (N, K, 3)."""
     s1, s2, s3 = s[..., 0], s[..., 1], s[..., 2]
     b12, b13, b23 = dots[..., 0], dots[..., 1], dots[..., 2]
     r1 = squares[..., 0] - (s1 * s1 + s2 * s2 + b12 * s1 * s2)

@@ -30,7 +30,7 @@ BATCH = 250
 
 @dataclass(frozen=True, eq=False)
 class ModelCorners:
-    """Ends of wireframe edges, each once.
+    """Ends of wireframe edges, without duplicates.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class ModelCorners:
 
 
 def model_corners(model: BoardModel, join_m: float = 0.01) -> ModelCorners:
-    """Corners of the wireframe's long edges and rods: what the published wireframe holds."""
+    """Return the corners of the wireframe's long edges and rods, as in the published wireframe."""
     least = LEAST_LENGTH * model.radius_m
     edges = [e for e in model.wireframe if np.linalg.norm(e.b_m - e.a_m) > least or e.radius_m > 0]
     edges = edges or list(model.wireframe)
@@ -75,7 +75,7 @@ def model_corners(model: BoardModel, join_m: float = 0.01) -> ModelCorners:
 
 @dataclass(frozen=True, eq=False)
 class CornerMap:
-    """Corners of the picture with the way to the nearest one, over a box around the region.
+    """Map from pixels to the nearest image corner, over a box around the region.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class CornerMap:
     cap_px: float
 
     def lookup(self, pixels: Array) -> Tuple[Array, Array]:
-        """Truncated distance and index of the nearest corner of pixels (..., 2)."""
+        """Return truncated distance and index of the corner nearest to pixels (..., 2)."""
         h, w = self.distance.shape
         x, y = np.rint(pixels[..., 0] - self.x0), np.rint(pixels[..., 1] - self.y0)
         inside = (x >= 0) & (x < w) & (y >= 0) & (y < h)
@@ -112,7 +112,7 @@ class CornerMap:
 
 
 def corner_map(points: Array, region: Region) -> CornerMap:
-    """The map of corners (N, 2), N >= 1, over a region and a quarter of its diagonal around, where any is near."""
+    """Return the map of corners (N, 2), N >= 1, over a region enlarged by a quarter of its diagonal."""
     margin, cap_px = 0.25 * region.diagonal_px, 0.05 * region.diagonal_px
     low = np.floor(np.array([region.x0, region.y0]) - margin)
     high = np.array([region.x1, region.y1]) + margin
@@ -134,7 +134,7 @@ def corner_map(points: Array, region: Region) -> CornerMap:
 
 
 def visible_corners(corners: ModelCorners, R: Array, t: Array) -> Array:
-    """(B, C) corners with a face towards the camera; what stands in front is not asked."""
+    """Return a (B, C) mask of corners with a face towards the camera; occlusion is ignored."""
     C = -np.einsum("bji,bj->bi", R, t)
     to = C[:, None] - corners.points_m[None]
     toward = np.einsum("ckj,bcj->bck", corners.normals, to) > 0
@@ -142,7 +142,7 @@ def visible_corners(corners: ModelCorners, R: Array, t: Array) -> Array:
 
 
 def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, region: Region) -> Array:
-    """(N,) poses in front of the camera whose craft covers about the region."""
+    """Return an (N,) mask of poses in front of the camera whose craft roughly covers the region."""
     centre = np.einsum("nij,j->ni", quat.matrix(q), model.centre_m) + t
     z = centre[:, 2]
     ok = np.isfinite(centre).all(axis=1) & (z > 1.2 * model.radius_m)
@@ -159,7 +159,7 @@ def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, r
 def reprojection(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap
 ) -> Tuple[Array, Array]:
-    """Mean truncated distance [px] of the picture's corners to the nearest visible corner of the model.
+    """Return the mean truncated distance [px] of the image's corners to the nearest visible corner of the model.
 
     Also the share of them met within half of the cap.
 
@@ -195,7 +195,7 @@ def reprojection(
 
 
 def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
-    """(B, C) whether a visible corner of the model is the nearest one to the corner of the picture nearest to it.
+    """Return a (B, C) mask of visible model corners that are mutual nearest neighbours with an image corner.
 
     One corner of the picture is one corner of the craft: what crowds around it, hidden or not drawn, pulls aside.
 
@@ -216,7 +216,9 @@ def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
 def refine_on_corners(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap, radius_m: float
 ) -> Tuple[Array, Array, Array]:
-    """Gauss-Newton on nearest corners, ten steps, the gate closing: q (B, 4), t (B, 3), covariance (B, 6, 6)."""
+    """Refine by ten Gauss-Newton steps on nearest corners with a closing gate: q (B, 4), t (B, 3), covariance (B, 6,
+    6).
+    """
     H = np.tile(np.eye(6), (len(q), 1, 1))
     rms = np.ones(len(q))
     for k in range(10):
@@ -276,10 +278,10 @@ def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float
 
 
 def apply_step(q: Array, t: Array, step: Array) -> Tuple[Array, Array]:
-    """Turn about the target's origin and move, camera axes."""
+    """Rotate about the target's origin and translate, in camera axes."""
     return quat.normalise(quat.multiply(quat.from_rotvec(step[:, :3]), q)), t + step[:, 3:]
 
 
 def parameter_scale(depth_m: float, radius_m: float) -> Array:
-    """Sizes that move the picture by about the same: turns, shifts across, shift along the view."""
+    """Return parameter steps that move the image by about the same: rotations, lateral shifts, shift along the view."""
     return np.array([1, 1, 1, radius_m, radius_m, max(depth_m, radius_m)]) * 0.5

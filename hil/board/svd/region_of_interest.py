@@ -1,4 +1,4 @@
-"""Region of interest: a box of the image in which the target may be.
+"""Region of interest: a box of the image that may contain the target.
 
 Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box runs from where the cumulative
 distribution of the surviving gradient pixels is 0.025 to where it is 0.975. The thesis enlarges it by 5 % of the mean
@@ -19,7 +19,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Region:
-    """A hypothesis of the target's extent, full-resolution pixels.
+    """Hypothesis of the target's extent, in full-resolution pixels.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Region:
         return float(np.hypot(self.x1 - self.x0, self.y1 - self.y0))
 
     def grown(self, share: float, width: int, height: int) -> Tuple[int, int, int, int]:
-        """Integer box enlarged by ``share`` of the diagonal, clipped to the picture."""
+        """Return the integer box enlarged by ``share`` of the diagonal, clipped to the image."""
         m = max(6.0, share * self.diagonal_px)
         return (
             max(0, int(self.x0 - m)),
@@ -52,7 +52,7 @@ class Region:
 
 
 def overlap(a: Region, b: Region) -> float:
-    """Intersection over union of two boxes."""
+    """Return the intersection over union of two boxes."""
     w = min(a.x1, b.x1) - max(a.x0, b.x0)
     h = min(a.y1, b.y1) - max(a.y0, b.y0)
     if w <= 0 or h <= 0:
@@ -62,7 +62,7 @@ def overlap(a: Region, b: Region) -> float:
 
 
 def marginal_interval(weights: Array, low: float, high: float) -> Tuple[float, float]:
-    """Where the cumulative sum of ``weights`` passes two fractions of its total [index]."""
+    """Return the indices at which the cumulative sum of ``weights`` passes two fractions of its total."""
     c = np.cumsum(weights.astype(float))
     if c[-1] <= 0:
         return 0.0, float(len(weights) - 1)
@@ -70,14 +70,14 @@ def marginal_interval(weights: Array, low: float, high: float) -> Tuple[float, f
 
 
 def cdf_box(wge: WeakGradientElimination) -> Region:
-    """The 2.5 %..97.5 % interval of both marginal CDFs of the surviving gradient, full resolution."""
+    """Return the 2.5 % to 97.5 % interval of both marginal CDFs of the surviving gradient, full resolution."""
     x0, x1 = marginal_interval(wge.strong.sum(axis=0), 0.025, 0.975)
     y0, y1 = marginal_interval(wge.strong.sum(axis=1), 0.025, 0.975)
     return Region(x0 - 0.5, y0 - 0.5, x1 + 0.5, y1 + 0.5, "wge-cdf")
 
 
 def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, slice]:
-    """Rows and columns of a region enlarged by ``margin`` pixels, within the picture."""
+    """Return rows and columns of a region enlarged by ``margin`` pixels, within the image."""
     h, w = image.shape
     x0, y0 = max(0, int(region.x0 - margin + 0.5)), max(0, int(region.y0 - margin + 0.5))
     x1, y1 = min(w, int(region.x1 + margin + 1.5)), min(h, int(region.y1 + margin + 1.5))
@@ -85,7 +85,7 @@ def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, s
 
 
 def grown_region(region: Region, lines: Array, share: float, shape: Tuple[int, int]) -> Region:
-    """The region enlarged by a share of the mean edge length (thesis), within the picture."""
+    """Return the region enlarged by a share of the mean edge length (thesis), within the image."""
     if not len(lines) or share <= 0:
         return region
     m = share * float(np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]).mean())

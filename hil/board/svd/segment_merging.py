@@ -75,7 +75,7 @@ def _joinable(one: Array, many: Array, offset_px: float, gap_px: float) -> Array
 
 
 def fit_line(segments: Array, weight: Array) -> Array:
-    """(4,) the line through segments by weighted total least squares, from end to end."""
+    """Fit the (4,) line through segments by weighted total least squares, from end to end."""
     points = segments.reshape(-1, 2)
     w = np.repeat(weight, 2)
     centre = (points * w[:, None]).sum(axis=0) / w.sum()

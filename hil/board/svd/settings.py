@@ -1,4 +1,4 @@
-"""Settings of the two published variants: one list of stages, and what differs between them."""
+"""Settings of the two published variants: one list of stages and their differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Weak gradient elimination (WGE): the strong edges of the spacecraft survive, the Earth's texture and noise do not.
+"""Weak gradient elimination (WGE): keeps strong edges of the spacecraft, removes the Earth's texture and noise.
 
 Sharma, Ventura & D'Amico (2018), J. Spacecraft and Rockets, doi 10.2514/1.A34124, image processing, WGE. The
 histogram of the normalised gradient magnitude is taken for an exponential distribution, ``F(g) = 1 - exp(-g /
@@ -20,7 +20,7 @@ _PREWITT = np.array([[-1, 0, 1], [-1, 0, 1], [-1, 0, 1]], np.float32) / 6.0
 
 @dataclass(frozen=True, eq=False)
 class WeakGradientElimination:
-    """Gradient magnitude 0..1, its histogram, the threshold found, and what survives it.
+    """Gradient magnitude 0..1, its histogram, the threshold, and the surviving pixels.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class WeakGradientElimination:
 
 
 def exponential_threshold(counts: Array, cdf: float) -> float:
-    """Where the CDF of an exponential fitted to a histogram over 0..1 reaches ``cdf``.
+    """Return the value at which the CDF of an exponential fitted to a histogram over 0..1 reaches ``cdf``.
 
     The maximum-likelihood fit of an exponential is by its mean: threshold = -ln(1 - cdf) x mean,
     which is 4.605 x mean at 0.99.
@@ -55,7 +55,7 @@ def exponential_threshold(counts: Array, cdf: float) -> float:
 
 
 def prewitt(image: Array) -> Tuple[Array, Array]:
-    """Prewitt's derivatives along x and y of a float32 picture, per pixel."""
+    """Return Prewitt's derivatives along x and y of a float32 image, per pixel."""
     gx = cv2.filter2D(image, cv2.CV_32F, _PREWITT)
     return gx, cv2.filter2D(image, cv2.CV_32F, np.ascontiguousarray(_PREWITT.T))
 
@@ -63,7 +63,7 @@ def prewitt(image: Array) -> Tuple[Array, Array]:
 def eliminate_weak_gradients(
     image: Array, blur_px: float = 1.0, bins: int = 100, cdf: float = 0.99
 ) -> WeakGradientElimination:
-    """Blur, Prewitt magnitude, normalise, fit, threshold.
+    """Blur, take Prewitt magnitudes, normalise, fit and threshold.
 
     Parameters
     ----------

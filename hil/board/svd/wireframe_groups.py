@@ -20,7 +20,7 @@ LEAST_SIZE = 0.6
 
 
 def model_point_groups(model: BoardModel) -> PointGroups:
-    """Groups of the wireframe, in every order that a group of the picture could be paired in.
+    """Return the groups of the wireframe, in every order in which an image group can be paired with them.
 
     The published wireframe holds panel, body and antennas alone; groups of smaller parts are left out likewise.
     """
@@ -51,7 +51,7 @@ def _large(chains: Chains, least_m: float) -> Chains:
 
 
 def model_triads(model: BoardModel, join_m: float = 0.02) -> Chains:
-    """Plane chains of three wireframe edges bent the same way, both ways round."""
+    """Return planar chains of three wireframe edges bent the same way, in both directions."""
     edges = [e for e in model.wireframe if e.radius_m == 0]
     n = len(edges)
     ends = np.array([[e.a_m, e.b_m] for e in edges]).reshape(n, 2, 3)
@@ -86,7 +86,7 @@ def _joined(ends: Array, a: Array, b: Array, join_m: float) -> bool:
 
 
 def _flat_convex(quad: Array) -> bool:
-    """A plane chain whose arms lie on one side, neither too thin to be told from a line."""
+    """Return True for a planar chain whose arms lie on one side and which is not nearly a line."""
     side = np.linalg.norm(np.diff(quad, axis=0), axis=1)
     if side.min() < 0.15 * side.max():
         return False
@@ -97,7 +97,7 @@ def _flat_convex(quad: Array) -> bool:
 
 
 def _model_corners(ends: Array) -> Array:
-    """(N, 3, 3) far end, corner, far end of edges that meet at an angle."""
+    """Return (N, 3, 3) far end, corner, far end of edges that meet at an angle."""
     out: List[Array] = []
     for i in range(len(ends)):
         for j in range(i + 1, len(ends)):
@@ -112,7 +112,7 @@ def _model_corners(ends: Array) -> Array:
 
 
 def _model_parallel(ends: Array, most: int = 120) -> Array:
-    """(N, 4, 3) parallel edges that overlap, longest first, in both senses and both orders."""
+    """Return (N, 4, 3) parallel edges that overlap, longest first, in both senses and both orders."""
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     order = np.argsort(-length, kind="stable")[:40]
     out: List[Array] = []

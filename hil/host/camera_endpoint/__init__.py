@@ -1,4 +1,4 @@
-"""The simulated camera as machine-vision software sees it: a GVCP/GVSP endpoint in a process of its own.
+"""Simulated camera for machine-vision software: a GVCP/GVSP endpoint in a separate process.
 
 Written from public material (Wireshark's dissectors, Aravis); no compliance with any standard is claimed. ``gvcp`` and
 ``gvsp`` know packets alone, ``registers`` what the camera can be told, ``endpoint`` has the sockets, ``camera`` draws

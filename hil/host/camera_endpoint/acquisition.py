@@ -1,4 +1,4 @@
-"""Acquisition: which picture is asked for when, sent to whom, and what a board made of it."""
+"""Acquisition: requests of images, their destination, and the board's answers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Due:
-    """A frame that was asked for, as the controller wanted it."""
+    """Requested frame, with the controller's settings."""
 
     request_id: int
     asked_ns: int
@@ -32,7 +32,7 @@ class _Due:
 
 
 class Acquisition:
-    """Frames while a controller wants them: one is asked for at a time, from the newest state.
+    """Frames while a controller acquires: one requested at a time, from the newest state.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class Acquisition:
     def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:
         self._registers, self._stream, self._tell = registers, stream, tell
         self.answers: AnswerPort | None = None
-        """Where boards say what they made of the pictures, if anywhere."""
+        """Port for answers of boards, if any."""
         self._origin_ns = time.monotonic_ns()
         self._started_s = 0.0
         self.next_s = 0.0
-        """When the next frame is due, where one is wanted."""
+        """Due time of the next frame."""
         self.triggered = False
         self._frames_left: int | None = None
         self._number = self._block_id = self._sent = self._request_id = 0
@@ -56,7 +56,7 @@ class Acquisition:
     # --- what a controller does -------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin, by the mode that is set; nothing where it runs."""
+        """Start in the current mode; nothing if running."""
         registers = self._registers
         registers[Place.ACQUISITION_START] = 0
         if registers.acquiring:
@@ -79,24 +79,24 @@ class Acquisition:
         self._started_s = self.next_s = time.monotonic()
 
     def stop(self) -> None:
-        """End; a picture that is on its way here comes to nothing."""
+        """Stop; an image in progress is discarded."""
         self._registers.acquiring = False
         self._forget()
         self._stream.stop()
 
     def _forget(self) -> None:
-        """The picture that was asked for is not wanted any more."""
+        """Discard the requested image."""
         if self._exposed is not None:
             self._tell_unsent(self._exposed)
         self._due = self._exposed = None
 
     def trigger(self) -> None:
-        """Want a frame, where acquisition runs."""
+        """Request a frame, if acquisition runs."""
         self._registers[Place.TRIGGER_SOFTWARE] = 0
         self.triggered = self._registers.acquiring
 
     def control_timestamp(self) -> None:
-        """Latch the time stamp, or set it to nothing."""
+        """Latch the time stamp, or reset it."""
         if self._registers[Place.TIMESTAMP_CONTROL] == 1:
             self._origin_ns = time.monotonic_ns()
         else:
@@ -109,21 +109,21 @@ class Acquisition:
 
     @property
     def wants_frame(self) -> bool:
-        """Whether a frame is to be asked for once it is due."""
+        """True if a frame is to be requested when due."""
         if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
             return False
         return self.triggered or not self._registers[Place.TRIGGER_MODE]
 
     @property
     def _interval_s(self) -> float:
-        """From frame to frame: none begins before the exposure of the last has ended."""
+        """Interval between frames: no exposure begins before the last has ended."""
         registers = self._registers
         return max(
             1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
         )
 
     def ask_for_frame(self, now_s: float) -> None:
-        """Ask the drawing side for a picture once it is due; one at a time, from the newest state."""
+        """Request an image from the renderer when due; one at a time, from the newest state."""
         registers = self._registers
         if not self.wants_frame or now_s < self.next_s:
             return
@@ -155,7 +155,7 @@ class Acquisition:
         self._number += 1
 
     def take(self, taken: FrameTaken) -> None:
-        """A picture that was asked for is there."""
+        """Receive a requested image."""
         if self._due is None or taken.request_id != self._due.request_id:
             self._tell_unsent(taken)  # of an acquisition that was stopped
         else:
@@ -163,13 +163,13 @@ class Acquisition:
 
     @property
     def read_out_s(self) -> float | None:
-        """When the picture that is there may leave: no camera reads one before its exposure is over."""
+        """Time at which the image may be sent: no camera reads out before its exposure is over."""
         if self._exposed is None or self._due is None:
             return None
         return self._due.asked_ns * 1e-9 + self._due.exposure_s
 
     def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
-        """Send the picture whose exposure is over to the controller, if it named a port."""
+        """Send the image whose exposure is over to the controller, if it named a port."""
         taken, due, read_out_s = self._exposed, self._due, self.read_out_s
         if taken is None or due is None or read_out_s is None or now_s < read_out_s:
             return
@@ -182,7 +182,7 @@ class Acquisition:
             self._tell(PictureOutcome(taken.request_id, None))
 
     def _send(self, taken: FrameTaken, due: _Due, to: tuple[str, int] | None) -> bool:
-        """Begin to send a picture; whether there is anybody to send it to."""
+        """Begin to send an image; return False if there is no receiver."""
         registers = self._registers
         if self._frames_left is not None:
             self._frames_left -= 1
@@ -208,7 +208,7 @@ class Acquisition:
 
 
 def _record(due: _Due) -> FrameRecord:
-    """Return the record of a picture that is sent; scene and times of the flight are known where it is drawn."""
+    """Return the record of an image that is sent, with scene and flight times if rendered."""
     now_ns = time.monotonic_ns()
     latency_s = (now_ns - due.asked_ns) * 1e-9 - due.exposure_s
     return FrameRecord(

@@ -1,4 +1,4 @@
-"""Where boards that read the camera say their poses: a session as on any link, in which pictures come another way.
+"""Port for poses of boards that read the camera: a session like any link's, with images from elsewhere.
 
 A GigE Vision camera takes nothing back. So the board connects here as it would to a host; the pictures that the stream
 sends meanwhile count as those it was sent, each by its number since acquisition started, and each has one outcome.
@@ -30,7 +30,7 @@ STOPPED = "the camera was stopped"
 
 
 class AnswerPort:
-    """One board at a time, and the pictures that it may answer.
+    """One board at a time, and the images that it may answer.
 
     Parameters
     ----------
@@ -58,18 +58,18 @@ class AnswerPort:
 
     @property
     def url(self) -> str:
-        """Where boards connect, with the port that was given."""
+        """Address for boards, with the actual port."""
         return self._listener.url
 
     @property
     def sources(self) -> list[Any]:
-        """What to wait on."""
+        """File descriptors to wait on."""
         line = [] if self._board.link is None else [self._board.link.transport]
         return [self._listener, *line, *self._pending.transports]
 
     @property
     def due_s(self) -> float | None:
-        """When something has to be done, though nothing comes, on the monotonic clock; None where nothing has."""
+        """Monotonic time of the next action without input; None if there is none."""
         if self._board.unread:
             return 0.0
         times = [self._in_flight.first_deadline_ns, self._pending.first_deadline_ns]
@@ -78,7 +78,7 @@ class AnswerPort:
         return min((at * 1e-9 for at in times if at is not None), default=None)
 
     def step(self, ready: Collection[Any]) -> None:
-        """Take what came, let what is too late go."""
+        """Process input and expire late images."""
         self._in_flight.expire(now_ns())
         self._pending.expire(now_ns())
         self._board.sync_clock()
@@ -92,7 +92,7 @@ class AnswerPort:
             self._board.listen()
 
     def sent(self, record: FrameRecord, number: int) -> None:
-        """A picture is on its way to the board.
+        """Note that an image is on its way to the board.
 
         Parameters
         ----------
@@ -110,11 +110,11 @@ class AnswerPort:
         self._in_flight.sent(flight, now_ns())
 
     def restart(self) -> None:
-        """Acquisition starts: numbers begin again, and earlier pictures get no answers any more."""
+        """Restart numbering with acquisition; earlier images get no more answers."""
         self._in_flight.lose("acquisition was started anew")
 
     def close(self) -> bool:
-        """Say goodbye; what has no answer by now gets none. Whether a board was there to hear it."""
+        """Say goodbye and drop images without an answer; return True if a board was connected."""
         met = self._board.link is not None
         self._in_flight.lose(STOPPED)
         self._pending.turn_away(STOPPED)

@@ -1,4 +1,4 @@
-"""The ledger of a camera's pictures: what a board at the stream made of each, beside what was drawn."""
+"""Ledger of a camera's images: the answer of a board at the stream to each, with the rendered state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class CameraLedger:
-    """Rows of the pictures that were sent while the camera ran.
+    """Rows of the images sent while the camera ran.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ class CameraLedger:
             write_terms(folder, terms)
 
     def drawn(self, request_id: int, scene: SceneState, drawing_ms: float) -> None:
-        """A picture that the endpoint has now, and that may be sent."""
+        """Note an image that the endpoint has and may send."""
         self._open[request_id] = scene, drawing_ms
 
     def came_to(self, request_id: int, record: FrameRecord | None) -> None:
-        """The outcome of a picture; None where it was not sent."""
+        """Record the outcome of an image; None if it was not sent."""
         scene, drawing_ms = self._open.pop(request_id)
         if record is None:
             return
@@ -77,7 +77,7 @@ class CameraLedger:
             self._writer.add(row)
 
     def close(self) -> LedgerSummary:
-        """The summary, written where there is a folder."""
+        """Return the summary, written if there is a folder."""
         summary = summarise(
             self._tally,
             started_utc=self._started_utc,

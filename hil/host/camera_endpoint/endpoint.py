@@ -1,4 +1,4 @@
-"""The endpoint's process: commands of one controller, frames when they are due, and the stream of their packets.
+"""Process of the endpoint: commands of one controller, frames when due, and the packet stream.
 
 It cannot authenticate: GVCP knows no secret, and an address can be forged. So it hears one interface and listed
 addresses alone, sends pictures to its controller's address and nowhere else, and holds no more than was set up at its
@@ -47,18 +47,18 @@ if TYPE_CHECKING:
     Peer = tuple[str, int]
 
 MOST_COMMANDS = 64
-"""Of one socket before packets are sent again."""
+"""Commands of one socket before packets are sent again."""
 MOST_STRANGERS = 16
-"""Addresses that are told of when they are not on the list."""
+"""Largest number of unlisted addresses that are reported."""
 REPEATED_S = 1.0
-"""A command that comes twice within this time is answered twice and carried out once."""
+"""Time within which a repeated command is answered twice but executed once."""
 IDLE_S = 0.5
 LAST_WORDS_S = 1.5
-"""For a board that heard the goodbye to give control back."""
+"""Time for a board to release control after the goodbye."""
 
 
 def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
-    """What the process does, until the other end of the pipe is closed."""
+    """Run the process until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the drawing side's; it closes the pipe
     try:
         endpoint = CameraEndpoint(pipe, config)
@@ -124,11 +124,11 @@ class CameraEndpoint:
 
     @property
     def answers_url(self) -> str | None:
-        """Where boards say their poses."""
+        """Address at which boards send their poses."""
         return None if self._answers is None else self._answers.url
 
     def end(self) -> None:
-        """Say goodbye to the board and let it give control back, which takes it long once nobody answers; close."""
+        """Say goodbye to the board, let it release control, which takes longer once nobody answers, and close."""
         self._acquisition.stop()
         answers, self._answers = self._answers, None
         if answers is not None and answers.close():
@@ -147,7 +147,7 @@ class CameraEndpoint:
             self._stream.close()
 
     def step(self) -> bool:
-        """Wait for what comes next and deal with it; False once it is to end."""
+        """Wait for the next event and handle it; return False at the end."""
         sources: list[Any] = [*self._sockets, self._pipe]
         if self._answers is not None:
             sources += self._answers.sources
@@ -232,7 +232,7 @@ class CameraEndpoint:
         return answer or None
 
     def _carry_out(self, request: GvcpRequest, peer: Peer) -> bytes:
-        """Do what a command says; the acknowledgement's payload.
+        """Execute a command and return the acknowledgement's payload.
 
         Raises
         ------
@@ -358,7 +358,7 @@ class CameraEndpoint:
 
     @property
     def _receiver(self) -> Peer | None:
-        """Where pictures go: to the controller, once it has named a port."""
+        """Destination of images: the controller, once it has named a port."""
         port = self._registers[Place.STREAM_PORT]
         if self._controller is None or not port or not self._registers[Place.STREAM_ADDRESS]:
             return None

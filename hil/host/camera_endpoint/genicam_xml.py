@@ -1,4 +1,4 @@
-"""The GenICam description of the camera: which feature is which register, for clients that know nothing of it."""
+"""GenICam description of the camera: the register of each feature, for generic clients."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OWN_NAME = "flyaround.xml"
 
 
 def read_xml(path: Path) -> tuple[str, bytes]:
-    """A user's own description: the name that it is served under, and its bytes.
+    """Return a user's description: its served name and its bytes.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def read_xml(path: Path) -> tuple[str, bytes]:
 
 
 def _unzipped(path: Path, data: bytes) -> bytes:
-    """The one file of an archive.
+    """Return the single file of an archive.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def _check_description(path: Path, text: bytes) -> None:
 
 
 def write_xml(terms: CameraTerms) -> bytes:
-    """The description of this camera's registers, as `Place` has them."""
+    """Return the description of this camera's registers in `Place`."""
     nodes: list[str] = []
     categories: dict[str, list[str]] = {}
 
@@ -269,7 +269,7 @@ def _register(name: str, place: Place, access: str, kind: str = "IntReg") -> str
 
 
 def _bits(name: str, place: Place, lowest: int, highest: int) -> str:
-    """Some bits of a register; of a big-endian one they are counted from its most significant."""
+    """Return the XML of some bits of a register, counted from the most significant bit (big-endian)."""
     which = f"<Bit>{lowest}</Bit>" if lowest == highest else f"<LSB>{lowest}</LSB><MSB>{highest}</MSB>"
     return (
         f'<MaskedIntReg Name="{name}Reg"><Address>0x{int(place):X}</Address><Length>4</Length>'

@@ -1,4 +1,4 @@
-"""GVCP packets: commands that a controller sends, and their acknowledgements. Big-endian, one per UDP datagram.
+"""GVCP packets: commands of a controller and their acknowledgements. Big-endian, one per UDP datagram.
 
 Layouts from public material: Wireshark's ``packet-gvcp.c`` and Aravis's ``arvgvcp.h``.
 """
@@ -13,15 +13,15 @@ PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")
 MOST_BYTES = 576
-"""A datagram's most, headers of IP and UDP left out; longer ones are not looked at."""
+"""Largest datagram without headers of IP and UDP; longer ones are ignored."""
 MOST_MEMORY_BYTES = 536
-"""What one memory access moves at most."""
+"""Largest size of one memory access."""
 ACKNOWLEDGE = 0x01
-"""Flag of a command that wants an answer."""
+"""Flag of a command that requires an answer."""
 
 
 class GvcpCommand(IntEnum):
-    """What a controller may send; an acknowledgement is the number after its command's."""
+    """Command of a controller; its acknowledgement has the next number."""
 
     DISCOVERY = 0x0002
     PACKET_RESEND = 0x0040
@@ -32,7 +32,7 @@ class GvcpCommand(IntEnum):
 
 
 class Status(IntEnum):
-    """What an acknowledgement says of its command."""
+    """Status of an acknowledgement."""
 
     SUCCESS = 0x0000
     NOT_IMPLEMENTED = 0x8001
@@ -47,7 +47,7 @@ class Status(IntEnum):
 
 
 class RefusedError(Exception):
-    """A command that is not carried out.
+    """Command that is not executed.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True)
 class GvcpRequest:
-    """One command as it came."""
+    """Command as received."""
 
     command: int
     request_id: int
@@ -71,7 +71,7 @@ class GvcpRequest:
 
 @dataclass(frozen=True)
 class ResendRequest:
-    """Packets of a block that a receiver misses, ``first`` to ``last``, both included."""
+    """Packets of a block missed by a receiver, ``first`` to ``last``, both included."""
 
     channel: int
     block_id: int
@@ -80,7 +80,7 @@ class ResendRequest:
 
 
 def parse_request(datagram: bytes) -> GvcpRequest | None:
-    """The command in a datagram, or None where it is none: strangers' bytes are not answered."""
+    """Return the command in a datagram, or None if it is none: other bytes are not answered."""
     if not HEADER.size <= len(datagram) <= MOST_BYTES:
         return None
     key, flags, command, length, request_id = HEADER.unpack_from(datagram)
@@ -90,7 +90,7 @@ def parse_request(datagram: bytes) -> GvcpRequest | None:
 
 
 def acknowledge(request: GvcpRequest, payload: bytes = b"", status: Status = Status.SUCCESS) -> bytes:
-    """The acknowledgement of a command."""
+    """Return the acknowledgement of a command."""
     return (
         struct.pack(">HHHH", status, (request.command + 1) & 0xFFFF, len(payload), request.request_id)
         + payload
@@ -98,7 +98,7 @@ def acknowledge(request: GvcpRequest, payload: bytes = b"", status: Status = Sta
 
 
 def read_addresses(payload: bytes) -> tuple[int, ...]:
-    """Addresses of a READ_REGISTER.
+    """Return the addresses of a READ_REGISTER.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read_addresses(payload: bytes) -> tuple[int, ...]:
 
 
 def write_pairs(payload: bytes) -> list[tuple[int, int]]:
-    """Addresses and values of a WRITE_REGISTER.
+    """Return the addresses and values of a WRITE_REGISTER.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def write_pairs(payload: bytes) -> list[tuple[int, int]]:
 
 
 def read_span(payload: bytes) -> tuple[int, int]:
-    """Address and length of a READ_MEMORY.
+    """Return address and length of a READ_MEMORY.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def read_span(payload: bytes) -> tuple[int, int]:
 
 
 def write_span(payload: bytes) -> tuple[int, bytes]:
-    """Address and data of a WRITE_MEMORY.
+    """Return address and data of a WRITE_MEMORY.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def write_span(payload: bytes) -> tuple[int, bytes]:
 
 
 def parse_resend(payload: bytes) -> ResendRequest:
-    """What a PACKET_RESEND asks for.
+    """Return the packets that a PACKET_RESEND requests.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""GVSP packets: one picture as leader, payload packets and trailer. Big-endian headers, little-endian pixels.
+"""GVSP packets: an image as leader, payload packets and trailer. Big-endian headers, little-endian pixels.
 
 Layouts from public material: Wireshark's ``packet-gvsp.c`` and Aravis's ``arvgvsp.h``.
 """
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 HEADER = struct.Struct(">HHI")
 IP_UDP_BYTES = 28
-"""Headers of IP and UDP, which a stream channel's packet size counts."""
+"""Headers of IP and UDP, which a stream channel's packet size includes."""
 IMAGE_PAYLOAD = 1
 LEADER, TRAILER, DATA = 1, 2, 3
 """Packet formats."""
 RESENT, UNAVAILABLE = 0x0100, 0x800C
-"""Status of a packet that is sent again, and of one that is no longer there."""
+"""Status of a resent packet, and of one that is no longer available."""
 
 
 class StreamFormat(IntEnum):
-    """Codes of the pixel format naming convention: bits that a pixel takes, and which one."""
+    """Codes of the pixel format naming convention: size of a pixel and format number."""
 
     Mono8 = 0x01080001
     Mono10 = 0x01100003
@@ -44,12 +44,12 @@ class StreamFormat(IntEnum):
         return int(self.name[4:].rstrip("p"))
 
     def payload_bytes(self, n_pixels: int) -> int:
-        """What so many pixels take; the code's third byte is the bits of one."""
+        """Return the size of pixels; the code's third byte is the bits per pixel."""
         return -(-n_pixels * (self >> 16 & 0xFF) // 8)
 
 
 def formats_of(bits: int) -> tuple[StreamFormat, ...]:
-    """Formats that a detector of so many bits has: its own, of 12 bits packed, too, and eight bits."""
+    """Return the formats of a detector of that depth: its own, for 12 bits also packed, and 8 bits."""
     own = next(f for f in StreamFormat if f.bits >= bits)
     packed = (StreamFormat.Mono12p,) if own is StreamFormat.Mono12 else ()
     return tuple(dict.fromkeys((own, *packed, StreamFormat.Mono8)))
@@ -68,7 +68,7 @@ class ReadoutRegion:
 def pixels_of(
     image: NDArray[np.unsignedinteger], bits: int, region: ReadoutRegion, pixel_format: StreamFormat
 ) -> bytes:
-    """Bytes of a region of (H, W) digital numbers of ``bits`` bits, row by row, as a pixel format has them."""
+    """Return the bytes of a region of (H, W) digital numbers of ``bits`` bits, row by row, in a pixel format."""
     part = image[region.y : region.y + region.height, region.x : region.x + region.width]
     more = pixel_format.bits - bits
     if pixel_format is StreamFormat.Mono8:
@@ -81,7 +81,7 @@ def pixels_of(
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """One picture on its way.
+    """One image in transmission.
 
     Parameters
     ----------
@@ -98,16 +98,16 @@ class Block:
 
     @property
     def data_bytes(self) -> int:
-        """Pixels' bytes in each packet but the last."""
+        """Pixel bytes in each packet but the last."""
         return self.packet_bytes - IP_UDP_BYTES - HEADER.size
 
     @property
     def n_packets(self) -> int:
-        """Packets, leader and trailer included; they are numbered from 0."""
+        """Number of packets, leader and trailer included, numbered from 0."""
         return -(-len(self.data) // self.data_bytes) + 2
 
     def packet(self, number: int, status: int = 0) -> bytes:
-        """One packet by its number, below ``n_packets``."""
+        """Return one packet by its number, below ``n_packets``."""
         if number == 0:
             return self._header(LEADER, 0, status) + self._leader()
         if number == self.n_packets - 1:
@@ -138,10 +138,10 @@ class Block:
 
 
 def unavailable(block_id: int, number: int) -> bytes:
-    """The answer to a request for a packet that is no longer, or never was, there."""
+    """Return the answer to a request for a packet that is not available."""
     return HEADER.pack(UNAVAILABLE, block_id, DATA << 24 | number)
 
 
 def packet_for_size(packet_bytes: int) -> bytes:
-    """A packet of one size, headers of IP and UDP included, by which a controller finds what the line carries."""
+    """Return a packet of one size, headers of IP and UDP included, for a controller to probe the line."""
     return HEADER.pack(0, 0, DATA << 24).ljust(packet_bytes - IP_UDP_BYTES, b"\0")

@@ -1,4 +1,4 @@
-"""The network interface that a camera endpoint is bound to, and the addresses that may control it."""
+"""Network interface of a camera endpoint, and the addresses that may control it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MTU_DISCOVER, MTU_DO, MTU_DONT = 10, 2, 0
 
 @dataclass(frozen=True, kw_only=True)
 class Interface:
-    """A network interface by its name, and what is known of it."""
+    """Network interface by its name, with its properties."""
 
     name: str
     address: str
@@ -28,7 +28,7 @@ class Interface:
 
 
 def find_interface(name: str, address: str | None = None) -> Interface:
-    """What the system says of an interface.
+    """Return the system's data of an interface.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def find_interface(name: str, address: str | None = None) -> Interface:
 
 
 def check_address(text: str, option: str) -> str:
-    """An IPv4 address as it is written.
+    """Parse an IPv4 address.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def check_address(text: str, option: str) -> str:
 
 
 def open_socket(interface: Interface, address: str, port: int) -> socket.socket:
-    """A UDP socket that hears and speaks through one interface alone.
+    """Return a UDP socket that receives and sends through one interface alone.
 
     Raises
     ------

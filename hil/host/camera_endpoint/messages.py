@@ -1,4 +1,4 @@
-"""What the endpoint's process and the one that draws say to each other."""
+"""Messages between the endpoint's process and the renderer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AnswerTerms:
-    """How a board that reads the stream says its poses, and what it is told of camera and target."""
+    """Connection of a board that reads the stream, with camera and target."""
 
     link: LinkConfig
     ack: HelloAck
@@ -26,7 +26,7 @@ class AnswerTerms:
 
 @dataclass(frozen=True, kw_only=True)
 class EndpointConfig:
-    """What the endpoint's process is told at its start.
+    """Settings of the endpoint's process.
 
     Parameters
     ----------
@@ -48,28 +48,28 @@ class EndpointConfig:
 
 @dataclass(frozen=True)
 class Opened:
-    """The endpoint listens, and where boards answer, if anywhere."""
+    """Confirmation that the endpoint listens, with the address for answers, if any."""
 
     answers_url: str | None = None
 
 
 @dataclass(frozen=True)
 class CameraFailed:
-    """The endpoint cannot listen; one sentence."""
+    """Failure of the endpoint to listen; one sentence."""
 
     sentence: str
 
 
 @dataclass(frozen=True)
 class Note:
-    """Something that the user may want to know."""
+    """Note for the user."""
 
     sentence: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameWanted:
-    """A picture that is due.
+    """Request for an image that is due.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class FrameWanted:
 
 @dataclass(frozen=True)
 class FrameTaken:
-    """A picture: (H, W) digital numbers of the whole detector."""
+    """Image: (H, W) digital numbers of the whole detector."""
 
     request_id: int
     image: NDArray[np.unsignedinteger]
@@ -94,7 +94,7 @@ class FrameTaken:
 
 @dataclass(frozen=True)
 class PictureOutcome:
-    """What a board made of a picture that was taken; ``record`` is None where it was not sent."""
+    """Board's answer to an image; ``record`` is None if the image was not sent."""
 
     request_id: int
     record: FrameRecord | None
@@ -102,4 +102,4 @@ class PictureOutcome:
 
 @dataclass(frozen=True)
 class Stop:
-    """The camera is to end: what has no outcome yet is told before."""
+    """Request to end the camera; missing outcomes are reported first."""

@@ -1,4 +1,4 @@
-"""The pictures that the endpoint sends: drawn when they are due, or drawn before and looped."""
+"""Images that the endpoint sends: rendered when due, or rendered before and looped."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WARM_UP_PICTURES, WARM_UP_S = 16, 15.0
 
 @dataclass(frozen=True)
 class TakenPicture:
-    """A picture, and what it was drawn of.
+    """Image and the scene that it shows.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ class TakenPicture:
 
 
 class Pictures(Protocol):
-    """Anything that has a picture for the endpoint when one is due."""
+    """Source of images for the endpoint."""
 
     def take(self, wanted: FrameWanted) -> TakenPicture | None:
-        """The picture; None where this one is lost."""
+        """Return the image; None if it is lost."""
 
 
 class DrawnPictures:
-    """Each picture is drawn when it is due, of the flight's state at that time; a flight that ends begins again.
+    """Images rendered when due from the flight's state at that time; a flight that ends begins again.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class DrawnPictures:
         self._plan, self._producer = plan, producer
 
     def warm_up(self) -> None:
-        """Draw moments of the whole flight for nothing: the first of a kind takes seconds, and a client would wait."""
+        """Render moments of the whole flight as warm-up, since the first of a kind takes seconds."""
         until_s = time.monotonic() + WARM_UP_S
         for t_s in np.linspace(0.0, self._plan.scenario.duration_s, WARM_UP_PICTURES, endpoint=False):
             if time.monotonic() > until_s:
@@ -74,7 +74,7 @@ class DrawnPictures:
                 self._producer.result()
 
     def take(self, wanted: FrameWanted) -> TakenPicture | None:
-        """Draw with the exposure and gain that the controller has set."""
+        """Render with the exposure and gain set by the controller."""
         t_s = wanted.t_s % self._plan.scenario.duration_s
         scene = exposed_as(self._plan.scene_of(self._plan.flight.state(t_s), wanted.number), wanted)
         try:
@@ -85,7 +85,7 @@ class DrawnPictures:
 
 
 class LoopedPictures:
-    """Pictures from before, over and over; exposure and gain change their numbers, and what was clipped stays so.
+    """Images looped from before; exposure and gain scale their values, and clipped pixels stay clipped.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class LoopedPictures:
         self._table: tuple[float, Image] | None = None
 
     def take(self, wanted: FrameWanted) -> TakenPicture:
-        """The next one, made as bright as the controller wants it."""
+        """Return the next image, scaled to the controller's exposure and gain."""
         k = wanted.number % len(self._images)
         scene = self._scenes[k] if self._scenes else None
         image = self._images[k]
@@ -124,7 +124,7 @@ class LoopedPictures:
 
 
 def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
-    """A scene with a controller's exposure and gain: of signal and noise before the converter."""
+    """Return a scene with a controller's exposure and gain, which acts on signal and noise before the converter."""
     gain = 10 ** (wanted.gain_db / 20)
     sensor = scene.sensor
     if sensor.detector is not None:
@@ -140,7 +140,7 @@ def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
 
 
 def check_one_channel(plan: Plan) -> None:
-    """Refuse a plan whose pictures the endpoint cannot send, before anybody listens.
+    """Raise UserError for a plan whose images the endpoint cannot send, before it listens.
 
     Raises
     ------
@@ -160,12 +160,12 @@ def check_one_channel(plan: Plan) -> None:
 
 
 def image_alone(frame: Frame) -> Image:
-    """The stage that leaves the pixels of a frame."""
+    """Return the pixels of a frame."""
     return frame.image
 
 
 def loop_of(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
-    """Draw the plan's frames once, to be looped. Exposure is the first's throughout."""
+    """Render the plan's frames once for looping, with the first one's exposure throughout."""
     first = plan.scene(0)
     with open_frames(image_alone, processes=1, device_index=device_index, first=first) as producer:
         images = list(run_frames(plan, producer, labels=False))

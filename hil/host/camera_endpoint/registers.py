@@ -1,4 +1,4 @@
-"""What a controller can read and tell the camera: registers by address, checked before they take a value.
+"""Registers of the camera: read and written by address, with values checked.
 
 The first block's places are those of public descriptions (Aravis's ``arvgvcp.h``); from 0xA000 on they are the
 camera's own, and docs/hil_camera.md lists them for an XML of one's own.
@@ -96,7 +96,7 @@ _CAPABILITY = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 30 | 1 << 31
 
 @dataclass(frozen=True, kw_only=True)
 class CameraTerms:
-    """What the endpoint is told of the camera that it stands for.
+    """Properties of the simulated camera.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class CameraTerms:
 
 
 class Registers:
-    """The camera's memory.
+    """Memory of the camera.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class Registers:
     # --- what the camera reads of itself ----------------------------------------------------
 
     def __getitem__(self, place: Place) -> int:
-        """The value of a register."""
+        """Return the value of a register."""
         block, at = self._find(place, 4)
         (value,) = struct.unpack_from(">I", block, at)
         return int(value)
@@ -184,30 +184,30 @@ class Registers:
         struct.pack_into(">I", block, at, value & 0xFFFFFFFF)
 
     def number(self, place: Place) -> float:
-        """The value of a register that holds a float."""
+        """Return the value of a register that holds a float."""
         return _as_float(self[place])
 
     @property
     def region(self) -> ReadoutRegion:
-        """What is read of the detector."""
+        """Part of the detector that is read."""
         return ReadoutRegion(
             x=self[Place.OFFSET_X], y=self[Place.OFFSET_Y], width=self[Place.WIDTH], height=self[Place.HEIGHT]
         )
 
     @property
     def pixel_format(self) -> StreamFormat:
-        """How pixels are written."""
+        """Pixel format of the stream."""
         return StreamFormat(self[Place.PIXEL_FORMAT])
 
     @property
     def discovery(self) -> bytes:
-        """What the answer to a discovery says: the first registers."""
+        """Contents of the answer to a discovery: the first registers."""
         return self.read(0, DISCOVERY_BYTES)
 
     # --- what a controller does -------------------------------------------------------------
 
     def read(self, address: int, count: int) -> bytes:
-        """Bytes at an address, both multiples of four.
+        """Return bytes at an address, both multiples of four.
 
         Raises
         ------
@@ -222,7 +222,7 @@ class Registers:
         return bytes(block[at : at + count])
 
     def write(self, address: int, data: bytes) -> list[Place]:
-        """Take values; the registers that were written.
+        """Write values and return the registers that were written.
 
         Raises
         ------
@@ -245,7 +245,7 @@ class Registers:
         return written
 
     def write_register(self, address: int, value: int) -> Place:
-        """Take one value; the register.
+        """Write one value and return its register.
 
         Raises
         ------
@@ -268,7 +268,7 @@ class Registers:
         return place
 
     def _make_checks(self) -> dict[int, Callable[[int], bool]]:
-        """Whether a register takes a value; what is not here is read-only."""
+        """Return the checks of writable registers; all others are read-only."""
         terms = self.terms
         return {
             Place.HEARTBEAT_MS: lambda v: HEARTBEAT_MS[0] <= v <= HEARTBEAT_MS[1],
@@ -299,7 +299,7 @@ class Registers:
         }
 
     def _find(self, address: int, count: int) -> tuple[bytearray | bytes, int]:
-        """The block that holds a span, and where in it."""
+        """Return the block that holds a span, and the offset in it."""
         blocks: list[tuple[int, bytearray | bytes]] = [*self._blocks, (XML_ADDRESS, self._xml)]
         for start, block in blocks:
             if start <= address and address + count <= start + len(block):

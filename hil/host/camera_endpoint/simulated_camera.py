@@ -1,4 +1,4 @@
-"""The camera behind the endpoint: starts the endpoint's process and gives it pictures as they fall due."""
+"""Camera behind the endpoint: starts the endpoint's process and supplies images as they are due."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def run_camera(
 
 
 def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
-    """Hand a picture over; what draws may die and be started again."""
+    """Pass an image on; the renderer may die and be restarted."""
     start_s = time.monotonic()
     taken = pictures.take(wanted)
     while taken is None:
@@ -111,7 +111,7 @@ def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: Cam
 
 
 def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:
-    """Tell the endpoint to end, and take its last outcomes."""
+    """Tell the endpoint to end, and collect its last outcomes."""
     pipe.send(Stop())
     while pipe.poll(END_S):
         message = pipe.recv()

@@ -1,4 +1,4 @@
-"""The stream channel: packets of pictures spread over time, kept for a while, and sent again where they are missed."""
+"""Stream channel: image packets spread over time, kept for a while, and resent on request."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.gvsp import Block
 
 BURST = 8
-"""Packets sent at once; the time to the next burst is that of as many packets."""
+"""Packets sent at once; the interval between bursts is that of as many packets."""
 MOST_BURSTS = 4
-"""Sent one after the other where time was lost, before commands are looked at again."""
+"""Bursts sent in a row to catch up before commands are processed again."""
 MOST_GAP_S = 1e-4
 SHARE_OF_INTERVAL = 0.5
 KEPT_BYTES = 64 << 20
 KEPT_BLOCKS = 8
 MOST_RESENT = 2048
-"""Packets that one request brings again."""
+"""Largest number of packets resent per request."""
 RESENT_PER_PACKET = 2
-"""Packets of a block that are sent again in all, over those of the block; and, of all blocks, over those just sent."""
+"""Limit of resent packets relative to a block's packets; and, over all blocks, relative to those just sent."""
 
 
 class StreamChannel:
@@ -49,28 +49,28 @@ class StreamChannel:
         self._to: tuple[str, int] | None = None
         self._resent: dict[int, int] = {}
         self._allowance = 0
-        """Packets that may be sent again: as many as were sent, so that no request multiplies the stream."""
+        """Packets that may be resent: as many as were sent, so that no request multiplies the stream."""
         self.packets_sent = self.packets_resent = self.packets_left_out = 0
 
     @property
     def source_port(self) -> int:
-        """The port that packets come from."""
+        """Source port of packets."""
         return int(self._socket.getsockname()[1])
 
     @property
     def due_s(self) -> float | None:
-        """When the next packets are due; None where there are none."""
+        """Due time of the next packets; None if there are none."""
         return None if self._block is None else self._due_s
 
     @property
     def has_room(self) -> bool:
-        """Whether `start` may be called: one block may wait behind the one that is on its way."""
+        """True if `start` may be called: one block may wait behind the current one."""
         return self._waiting is None
 
     def start(
         self, block: Block, to: tuple[str, int], now_s: float, *, interval_s: float, delay_s: float
     ) -> None:
-        """Send a block, after the one that is on its way.
+        """Send a block after the current one.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class StreamChannel:
         self._allowance = min(self._allowance, RESENT_PER_PACKET * block.n_packets)
 
     def stop(self) -> None:
-        """Send no more, and forget what was sent."""
+        """Stop sending and forget sent packets."""
         self._block = self._waiting = self._to = None
         self._kept.clear()
 
@@ -117,7 +117,7 @@ class StreamChannel:
                     self._begin(block, to, gap_s, now_s)
 
     def send_again(self, request: ResendRequest) -> None:
-        """Send packets that a receiver misses, or the word that they are not there.
+        """Resend packets that a receiver misses, or report that they are not available.
 
         Bounded by `RESENT_PER_PACKET`: a few bytes must not bring megabytes.
         """
@@ -140,12 +140,12 @@ class StreamChannel:
             self._resent[request.block_id] = self._resent.get(request.block_id, 0) + 1
 
     def send_test_packet(self, to: tuple[str, int], packet_bytes: int) -> None:
-        """One packet of a size, unfragmented or not at all."""
+        """Send one packet of a size, unfragmented or not at all."""
         self.set_fragments(allowed=False)
         self._send(packet_for_size(packet_bytes), to)
 
     def set_fragments(self, *, allowed: bool) -> None:
-        """Whether packets may be sent in fragments where they are too long for the line."""
+        """Set whether packets may be fragmented if too long for the line."""
         self._socket.setsockopt(socket.IPPROTO_IP, MTU_DISCOVER, MTU_DONT if allowed else MTU_DO)
 
     def close(self) -> None:

@@ -1,1 +1,1 @@
-"""Faults that a run is given on purpose: of the camera and of the line, seeded, told in the ledger."""
+"""Deliberate faults of the camera and of the line, seeded and recorded in the ledger."""

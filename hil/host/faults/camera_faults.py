@@ -1,4 +1,4 @@
-"""Camera faults on frames: pixels change, truth stays, and each frame tells what hit it."""
+"""Camera faults on frames: pixels change, truth stays, and each frame names its faults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
-    """Frames as the faulty camera gives them; ``faults`` of each names what changed it.
+    """Yield frames as the faulty camera gives them; ``faults`` of each names the causes.
 
     The same frames and seed give the same bytes.
     """
@@ -58,7 +58,7 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
 
 
 def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
-    """Frames with the camera's own counter, which stays at the last number where a fault says so.
+    """Yield frames with the camera's own counter, which repeats its last number if a fault says so.
 
     Those that have one already keep it.
     """
@@ -78,7 +78,7 @@ def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Fra
 
 
 def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
-    """The plan with its automatic exposure stuck where a fault says so; a fixed exposure has nothing to get stuck."""
+    """Return the plan with its automatic exposure stuck while a fault says so; a fixed exposure cannot stick."""
     track = plan.exposures
     stuck = tuple(fault for fault in faults.camera if isinstance(fault, StuckExposure))
     if track is None or not stuck:
@@ -88,13 +88,13 @@ def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
 
 @dataclass(frozen=True, eq=False)
 class HeldExposure:
-    """An exposure that follows the light but where it is stuck."""
+    """Exposure that follows the light except while stuck."""
 
     track: Exposures
     stuck: tuple[StuckExposure, ...]
 
     def exposure_s(self, t_s: float) -> float:
-        """Exposure at a time of the flight [s]."""
+        """Return the exposure at a time of the flight [s]."""
         for fault in self.stuck:
             if fault.acts(t_s):
                 return self.track.exposure_s(fault.start_s)
@@ -104,7 +104,7 @@ class HeldExposure:
 def _changed(
     image: Pixels, fault: CameraFault, key: tuple[int, int], number: int, white: int
 ) -> Pixels | None:
-    """The picture with one fault; None where it did not strike, or is none of pixels."""
+    """Return the image with one fault applied; None if it did not act or does not affect pixels."""
     camera = np.random.default_rng(key)  # what stays the same from frame to frame
     frame = np.random.default_rng((*key, number))
     height, width = image.shape[:2]

@@ -1,4 +1,4 @@
-"""A line with faults: two pumps between the real line and the link delay, lose, double, swap and damage packets."""
+"""Line with faults: two pumps between the real line and the link delay, lose, duplicate, swap and damage packets."""
 
 from __future__ import annotations
 
@@ -36,29 +36,29 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.faults import Direction, Faults, LineFault
 
 DAMAGE_AT = 4 + HEADER.size
-"""Where a packet is damaged at the earliest, behind its framing and header, so that its length still fits."""
+"""First byte of a packet that may be damaged, after framing and header, so that its length stays valid."""
 HOLD_S = 0.05
-"""How long a packet to be swapped waits for the next one."""
+"""Time that a packet to be swapped waits for the next one."""
 IDLE_S = 0.05
 _FRAME_ID = struct.Struct("<I")
 _OF_FRAMES = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
 
 
 class FaultJournal:
-    """What struck which frame, over all sessions of a run; the pumps write it and the ledger reads it."""
+    """Faults that acted on each frame, over all sessions of a run; written by the pumps, read by the ledger."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._by_frame: dict[int, list[str]] = {}
         self.t_s = 0.0
-        """Time in the flight of the newest frame on the line."""
+        """Flight time of the newest frame on the line."""
         self.cut: set[int] = set()
-        """Numbers of the disconnections that have happened."""
+        """Numbers of past disconnections."""
         self.added: list[LineFault] = []
-        """Faults that came during the run, after those that it began with."""
+        """Faults added during the run."""
 
     def note(self, frame_id: int | None, name: str) -> None:
-        """A fault struck a packet of a frame."""
+        """Note a fault on a packet of a frame."""
         if frame_id is None:
             return
         with self._lock:
@@ -67,7 +67,7 @@ class FaultJournal:
                 names.append(name)
 
     def take(self, frame_id: int) -> tuple[str, ...]:
-        """What struck a frame; forgotten afterwards."""
+        """Return the faults of a frame and forget them."""
         with self._lock:
             return tuple(self._by_frame.pop(frame_id, ()))
 
@@ -81,7 +81,7 @@ class SocketTransport(StreamTransport):
         sock.setblocking(False)
 
     def fileno(self) -> int:
-        """The socket's."""
+        """Return the file descriptor of the socket."""
         return self._sock.fileno()
 
     def close(self) -> None:
@@ -118,7 +118,7 @@ class SocketTransport(StreamTransport):
 
 
 def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> Transport:
-    """The near end of a line that has these faults; closing either end closes both."""
+    """Return the near end of a line with these faults; closing either end closes both."""
     ours, theirs = socket.socketpair()
     near, far = SocketTransport(line.name, ours), SocketTransport(line.name, theirs)
     near.chunk_bytes = line.chunk_bytes
@@ -136,7 +136,7 @@ def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> 
 
 
 class _Pump:
-    """One direction: packets in, packets out when they are due."""
+    """One direction of the line: packets are passed on when due."""
 
     def __init__(
         self,
@@ -253,7 +253,7 @@ class _Pump:
         return np.random.default_rng((*key, index))
 
     def _drifted(self, packet: Packet, ppm: float) -> Packet:
-        """The packet with the board's clock running fast since the first time that it told."""
+        """Return the packet with the board's clock running fast since the first time that it sent."""
         if packet.type not in (PacketType.POSE, PacketType.TIME_SYNC_REPLY):
             return packet
         message = decode_message(packet)

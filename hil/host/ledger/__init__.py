@@ -1,1 +1,1 @@
-"""One row a frame in frames.csv, and the summary of all. Reads and writes files only."""
+"""Rows of frames in frames.csv, and their summary. Reads and writes files only."""

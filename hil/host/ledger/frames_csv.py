@@ -60,7 +60,7 @@ COLUMNS = (
 
 
 class LedgerWriter:
-    """Appends rows to ``frames.csv``; each is whole and with the operating system before ``add`` returns.
+    """Appends rows to ``frames.csv``; each is complete and flushed before ``add`` returns.
 
     Raises
     ------
@@ -92,7 +92,7 @@ class LedgerWriter:
         self._file.close()
 
     def discard(self) -> None:
-        """Close the file and remove it: of a run that cannot begin."""
+        """Close and remove the file of a run that cannot begin."""
         self._file.close()
         with contextlib.suppress(OSError):
             self._path.unlink()
@@ -151,7 +151,7 @@ def _cells(row: FrameRecord) -> list[str]:
 
 
 def read_ledger(folder: Path) -> list[FrameRecord]:
-    """Rows of a ledger folder, by frame id; a last line cut off by a power failure is left out.
+    """Return the rows of a ledger folder by frame id; a truncated last line is ignored.
 
     Raises
     ------

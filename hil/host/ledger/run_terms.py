@@ -1,4 +1,4 @@
-"""The terms of a run, run.json: what was flown, by which software and with which board, and what the run was told."""
+"""Terms of a run, run.json: scenario and target, software and board, and the run's settings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST_BYTES = 1 << 24  # of run.json: ten times a scenario's largest file
 
 
 class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """A scenario by its name, its text without the secrets of URLs, and the SHA-256 of the file as it is.
+    """Scenario by its name, its text without the secrets of URLs, and the SHA-256 of its file.
 
     The text is that of the TOML file, or a JSON document where a program made the scenario.
     """
@@ -41,7 +41,7 @@ class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def of(scenario: Scenario, source: bytes = b"") -> ScenarioRecord:
-        """Return the record of a scenario that was read from ``source``; without it, from no file."""
+        """Make the record of a scenario read from ``source``, or of one without a file."""
         data = source or msgspec.json.encode(scenario, enc_hook=str)
         return ScenarioRecord(
             name=scenario.name,
@@ -51,7 +51,7 @@ class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Versions(msgspec.Struct, frozen=True, kw_only=True):
-    """The software of the host; ``gl_renderer`` is the driver that drew, empty if nothing was drawn."""
+    """Software of the host; ``gl_renderer`` is the graphics driver, empty if nothing was rendered."""
 
     flyaround: str
     python: str
@@ -61,7 +61,7 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def here(gl_renderer: str = "") -> Versions:
-        """Return those of this process."""
+        """Return the versions of this process."""
         return Versions(
             flyaround=version("flyaround"),
             python=platform.python_version(),
@@ -72,7 +72,7 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """A run's subject: scenario, seed, target with the hash of its model, and the command that asked for it."""
+    """Subject of a run: scenario, seed, target with the hash of its model, and the command."""
 
     scenario: ScenarioRecord
     seed: int
@@ -82,7 +82,7 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def of(plan: Plan, source: bytes = b"", command: Sequence[str] = ()) -> FlownRecord:
-        """Return the record of a plan's flight.
+        """Make the record of a plan's flight.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
-    """The terms of a run, written when its ledger begins: all that is known of one that was killed.
+    """Terms of a run, written when its ledger begins: all that is known of a killed run.
 
     ``board``, the driver in ``versions`` and ``sun_sent`` are added once the first board is ready. No key is ever
     recorded.
@@ -125,7 +125,7 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_terms(flown: FlownRecord | None, **told: Any) -> RunTerms:  # noqa: ANN401 - its fields
-    """Return the terms of a run of this process, by what is flown and the other fields of ``RunTerms``."""
+    """Return the terms of a run of this process, from the plan and the other fields of ``RunTerms``."""
     known = {} if flown is None else msgspec.structs.asdict(flown)
     return RunTerms(versions=Versions.here(), **known, **told)
 
@@ -148,7 +148,7 @@ def write_terms(folder: Path, terms: RunTerms) -> None:
 
 
 def read_terms(folder: Path) -> RunTerms | None:
-    """Return the terms of a ledger folder; None if it is older than their record.
+    """Return the terms of a ledger folder; None if it is older than this file.
 
     Raises
     ------

@@ -25,7 +25,7 @@ SUMMARY_JSON = "summary.json"
 
 
 class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
-    """One stage of the board's estimator over the answered frames."""
+    """Times of one stage of the board's estimator over the answered frames."""
 
     name: str
     p50_ms: float
@@ -43,7 +43,7 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """What a closed loop came to; ``final_error_m`` is from where the path ends, by the truth.
+    """Result of a closed loop; ``final_error_m`` is the true distance from the end of the path.
 
     ``final_error_deg`` is the larger of the camera's error of pointing and that of the target's estimated attitude.
     ``keep_out_violations`` counts periods of control that began inside the sphere and outside the corridor.
@@ -62,7 +62,7 @@ class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run came to; ``sent = accepted + declined + dropped_total`` always holds.
+    """Summary of a run; ``sent = accepted + declined + dropped_total`` always holds.
 
     Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is a frame of all sent
     without an answer within ``deadline_ms``: late, dropped, or never sent on to the board. ``accepted_wrong`` of the
@@ -128,11 +128,11 @@ _PERCENTILES: dict[str, dict[str, float]] = {
     "handover_error_ms": {"p50": 50, "p99": 99, "p999": 99.9, "max": 100},
     "staleness_ms": {"p50": 50, "p95": 95, "p99": 99, "max": 100},
 }
-"""Percentiles of the summary, by field of the records and ending of the summary's field."""
+"""Percentiles of the summary by field of the records and suffix of the summary's field."""
 
 
 def this_machine() -> Machine:
-    """What the figures were measured on."""
+    """Return the description of this machine."""
     return Machine(
         system=f"{platform.system()} {platform.release()} {platform.machine()}",
         processor=_processor(),
@@ -153,12 +153,12 @@ def _processor() -> str:
 
 
 def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
-    """Percentile ``q`` by linear interpolation, None of nothing."""
+    """Return percentile ``q`` by linear interpolation; None without values."""
     return float(np.percentile(np.asarray(values), q)) if len(values) else None
 
 
 class LedgerTally:
-    """What a summary needs of each row, in some eighty bytes: a run of days must not fill the memory with its rows."""
+    """Data of each row that a summary needs, about eighty bytes, so that runs of days fit in memory."""
 
     def __init__(self, rows: Iterable[FrameRecord] = ()) -> None:
         self.outcomes: Counter[str] = Counter()
@@ -173,7 +173,7 @@ class LedgerTally:
         return self.outcomes.total()
 
     def add(self, row: FrameRecord) -> None:
-        """Take in one row."""
+        """Add one row."""
         self.outcomes[row.outcome] += 1
         for name, values in self.columns.items():
             value = getattr(row, name)
@@ -193,13 +193,13 @@ class LedgerTally:
                     values.append(value)
 
     def interval_ms(self) -> float | None:
-        """Median time from frame to frame."""
+        """Return the median interval between frames."""
         times = np.sort(self.columns["t_s"])
         return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
 
 
 def stage_times(stages_ms: Mapping[str, Sequence[float]]) -> list[StageTimes]:
-    """Distribution of each board stage, in the order in which stages first appear."""
+    """Return the distribution of each board stage, in order of first appearance."""
     return [
         StageTimes(
             name=name,
@@ -212,7 +212,7 @@ def stage_times(stages_ms: Mapping[str, Sequence[float]]) -> list[StageTimes]:
 
 
 def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSummary:  # noqa: ANN401 - its fields
-    """The summary of a run's rows.
+    """Return the summary of a run's rows.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The link in a process of its own: sockets, timestamps, what became of each frame. The renderer never runs here."""
+"""Link in a separate process: sockets, timestamps and outcomes of frames. The renderer never runs here."""

@@ -1,4 +1,4 @@
-"""The board in session: its handshake, what it says, its clock, and what is counted of its packets."""
+"""Board in session: handshake, messages, clock and packet counts."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ MAX_LOGGED = 20
 
 
 class BoardSession:
-    """The one board of the host: none, or one in session; another may follow it.
+    """Board of the host: none, or one in session; another may follow it.
 
     Parameters
     ----------
@@ -103,14 +103,14 @@ class BoardSession:
         self._beats = False  # whether the board asks for the time itself, and so is heard from while it works
 
     def begin(self, link: Link, hello: Hello) -> bool:
-        """Answer a HELLO; whether the board may stay, and then it is ``link`` from now on."""
+        """Answer a HELLO; return True if the board may stay, as ``link`` from now on."""
         self.link = link
         link.accepts = HOST_IN_SESSION
         self._greet(hello, link)
         return self.link is not None
 
     def end(self, reason: str, *, goodbye: bool) -> None:
-        """Close the session; without a goodbye, a board does not take a run that was killed for one that is over."""
+        """Close the session; without a goodbye, a board can tell a killed run from a finished one."""
         if self.link is None:
             return
         self._count_packets(self.link)
@@ -120,7 +120,7 @@ class BoardSession:
             refuse(self.link, ErrorCode.OTHER, reason)
 
     def listen(self) -> None:
-        """Take what the board says, for a bounded time."""
+        """Receive the board's messages for a bounded time."""
         until_ns = now_ns() + DRAIN_NS
         self.unread = False
         while self.link is not None:
@@ -151,7 +151,7 @@ class BoardSession:
             self._handle(message, now_ns(), self.link)
 
     def _mistaken(self, mistake: ProtocolMistake) -> None:
-        """The board sent what the protocol does not allow: never used, always counted."""
+        """Handle a violation of the protocol by the board: never used, always counted."""
         self._mistakes += 1
         if self._mistakes <= MAX_LOGGED:
             last = " (further mistakes are only counted)" if self._mistakes == MAX_LOGGED else ""
@@ -288,7 +288,7 @@ class BoardSession:
             self.leave(error.text)  # it cannot use the camera
 
     def leave(self, reason: str) -> None:
-        """The board is gone: its frames are lost, another may take its place."""
+        """Handle the loss of the board: its frames are lost, another may take its place."""
         link, self.link, self.ack, self._up = self.link, None, None, None
         self.unread = False
         if link is not None:
@@ -318,7 +318,7 @@ class BoardSession:
         )
 
     def ask_what_came(self) -> None:
-        """Frames wait for the board: ask it soon, where it was not asked since the last should have come."""
+        """Schedule a request for received frames while frames wait, unless one was sent since the last was due."""
         sent_ns = self._in_flight.last_sent_ns
         if sent_ns is None:
             return
@@ -328,7 +328,7 @@ class BoardSession:
         self.next_sync_ns = min(self.next_sync_ns, due_ns)
 
     def sync_before_frame(self) -> None:
-        """Ask for the board's clock before a frame takes the line, where it would soon be time to.
+        """Request the board's clock before a frame occupies the line, if one is due soon.
 
         Raises
         ------
@@ -339,7 +339,7 @@ class BoardSession:
             self._ask(self.link)
 
     def sync_clock(self) -> None:
-        """Ask for the board's clock, and what came to it, where it is time to."""
+        """Request the board's clock and newest frame, if due."""
         if self.link is not None and self.ack is not None and now_ns() >= self.next_sync_ns:
             self._announce()  # a board that never answers clock requests may still answer frames
             try:
@@ -353,7 +353,7 @@ class BoardSession:
         link.send(TimeSyncRequest(self._asked_ns))
 
     def check_silence(self) -> None:
-        """Take a board for gone that has asked for the time, and says nothing any more; all it said was listened to.
+        """Close the session of a board that used to request the time and is silent now, after all its input was read.
 
         Its thread that reads asks while another computes, however long that takes. A board that never asks may do all
         in one thread: of it only frames that run out of time tell.
@@ -371,5 +371,5 @@ def _ms(ns: int | None) -> float | None:
 
 
 def _quantile(values: Collection[int], share: float) -> int | None:
-    """The smallest of the values that such a share of them does not exceed; None of none."""
+    """Return the smallest value that such a share of the values does not exceed; None without values."""
     return sorted(values)[max(0, math.ceil(share * len(values)) - 1)] if values else None

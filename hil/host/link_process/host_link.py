@@ -1,4 +1,4 @@
-"""The run's handle on the link process: hand over frames, get back what became of them."""
+"""Handle of the run on the link process: submits frames and receives outcomes."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ ENDED = "the link process ended unexpectedly: what was logged so far is intact; 
 
 
 def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatName) -> PixelFormat:
-    """What images are sent as.
+    """Return the pixel format of the images on the line.
 
     Parameters
     ----------
@@ -135,16 +135,16 @@ class HostLink:
 
     @property
     def url(self) -> str:
-        """Where boards connect, with the port that was given."""
+        """Address for boards, with the actual port."""
         return self._listening.url if self._listening else ""
 
     @property
     def truth_url(self) -> str | None:
-        """Where truth loggers connect."""
+        """Address for truth loggers."""
         return self._listening.truth_url if self._listening else None
 
     def open(self, ack: HelloAck, n_slots: int, slot_bytes: int) -> None:
-        """Let boards in, on these terms."""
+        """Admit boards on these terms."""
         os.ftruncate(self._fd, n_slots * slot_bytes)
         self._slots = FrameSlots(self._fd, n_slots, slot_bytes)
         self._free = list(range(n_slots))
@@ -152,11 +152,11 @@ class HostLink:
 
     @property
     def has_room(self) -> bool:
-        """Whether ``submit`` would find a free slot."""
+        """True if ``submit`` would find a free slot."""
         return bool(self._free)
 
     def submit(self, image: NDArray[np.generic], job: FrameJob) -> None:
-        """Hand over a frame, whose pixels are copied; there must be room."""
+        """Submit a frame, whose pixels are copied; there must be room."""
         if self._slots is None or not self._free:
             raise RuntimeError("a frame was submitted without terms or without room")
         slot = self._free.pop()
@@ -165,11 +165,11 @@ class HostLink:
         self._tell(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
 
     def add_line_fault(self, fault: LineFault) -> None:
-        """Have one more fault of the line, where the configuration lets faults be added."""
+        """Add a fault of the line, if the configuration allows it."""
         self._tell(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
-        """Take what the link process has to say, waiting up to ``timeout_s`` for the first word."""
+        """Process messages of the link process, waiting up to ``timeout_s`` for the first."""
         try:
             while self._pipe.poll(timeout_s):
                 self._take(self._pipe.recv())
@@ -179,13 +179,13 @@ class HostLink:
             raise UserError(ENDED) from error
 
     def results(self) -> list[FrameRecord]:
-        """Outcomes since the last call."""
+        """Return the outcomes since the last call."""
         taken = list(self._results)
         self._results.clear()
         return taken
 
     def wait_for_board(self, timeout_s: float) -> bool:
-        """Whether a board is ready; one has to come within ``timeout_s``, its estimator may take longer."""
+        """Return True if a board is ready; it must connect within ``timeout_s``, its estimator may take longer."""
         deadline = time.monotonic() + timeout_s
         while self.board is None:
             until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
@@ -196,7 +196,7 @@ class HostLink:
         return True
 
     def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:
-        """Say goodbye to the board, with the reason, and end the process; kill it after ``timeout_s``."""
+        """Say goodbye to the board with the reason and end the process; kill it after ``timeout_s``."""
         try:
             if not self.closed:
                 with contextlib.suppress(UserError, OSError):

@@ -1,4 +1,4 @@
-"""The frames that were sent: which have no outcome yet, and which use up the board's credit."""
+"""Frames sent: those without an outcome, and those that use up the board's credit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_REMEMBERED = 100_000
 
 @dataclass
 class FrameInFlight:
-    """A frame that was sent and has no outcome yet."""
+    """Frame sent, without an outcome yet."""
 
     record: FrameRecord
     deadline_ns: int
@@ -29,7 +29,7 @@ class FrameInFlight:
 
 
 class FramesInFlight:
-    """Each frame sent gets one outcome: a pose, or a drop with its cause.
+    """Frames sent; each gets one outcome: a pose, or a drop with its cause.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ class FramesInFlight:
         self._held: dict[int, int] = {}  # when the sending of each ended
         self._history: dict[int, bool] = {}  # frames that were begun, and whether each was answered
         self.misses = 0
-        """Frames that were sent and ran out of time since the board last spoke of one."""
+        """Frames timed out since the last message of the board about one."""
         self._missed_ns = 0  # when the last of them did
 
     def is_flying(self, frame_id: int) -> bool:
-        """Whether a frame that was begun has no outcome yet."""
+        """Return True if a frame was begun and has no outcome yet."""
         return frame_id in self._flying
 
     @property
@@ -60,11 +60,11 @@ class FramesInFlight:
 
     @property
     def first_deadline_ns(self) -> int | None:
-        """When the next frame runs out of time; None without one in flight."""
+        """Next timeout of a frame; None without one in flight."""
         return min((flight.deadline_ns for flight in self._flying.values()), default=None)
 
     def start(self, record: FrameRecord, at_ns: int) -> FrameInFlight:
-        """A frame whose sending begins now."""
+        """Begin sending a frame."""
         record = record.at(send_start_ns=at_ns, send_end_ns=at_ns)
         flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
         self._flying[record.frame_id] = flight
@@ -75,18 +75,18 @@ class FramesInFlight:
         return flight
 
     def sent(self, flight: FrameInFlight, at_ns: int) -> None:
-        """The last byte of a frame is out."""
+        """Note that the last byte of a frame was sent."""
         flight.record = flight.record.at(send_end_ns=at_ns)
         if flight.record.frame_id in self._held:
             self._held[flight.record.frame_id] = at_ns
 
     @property
     def last_sent_ns(self) -> int | None:
-        """When the sending of the newest frame at the board ended; None where it holds none."""
+        """End of sending of the newest frame at the board; None if it holds none."""
         return max(self._held.values(), default=None)
 
     def unanswered(self, at_ns: int) -> int:
-        """Return the misses in a row by ``at_ns``: frames that ran out of time without a sign of damage on the line.
+        """Return the consecutive misses by ``at_ns``: frames timed out without a sign of damage on the line.
 
         A board that keeps the credit of such frames is sent no more; each further time-out without a word of it counts
         as one. Frames that were never sent are no misses.
@@ -98,11 +98,11 @@ class FramesInFlight:
         return self.misses + overdue + silent
 
     def was_sent(self, frame_id: int) -> bool:
-        """Return True if the sending of a frame was begun."""
+        """Return True if sending a frame was begun."""
         return frame_id in self._history
 
     def mistake_of(self, frame_id: int) -> str:
-        """Return what is wrong with an answer to a frame, in words; nothing if it may be answered, in time or late."""
+        """Return the fault of an answer to a frame, in words; empty if it may be answered, in time or late."""
         if frame_id not in self._history:
             return "an answer to a frame that was never sent"
         return "a second answer to a frame" if self._history[frame_id] else ""
@@ -110,7 +110,7 @@ class FramesInFlight:
     def answer(
         self, pose: PoseMessage, at_ns: int, clock_offset_ns: int | None, clock_bound_ns: int | None = None
     ) -> bool:
-        """Report a pose that came at ``at_ns``; False when its frame had an outcome already."""
+        """Record a pose received at ``at_ns``; return False if its frame had an outcome already."""
         flight = self._flying.pop(pose.frame_id, None)
         self._history[pose.frame_id] = True
         self.misses = 0  # late or not, it works
@@ -132,7 +132,7 @@ class FramesInFlight:
         return flight is not None
 
     def release(self, frame_id: int) -> None:
-        """Frames up to this one are no longer at the board; those without an answer never get one."""
+        """Release frames up to this one from the board; those without an answer never get one."""
         self.misses = 0
         self._held = {held: sent for held, sent in self._held.items() if held > frame_id}
         for passed in [f for f in self._flying if f <= frame_id]:
@@ -142,12 +142,12 @@ class FramesInFlight:
                 self._drop(passed, "skipped", "the board released the frame without an answer")
 
     def note_damage(self) -> None:
-        """A damaged packet was seen: it may have belonged to any frame in flight."""
+        """Note a damaged packet, which may have belonged to any frame in flight."""
         for flight in self._flying.values():
             flight.damage_seen = True
 
     def damaged(self, frame_id: int, reason: str, cause: str = "corrupt") -> bool:
-        """Report that the board cannot use this frame, and release it alone; False when it is not in flight."""
+        """Record that the board cannot use this frame, and release it alone; return False if not in flight."""
         self.misses = 0  # late or not, it speaks of it
         flying = frame_id in self._flying
         if flying:
@@ -156,7 +156,7 @@ class FramesInFlight:
         return flying
 
     def lost_on_the_line(self, asked_ns: int, newest_frame: int) -> None:
-        """What the board told of itself, asked after some frames: those that did not reach it whole are given up.
+        """Give up frames that did not reach the board complete, by the newest frame it reports.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class FramesInFlight:
             del self._held[frame_id]
 
     def refuse(self, frame_id: int, reason: str) -> bool:
-        """Report that the board's answer to this frame cannot be used; False when it is not in flight."""
+        """Record that the board's answer to this frame cannot be used; return False if not in flight."""
         flying = frame_id in self._flying
         self.misses = 0  # wrongly or not, it answers
         if flying:
@@ -183,7 +183,7 @@ class FramesInFlight:
         return flying
 
     def expire(self, at_ns: int) -> None:
-        """Drop the frames whose time is over."""
+        """Drop the frames that timed out."""
         for frame_id, flight in list(self._flying.items()):
             if at_ns < flight.deadline_ns:
                 continue
@@ -196,7 +196,7 @@ class FramesInFlight:
                 self._held.pop(frame_id, None)  # it may never have reached the board
 
     def lose(self, reason: str) -> None:
-        """The board went away, or began anew, with all that it had."""
+        """Drop all frames after the board left or restarted."""
         for frame_id in list(self._flying):
             self._drop(frame_id, "disconnected", reason)
         self._held = {}

@@ -1,4 +1,4 @@
-"""What the run and the link process say to each other, and the memory that carries the pixels."""
+"""Messages between the run and the link process, and the shared memory of the pixels."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Count = Annotated[int, msgspec.Meta(ge=0)]
 
 @dataclass(frozen=True, kw_only=True)
 class LinkConfig:
-    """How the link process listens; fixed for a run.
+    """Settings of the link process, fixed for a run.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class LinkConfig:
 
 @dataclass(frozen=True)
 class Terms:
-    """What the first frame settled: the handshake's terms and the size of a slot."""
+    """Terms from the first frame: the handshake's terms and the size of a slot."""
 
     ack: HelloAck
     n_slots: int
@@ -73,7 +73,7 @@ class Terms:
 
 @dataclass(frozen=True)
 class Readout:
-    """What part of the detector an image is: x, y, width, height in its physical pixels, zeros where unknown."""
+    """Part of the detector that an image shows: x, y, width, height in physical pixels, zeros if unknown."""
 
     roi_px: tuple[int, int, int, int] = (0, 0, 0, 0)
     binning: int = 1
@@ -81,7 +81,7 @@ class Readout:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameJob:
-    """A frame to send: its record so far, and its pixels.
+    """Frame to send: its record so far, and its pixels.
 
     Parameters
     ----------
@@ -115,21 +115,21 @@ class FrameJob:
 
 @dataclass(frozen=True)
 class AddLineFault:
-    """One more fault of the line, from now on."""
+    """Additional fault of the line, from now on."""
 
     fault: LineFault
 
 
 @dataclass(frozen=True)
 class Close:
-    """End the session: say goodbye to board and loggers."""
+    """Request to end the session: goodbye to board and loggers."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Listening:
-    """The ports are open, here."""
+    """Confirmation that the ports are open."""
 
     url: str
     truth_url: str | None
@@ -137,18 +137,18 @@ class Listening:
 
 @dataclass(frozen=True)
 class Failed:
-    """The link process cannot work; one sentence for the user."""
+    """Failure of the link process; one sentence for the user."""
 
     sentence: str
 
 
 @dataclass(frozen=True)
 class BoardGreeted:
-    """A board said HELLO and was let in; its estimator may not be ready yet."""
+    """Admission of a board after its HELLO; its estimator may not be ready yet."""
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """The board that answered last, as it said in its HELLO."""
+    """Board that answered last, by its HELLO."""
 
     name: str
     model: str
@@ -160,7 +160,7 @@ class Board(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class BoardUp:
-    """A board shook hands and is ready."""
+    """Board ready after the handshake."""
 
     peer: str
     board: Board
@@ -169,20 +169,20 @@ class BoardUp:
 
 @dataclass(frozen=True)
 class BoardDown:
-    """The board left, or was refused."""
+    """Board gone or refused."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class SlotFree:
-    """The pixels of a slot are no longer needed."""
+    """Slot whose pixels are no longer needed."""
 
     slot: int
 
 
 class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
-    """The link's own counts; ``protocol_mistakes`` are intact packets that the protocol does not allow.
+    """Counts of the link; ``protocol_mistakes`` are intact packets that violate the protocol.
 
     ``mistakes`` counts them by their kind, in words.
     """
@@ -206,13 +206,13 @@ class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Closed:
-    """The link process's last word."""
+    """Last message of the link process."""
 
     counts: LinkTotals
 
 
 class FrameSlots:
-    """Pixels in memory that two processes share, in ``n_slots`` slots: the bound of the queue.
+    """Pixels in memory shared by two processes, in ``n_slots`` slots, which bound the queue.
 
     An anonymous file carries it (`flyaround.simulator.runtime.carrier`); nothing is left behind when a process dies.
     """
@@ -222,7 +222,7 @@ class FrameSlots:
         self._map = mmap.mmap(fd, n_slots * slot_bytes)
 
     def view(self, slot: int, shape: tuple[int, ...], dtype: str) -> NDArray[np.generic]:
-        """The slot as an image that shares its memory."""
+        """Return the slot as an image that shares its memory."""
         count = math.prod(shape)
         offset = slot * self._slot_bytes
         return np.frombuffer(self._map, np.dtype(dtype), count, offset).reshape(shape)

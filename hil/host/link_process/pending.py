@@ -1,4 +1,4 @@
-"""Connections that have not said HELLO: a few at once, and none for long."""
+"""Connections that have not said HELLO: few at once, and none for long."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_OTHERS = 64
 
 
 class PendingLinks:
-    """Whoever connected, until one of them says HELLO: a silent connection keeps no board out.
+    """Connections until one says HELLO: a silent connection keeps no board out.
 
     Parameters
     ----------
@@ -38,16 +38,16 @@ class PendingLinks:
 
     @property
     def transports(self) -> list[Any]:
-        """What to wait on."""
+        """File descriptors to wait on."""
         return [link.transport for link, _ in self._links]
 
     @property
     def first_deadline_ns(self) -> int | None:
-        """When the first of them runs out of time; None where there is none."""
+        """Next timeout; None without connections."""
         return min((deadline for _, deadline in self._links), default=None)
 
     def add(self, transport: Transport) -> None:
-        """Take in a connection; where too many wait, the oldest is turned away."""
+        """Add a connection; if too many wait, the oldest is closed."""
         if len(self._links) >= MAX_PENDING:
             self._refuse(
                 self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once"
@@ -55,7 +55,7 @@ class PendingLinks:
         self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
 
     def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
-        """The first of those ``ready`` that says HELLO, with it; it is pending no more."""
+        """Return the first of those ``ready`` that says HELLO, with the message; it is no longer pending."""
         for link, _ in list(self._links):
             if link.transport in ready and (hello := self._hello(link)) is not None:
                 self._remove(link)
@@ -63,13 +63,13 @@ class PendingLinks:
         return None
 
     def expire(self, at_ns: int) -> None:
-        """Close those whose time is over."""
+        """Close connections that timed out."""
         for link, deadline in list(self._links):
             if at_ns >= deadline:
                 self._drop(link, "it said nothing that the link protocol knows")
 
     def turn_away(self, sentence: str) -> None:
-        """Close all of them, with a sentence."""
+        """Close all of them, with a message."""
         for link, _ in self._links:
             refuse(link, ErrorCode.BUSY, sentence)
         self._links = []

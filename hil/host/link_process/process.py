@@ -1,4 +1,4 @@
-"""The link's process: owns the sockets, takes the timestamps, decides what became of each frame."""
+"""Link process: owns the sockets, takes the timestamps and decides the outcome of each frame."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ RUN_DIED = "the host's run was killed or died, without a goodbye"
 
 
 class LinkServer:
-    """One thread, one loop: commands from the run, packets from the board, loggers, deadlines."""
+    """One thread with one loop: commands of the run, packets of the board, loggers, timeouts."""
 
     def __init__(self, pipe: Connection, slots_fd: int, config: LinkConfig) -> None:
         self._pipe, self._slots_fd, self._config = pipe, slots_fd, config
@@ -86,7 +86,7 @@ class LinkServer:
         self._reason = RUN_DIED
 
     def run(self) -> None:
-        """Serve until the run says Close or goes away."""
+        """Serve until the run sends Close or is gone."""
         # a run that was killed may be missed first by what is said to it
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._pipe.send(
@@ -169,13 +169,13 @@ class LinkServer:
             self._closing = True
 
     def _drop(self, job: FrameJob, cause: str, reason: str) -> None:
-        """A frame that was never sent."""
+        """Drop a frame that was never sent."""
         self._pipe.send(SlotFree(job.slot))
         self._publish_truth(job)
         self._report(job.record.ended(f"dropped:{cause}", reason))
 
     def _report(self, record: FrameRecord) -> None:
-        """A frame's outcome to the run, with the faults of the line that struck it on purpose."""
+        """Send a frame's outcome to the run, with the deliberate faults of the line that acted on it."""
         faults = (*record.faults, *self._journal.take(record.frame_id))
         self._pipe.send(replace(record, faults=faults))
 
@@ -189,7 +189,7 @@ class LinkServer:
             self._send_in_step()
 
     def _hand_over_due(self) -> None:
-        """Take up the frames that are due; of those that wait for the board the newest stays."""
+        """Take up the frames that are due; of those waiting for the board only the newest stays."""
         while self._waiting:
             due_ns = self._waiting[0].record.times.due_ns or 0
             if due_ns - now_ns() > SPIN_NS:
@@ -207,7 +207,7 @@ class LinkServer:
             self._send_newest()
 
     def _send_newest(self) -> None:
-        """Send the frame that waits, where the board has room for it."""
+        """Send the waiting frame if the board has room for it."""
         job = self._newest
         if job is None:
             return
@@ -294,7 +294,7 @@ class LinkServer:
         self._publish_truth(job)
 
     def _in_utc(self, exposure_ns: tuple[int, int] | None) -> tuple[int, int]:
-        """Start and end of an exposure as nanoseconds of UTC since 1970, as the ledger has them; zeros if not known."""
+        """Return start and end of an exposure as nanoseconds of UTC since 1970; zeros if unknown."""
         if exposure_ns is None:
             return 0, 0
         start_ns, end_ns = exposure_ns
@@ -305,7 +305,7 @@ class LinkServer:
             self._truth.publish(job.record.frame_id, job.truth)
 
     def _check_hung(self) -> None:
-        """A board that leaves frame after frame without an answer counts as gone: another may take its place."""
+        """Close the session of a board that leaves frame after frame unanswered, so that another may connect."""
         limit = self._config.max_misses
         if self._board.link is None or not limit:
             return
@@ -355,7 +355,7 @@ def _handed_over(job: FrameJob, at_ns: int) -> FrameJob:
 
 
 def main() -> None:
-    """Entry of the process: two inherited descriptors, the pipe's and the pixels'."""
+    """Run the process with two inherited descriptors, the pipe's and the pixels'."""
     for ending in (signal.SIGINT, signal.SIGTERM):  # the run decides what they mean, and then closes us
         signal.signal(ending, signal.SIG_IGN)
     pipe = Connection(int(sys.argv[1]))
@@ -375,7 +375,7 @@ def main() -> None:
 
 
 def _keep_time() -> None:
-    """Run before what only computes, where the system lets this user: frames leave when they are due."""
+    """Raise the priority over computing processes, if permitted: frames must leave when due."""
     if hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

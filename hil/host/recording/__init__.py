@@ -1,1 +1,1 @@
-"""What a run leaves for other people's tools: MCAP and a live view, Chrome traces, CCSDS space packets."""
+"""Recordings of a run for other tools: MCAP and a live view, Chrome traces, CCSDS space packets."""

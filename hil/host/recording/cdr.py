@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class CdrEncoder:
-    """Encoder of messages that are given as dictionaries.
+    """Encoder of messages given as dictionaries.
 
     Parameters
     ----------

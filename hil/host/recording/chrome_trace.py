@@ -1,4 +1,4 @@
-"""A run as a Chrome trace: open it in Perfetto or chrome://tracing.
+"""Run as a Chrome trace, for Perfetto or chrome://tracing.
 
 Format: Trace Event Format, complete events ("X"), microseconds. Rows: drawing, line out, board, stages, line back.
 """
@@ -26,7 +26,7 @@ TRACKS = {
 
 
 def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
-    """Events of a ledger's rows. Frames start at their time in the flight; what is not known is left out."""
+    """Return the events of a ledger's rows. Frames start at their time in the flight; unknown times are left out."""
     events: list[dict[str, Any]] = [
         {"ph": "M", "name": "process_name", "pid": pid, "args": {"name": name}}
         for pid, name in ((HOST, "host"), (BOARD, "board"))

@@ -1,4 +1,4 @@
-"""MCAP files that were broken off: ended after their last whole record, so that any reader takes them."""
+"""Interrupted MCAP files, ended after their last complete record so that any reader accepts them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0)
 
 
 def end_cut_mcap(path: Path) -> None:
-    """End a file after its last whole record for whose end there is room; one without any record is left as it is.
+    """End a file after its last complete record that leaves room for the end; a file without records stays as it is.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def end_cut_mcap(path: Path) -> None:
 
 
 def _ends_of_records(file: BinaryIO) -> list[int]:
-    """Return the offset behind each whole record of the data section."""
+    """Return the offset after each complete record of the data section."""
     from mcap.exceptions import McapError  # noqa: PLC0415 - an optional part
     from mcap.records import Chunk, DataEnd, Footer  # noqa: PLC0415
     from mcap.stream_reader import StreamReader, breakup_chunk  # noqa: PLC0415

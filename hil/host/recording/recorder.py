@@ -1,4 +1,4 @@
-"""What listens to a run: each frame as it is handed over, and its row of the ledger once its outcome is known."""
+"""Listener of a run: each frame as it is handed over, and its ledger row once its outcome is known."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ if TYPE_CHECKING:
 
 
 class Recorder(Protocol):
-    """Keeps a run in some format; used by one thread, closed once."""
+    """Recorder of a run in some format; used by one thread, closed once."""
 
     def frame(self, frame: Frame) -> None:
-        """A frame that is handed to the link now."""
+        """Record a frame that is handed to the link now."""
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """What became of a frame; the frame has lost its pixels by then."""
+        """Record the outcome of a frame, which has lost its pixels by then."""
 
     def close(self) -> None:
-        """The run is over, however it ended."""
+        """Close after the run, however it ended."""

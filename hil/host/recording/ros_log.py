@@ -1,4 +1,4 @@
-"""A run as ROS 2 messages: in an MCAP file, and live to Foxglove or Lichtblick over a WebSocket.
+"""Run as ROS 2 messages: in an MCAP file, and live to Foxglove or Lichtblick over a WebSocket.
 
 Optional parts: the extra ``logs`` (foxglove-sdk, rosbags).
 """
@@ -40,11 +40,11 @@ FRAME_TIMING_DEFINITION = ros_definition(
     + "".join(f"float64 {name}\n" for name in DURATIONS)
     + "string[] stage_names\nfloat64[] stage_ms\nfloat64 position_error_m\nfloat64 attitude_error_deg\n"
 )
-"""Text of the message type."""
+"""Definition of the message type."""
 
 
 def frame_timing(row: FrameRecord) -> dict[str, Any]:
-    """flyaround_msgs/FrameTiming of a ledger's row; what is not known is not a number."""
+    """Return the flyaround_msgs/FrameTiming of a ledger's row; unknown values are NaN."""
     known = {name: getattr(row, name) for name in DURATIONS}
     return {
         "header": header(row.epoch_utc),
@@ -74,11 +74,11 @@ TOPICS = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/timing": FRAME_TIMING,
 }
-"""What is written, and as what."""
+"""Topics with their message types."""
 
 
 class _FileToWrite:
-    """A new file for a writer that does not hear of a full disk: the first error is kept, what comes then is left."""
+    """New file for a writer that cannot handle a full disk: the first error is kept, later data is dropped."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
@@ -86,7 +86,7 @@ class _FileToWrite:
         self.error: OSError | None = None
 
     def write(self, data: bytes) -> int:
-        """All of it, or nothing any more."""
+        """Write all data, or nothing after an error."""
         if self.error is None:
             try:
                 return self._file.write(data)
@@ -96,7 +96,7 @@ class _FileToWrite:
         return len(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """As a file's."""
+        """Seek like a file."""
         if self.error is None:
             try:
                 return self._file.seek(offset, whence)
@@ -107,7 +107,7 @@ class _FileToWrite:
         return self._end
 
     def flush(self) -> None:
-        """As a file's."""
+        """Flush like a file."""
         if self.error is None:
             try:
                 self._file.flush()
@@ -115,7 +115,7 @@ class _FileToWrite:
                 self._fail(error)
 
     def close(self) -> None:
-        """As a file's."""
+        """Close like a file."""
         self.flush()
         with contextlib.suppress(OSError):  # of what is still to be written
             self._file.close()
@@ -181,7 +181,7 @@ class RosLog:
         return None if self._server is None else int(self._server.port)
 
     def frame(self, frame: Frame) -> None:
-        """The picture, its camera and the true pose."""
+        """Write the image, its camera and the true pose."""
         epoch = frame.scene.epoch_utc
         self._log("/camera/image_raw", image(frame.image, epoch), epoch)
         self._log("/camera/camera_info", camera_info(frame.scene.camera, epoch), epoch)
@@ -191,7 +191,7 @@ class RosLog:
             self._log("/tf", transform(q, t, epoch, TARGET_FRAME), epoch)
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """The answer and its times; poses that were accepted alone."""
+        """Write the answer, if accepted, and its times."""
         epoch = frame.scene.epoch_utc
         if row.outcome == "accepted" and row.q_wxyz is not None and row.t_m is not None:
             self._log("/estimate/pose", pose_stamped(row.q_wxyz, row.t_m, epoch), epoch)
@@ -209,7 +209,7 @@ class RosLog:
             logger.warning("%s; the live view goes on", sentence)
 
     def _give_up_file(self) -> str:
-        """Close a file that can no longer be written; what is to be said of it, or nothing where it is whole."""
+        """Close a file that can no longer be written and return the message; empty if it is complete."""
         file, data = self._file, self._data
         self._file = self._data = None
         if file is not None:

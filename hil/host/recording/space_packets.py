@@ -1,4 +1,4 @@
-"""Truth, answers and timing as CCSDS space packets, with an XTCE description that COSMOS and YAMCS read.
+"""Truth, answers and timing as CCSDS space packets, with an XTCE description for COSMOS and YAMCS.
 
 Packets: CCSDS 133.0-B-2. Time: CCSDS 301.0-B-4, day segmented (CDS), days since 1958-01-01, milliseconds of the day,
 microseconds of the millisecond; mid-exposure of the frame. Numbers are big-endian. Optional part: the extra ``logs``.
@@ -36,7 +36,7 @@ OUTCOMES = ("accepted", "declined", "dropped")
 
 @dataclass(frozen=True)
 class PacketField:
-    """A number in a packet: name, size in bits, kind as XTCE has it, and its unit."""
+    """Number in a packet: name, size in bits, XTCE kind and unit."""
 
     name: str
     bits: int
@@ -45,7 +45,7 @@ class PacketField:
 
     @property
     def code(self) -> str:
-        """As `struct` names it."""
+        """Format character of `struct`."""
         return {("float", 64): "d", ("uint", 32): "I", ("uint", 8): "B", ("enum", 8): "B"}[
             self.kind, self.bits
         ]
@@ -53,7 +53,7 @@ class PacketField:
 
 @dataclass(frozen=True)
 class PacketKind:
-    """A kind of packet: its name, application process and fields after the time."""
+    """Kind of packet: name, application process and the fields after the time."""
 
     name: str
     apid: int
@@ -87,11 +87,11 @@ KINDS = {
     ),
     "TIMING": PacketKind("TIMING", 0x103, (_FRAME, *_floats(*DURATIONS, unit="ms"))),
 }
-"""All packets. A pose is ``camera_from_target``; what is not known is not a number."""
+"""All packets. A pose is ``camera_from_target``; unknown values are NaN."""
 
 
 def cds_time(epoch_utc: str) -> bytes:
-    """A time in UTC as eight bytes of CDS, its P-field before it."""
+    """Return a UTC time as eight bytes of CDS, after its P-field."""
     days, nanoseconds = divmod(nanoseconds_utc(epoch_utc), 86_400_000_000_000)
     ms, rest = divmod(nanoseconds, 1_000_000)
     return TIME.pack(CDS_PFIELD, days - UNIX_DAY_1958, ms, rest // 1000)
@@ -146,14 +146,14 @@ class SpacePacketSink:
             write_atomic(xtce, xtce_document())
 
     def frame(self, frame: Frame) -> None:
-        """The true pose of a frame."""
+        """Write the true pose of a frame."""
         if frame.truth is not None:
             truth = frame.truth
             values = (frame.number, *truth.q_camera_from_target_wxyz, *truth.t_camera_from_target_m)
             self._send("TRUTH", frame.scene.epoch_utc, values)
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """The answer to a frame and its times."""
+        """Write the answer to a frame and its times."""
         nan = math.nan
         outcome = OUTCOMES.index(row.outcome.split(":")[0])
         pose = (*(row.q_wxyz or (nan,) * 4), *(row.t_m or (nan,) * 3))
@@ -185,7 +185,7 @@ class SpacePacketSink:
 
 
 def xtce_document() -> bytes:
-    """The packets' description: XTCE 1.2 (OMG), one abstract container and three that restrict its APID."""
+    """Return the packets' description: XTCE 1.2 (OMG), an abstract container and three that restrict its APID."""
     ET.register_namespace("xtce", XTCE_NAMESPACE)
     system = _element(None, "SpaceSystem", name="Flyaround")
     telemetry = _element(system, "TelemetryMetaData")

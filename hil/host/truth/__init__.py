@@ -1,1 +1,1 @@
-"""Ground truth on an endpoint of its own, and a logger that receives it. Nothing here reaches a board."""
+"""Ground truth on a separate endpoint, and a logger that receives it. Nothing here reaches a board."""

@@ -1,4 +1,4 @@
-"""Ground truth on an endpoint of its own: a few loggers, none of which can slow the run."""
+"""Ground truth on a separate endpoint: a few loggers, none of which can slow the run."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class _Client:
         self.since_ns = now_ns()
 
     def send(self) -> None:
-        """What the line takes now.
+        """Send what the line takes now.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class _Client:
             self.lagging_since_ns = None
 
     def is_board(self) -> bool:
-        """Whether it has sent a packet: loggers only listen.
+        """Return True if it has sent a packet, since loggers only listen.
 
         Raises
         ------
@@ -93,12 +93,12 @@ class _Client:
 
     @property
     def is_known(self) -> bool:
-        """Whether it may be told the truth."""
+        """True if it may receive the truth."""
         return self.handshake is None or self.handshake.seal is not None
 
 
 class TruthEndpoint:
-    """Listens on TCP and sends TRUTH packets to whoever connected before them.
+    """Listens on TCP and sends TRUTH packets to the clients connected before them.
 
     At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
     ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
@@ -121,11 +121,11 @@ class TruthEndpoint:
         self._clients: list[_Client] = []
 
     def fileno(self) -> int:
-        """The listening socket's."""
+        """Return the file descriptor of the listening socket."""
         return self._listener.fileno()
 
     def accept(self) -> None:
-        """Take in a logger that is knocking, or turn it away where there is no room."""
+        """Accept a logger, or refuse it if there is no room."""
         sock = self._listener.accept_socket(0.0)
         if sock is None:
             return
@@ -149,7 +149,7 @@ class TruthEndpoint:
 
     @property
     def lagging(self) -> bool:
-        """Whether something is still to be sent."""
+        """True if data is still to be sent."""
         return any(client.backlog or not client.is_known for client in self._clients)
 
     def flush(self) -> None:
@@ -178,7 +178,7 @@ class TruthEndpoint:
                 self._drop(client)
 
     def close(self, reason: str | None = "the run is over") -> None:
-        """Say goodbye when there is a ``reason``, deliver what is queued within ``CLOSE_S``, close."""
+        """Say goodbye if there is a ``reason``, deliver the queue within ``CLOSE_S``, and close."""
         if reason is not None:
             self._queue(Bye(reason))
         deadline = time.monotonic() + CLOSE_S
@@ -203,7 +203,7 @@ class TruthEndpoint:
         client.sequence += 1
 
     def _make_room(self) -> None:
-        """Where it is full, drop those that closed their end, which have left, or else the oldest without a proof."""
+        """Make room by dropping clients that left, or else the oldest one without a proof."""
         if len(self._clients) < MAX_CLIENTS:
             return
         self.flush()
@@ -214,7 +214,7 @@ class TruthEndpoint:
             self._drop(strangers[0])
 
     def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
-        """Turn it away with a sentence; an estimator is never handed the truth."""
+        """Refuse a client with a message; an estimator never gets the truth."""
         client.backlog.clear()
         self._append(client, ErrorMessage(code, sentence))
         with contextlib.suppress(OSError):

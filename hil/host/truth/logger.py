@@ -1,4 +1,4 @@
-"""A client of the truth endpoint that saves what it hears as JSON lines."""
+"""Client of the truth endpoint that saves the truth as JSON lines."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ class TruthLogger:
         self._received = 0
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._path.write_text("", encoding="utf-8")
         self._thread.start()
 
     def wait_connected(self, timeout_s: float) -> bool:
-        """Whether the endpoint was reached within ``timeout_s``."""
+        """Return True if the endpoint was reached within ``timeout_s``."""
         return self._connected.wait(timeout_s)
 
     def stop(self, linger_s: float = 2.0) -> int:
-        """Stop once the host has said goodbye, or after ``linger_s``; how many truths were saved."""
+        """Stop after the host's goodbye or ``linger_s``, and return the number of truths saved."""
         if self._connected.is_set():
             self._thread.join(linger_s)
         self._stop.set()

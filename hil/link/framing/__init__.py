@@ -1,1 +1,1 @@
-"""Packets out of a stream of bytes: length prefix for TCP, COBS for serial lines. No I/O."""
+"""Packets from a byte stream: length prefix for TCP, COBS for serial lines. No I/O."""

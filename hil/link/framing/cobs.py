@@ -1,4 +1,4 @@
-"""Consistent Overhead Byte Stuffing: packets as bytes without a zero, so that zero can delimit them on a serial line.
+"""Consistent Overhead Byte Stuffing: packets as bytes without zeros, so that a zero can delimit them.
 
 Reference: Cheshire and Baker (1999), Consistent Overhead Byte Stuffing, IEEE/ACM Trans. Networking 7(2).
 """
@@ -24,7 +24,7 @@ _MAX_COBS_BYTES = MAX_PACKET_BYTES + MAX_PACKET_BYTES // 254 + 2
 
 
 def encode(data: bytes) -> bytes:
-    """``data`` stuffed: no zero byte in it, at most one byte in 254 longer (and one more)."""
+    """Return ``data`` stuffed: no zero byte, and one byte longer plus at most one in 254."""
     out = bytearray()
     runs = data.split(b"\0")
     last = len(runs) - 1
@@ -42,7 +42,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(data: bytes) -> bytes:
-    """The bytes that were stuffed.
+    """Return the bytes before stuffing.
 
     Raises
     ------
@@ -74,17 +74,17 @@ class CobsFraming:
         self._fast = HAS_FAST_COBS and not pure
 
     def encode(self, packet: Packet) -> bytes:
-        """Bytes for the line; the leading zero ends whatever garbage went before."""
+        """Return the bytes for the line; the leading zero ends any garbage before."""
         data = encode_packet(packet)
         stuffed = fast_encode(data) if self._fast else encode(data)
         return b"\0" + stuffed + b"\0"
 
     def feed(self, data: bytes) -> None:
-        """Take bytes from the line, however they were cut."""
+        """Add bytes from the line, in pieces of any size."""
         self._buffer += data
 
     def next_packet(self) -> Optional[Packet]:
-        """The next whole packet, or None until more bytes come.
+        """Return the next whole packet, or None until more bytes come.
 
         Raises
         ------

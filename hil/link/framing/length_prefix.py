@@ -1,4 +1,4 @@
-"""Length-prefixed packets out of a stream of bytes, and how the stream is found again after damage."""
+"""Length-prefixed packets from a byte stream, and resynchronisation after damage."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ class LengthFraming:
         self._credit = self.REREAD * MAX_PACKET_BYTES  # bytes of failed packets that may be read again
 
     def encode(self, packet: Packet) -> bytes:
-        """Bytes for the line."""
+        """Return the bytes for the line."""
         data = encode_packet(packet)
         return PREFIX.pack(len(data)) + data
 
     def feed(self, data: bytes) -> None:
-        """Take bytes from the line, however they were cut."""
+        """Add bytes from the line, in pieces of any size."""
         self._buffer += data
         self._credit = min(self._credit + self.REREAD * len(data), self.REREAD * MAX_PACKET_BYTES)
 
     def next_packet(self) -> Optional[Packet]:
-        """The next whole packet, or None until more bytes come.
+        """Return the next whole packet, or None until more bytes come.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class LengthFraming:
             self._failed_until = max(0, self._failed_until - at)
 
     def _claimed_length(self, at: int) -> int:
-        """Bytes of the packet whose prefix may be at ``at``; 0 where prefix, magic and header do not agree."""
+        """Return the size of the packet whose prefix may be at ``at``; 0 unless prefix, magic and header agree."""
         begin = at + PREFIX.size
         if not self._buffer.startswith(MAGIC, begin):
             return 0
@@ -99,7 +99,9 @@ class LengthFraming:
         return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
 
     def _next_candidate(self, at: int, failed: int) -> int:
-        """Where the next prefix may be; inside the ``failed`` bytes of a packet only while credit lasts."""
+        """Return the next possible place of a prefix; inside the ``failed`` bytes of a packet only while credit
+        lasts.
+        """
         inside = failed <= self._credit
         if inside:
             self._credit -= failed

@@ -1,1 +1,1 @@
-"""What travels: packet header and CRC, the messages in payloads, images cut into chunks. No I/O."""
+"""Packet header and CRC, messages in payloads, and images cut into chunks. No I/O."""

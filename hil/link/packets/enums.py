@@ -9,7 +9,7 @@ NO_FRAME = 0xFFFFFFFF
 
 
 class Encoding(IntEnum):
-    """How a frame's pixels travel; ``1 << value`` is its bit in ``Hello.encodings``."""
+    """Compression of a frame's pixels; ``1 << value`` is its bit in ``Hello.encodings``."""
 
     RAW = 0
     ZSTD = 1
@@ -17,7 +17,7 @@ class Encoding(IntEnum):
 
 
 class PixelFormat(IntEnum):
-    """How pixels lie in a raw image, named and numbered by GenICam's Pixel Format Naming Convention."""
+    """Layout of the pixels in a raw image, named and numbered by GenICam's Pixel Format Naming Convention."""
 
     Mono8 = 0x01080001
     Mono10 = 0x01100003
@@ -27,12 +27,12 @@ class PixelFormat(IntEnum):
 
     @property
     def depth_bits(self) -> int:
-        """Bits of one number that count, of one colour."""
+        """Significant bits per channel."""
         return {"Mono8": 8, "Mono10": 10, "Mono12p": 12, "Mono16": 16, "RGB8": 8}[self.name]
 
     @property
     def in_words(self) -> bool:
-        """Whether the numbers of the unpacked image need two bytes each."""
+        """True if each number of the unpacked image needs two bytes."""
         return self.depth_bits > 8
 
     @property
@@ -42,17 +42,17 @@ class PixelFormat(IntEnum):
 
 
 PIXEL_FORMATS: Tuple[PixelFormat, ...] = tuple(PixelFormat)
-"""In the order of their bits in ``Hello.pixel_formats``."""
+"""Formats in the order of their bits in ``Hello.pixel_formats``."""
 GREY_FORMATS: Tuple[PixelFormat, ...] = tuple(f for f in PIXEL_FORMATS if f.channels == 1)
 
 
 def format_mask(formats: Iterable[PixelFormat]) -> int:
-    """The bits of ``Hello.pixel_formats``."""
+    """Return the formats as bits of ``Hello.pixel_formats``."""
     return sum(1 << PIXEL_FORMATS.index(f) for f in set(formats))
 
 
 def formats_in(mask: int) -> Tuple[PixelFormat, ...]:
-    """The formats whose bits are set; bits of later protocols mean nothing here."""
+    """Return the formats whose bits are set; unknown bits are ignored."""
     return tuple(f for k, f in enumerate(PIXEL_FORMATS) if mask >> k & 1)
 
 
@@ -65,7 +65,7 @@ class FieldTag(IntEnum):
 
 
 class Transfer(IntEnum):
-    """Transfer function of the pixels' numbers, as ``encoding`` of a camera file names it."""
+    """Transfer function of the pixel values, as ``encoding`` of a camera file names it."""
 
     LINEAR = 0
     SRGB = 1
@@ -73,14 +73,14 @@ class Transfer(IntEnum):
 
 
 class Mode(IntEnum):
-    """Whether the host waits for each pose or keeps the scenario's time."""
+    """Pace of a session: wait for each pose, or keep the scenario's time."""
 
     LOCKSTEP = 0
     REALTIME = 1
 
 
 class TruthPolicy(IntEnum):
-    """Where ground truth goes."""
+    """Destination of the ground truth."""
 
     OFF = 0
     SEPARATE = 1
@@ -88,7 +88,7 @@ class TruthPolicy(IntEnum):
 
 
 class ErrorCode(IntEnum):
-    """Why an Error packet was sent."""
+    """Cause of an Error packet."""
 
     OTHER = 0
     VERSION = 1

@@ -30,12 +30,12 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 def pack_text(text: str, size: int) -> bytes:
-    """UTF-8, cut at a character's edge to ``size`` bytes; struct pads it with zeros."""
+    """Encode text as UTF-8, cut at a character boundary to ``size`` bytes; struct pads it with zeros."""
     return text.encode("utf-8", "replace")[:size].decode("utf-8", "ignore").encode("utf-8")
 
 
 def unpack_text(data: bytes) -> str:
-    """Text up to the first zero, control characters as spaces.
+    """Decode text up to the first zero, with control characters as spaces.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def unpack_text(data: bytes) -> str:
 
 
 def pack_hash(digest: str) -> bytes:
-    """SHA-256 in hexadecimal as 32 bytes; an empty string (unknown) as zeros."""
+    """Encode a hexadecimal SHA-256 as 32 bytes; an empty string (unknown) as zeros."""
     if not digest:
         return bytes(HASH_BYTES)
     try:
@@ -62,12 +62,12 @@ def pack_hash(digest: str) -> bytes:
 
 
 def unpack_hash(data: bytes) -> str:
-    """Hexadecimal digits, or an empty string for zeros."""
+    """Decode a hash to hexadecimal digits; zeros give an empty string."""
     return data.hex() if any(data) else ""
 
 
 def pack_json(value: Dict[str, Any]) -> bytes:
-    """Compact UTF-8 JSON; NaN has no place in it.
+    """Encode as compact UTF-8 JSON; NaN is refused.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def pack_json(value: Dict[str, Any]) -> bytes:
 
 
 def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
-    """A JSON object; size and depth are looked at before anything is read.
+    """Decode a JSON object; size and depth are checked first.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def _no_constant(name: str) -> None:
 
 
 def unpack_fixed(layout: struct.Struct, data: bytes, name: str, *, tail: bool = False) -> Tuple[Any, ...]:
-    """Unpack, with the payload's length checked first."""
+    """Unpack a payload after checking its length."""
     if len(data) < layout.size or (not tail and len(data) != layout.size):
         raise PacketError(f"a {name} payload has {len(data)} bytes, expected {layout.size}")
     return layout.unpack_from(data)
 
 
 def known_value(kind: Type[E], value: int, name: str) -> E:
-    """The enumeration's member; PacketError for a value of a later protocol."""
+    """Return the enumeration's member; raise PacketError for an unknown value."""
     try:
         return kind(value)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Messages about one frame: pixels out, pose and credit back, truth beside."""
+"""Messages about one frame: pixels to the board, pose and credit back, and the truth."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Vec3 = Tuple[float, float, float]
 
 @dataclass(frozen=True)
 class FrameHeader:
-    """A frame is about to come as ``chunk_count`` chunks of ``total_bytes`` together.
+    """Announcement of a frame: ``chunk_count`` chunks with ``total_bytes`` in all.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class FrameHeader:
     transfer: Transfer = Transfer.LINEAR
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         fixed = self.LAYOUT.pack(
             self.frame_id,
             self.width_px,
@@ -115,7 +115,7 @@ class FrameHeader:
 
     @classmethod
     def decode(cls, data: bytes) -> FrameHeader:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         values = unpack_fixed(cls.LAYOUT, data, "FRAME_HEADER", tail=True)
         fields = unpack_fields(data[cls.LAYOUT.size :], FRAME_FIELDS, "FRAME_HEADER")
         frame_id, width, height, pixel_format, bits, encoding, binning_x, binning_y, total, count = values[
@@ -150,7 +150,7 @@ class FrameHeader:
 
 @dataclass(frozen=True)
 class FrameChunk:
-    """Bytes ``offset`` and on of a frame's encoded image."""
+    """Part of a frame's encoded image, from byte ``offset``."""
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_CHUNK
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IIII")
@@ -161,12 +161,12 @@ class FrameChunk:
     data: bytes
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         return self.LAYOUT.pack(self.frame_id, self.index, self.offset, len(self.data)) + self.data
 
     @classmethod
     def decode(cls, data: bytes) -> FrameChunk:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         frame_id, index, offset, size = unpack_fixed(cls.LAYOUT, data, "FRAME_CHUNK", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a FRAME_CHUNK has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
@@ -175,7 +175,7 @@ class FrameChunk:
 
 @dataclass(frozen=True)
 class PoseMessage:
-    """Board to host: the answer to one frame.
+    """Board to host: answer to one frame.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class PoseMessage:
     covariance: Optional[Tuple[float, ...]] = None
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         has_pose = self.q_camera_from_target_wxyz is not None and self.t_camera_from_target_m is not None
         numbers = (
             (*self.q_camera_from_target_wxyz, *self.t_camera_from_target_m)  # type: ignore[misc]
@@ -236,7 +236,7 @@ class PoseMessage:
 
     @classmethod
     def decode(cls, data: bytes) -> PoseMessage:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         values = unpack_fixed(cls.LAYOUT, data, "POSE", tail=True)
         frame_id, accepted, has_pose, stage_count, confidence = values[:5]
         numbers, (receive_ns, start_ns, end_ns, reason_bytes, _) = values[5:12], values[12:]
@@ -269,7 +269,7 @@ class PoseMessage:
 def _check_pose(
     frame_id: int, numbers: Sequence[float], confidence: float, stages_ms: Sequence[float], *, has_pose: bool
 ) -> None:
-    """Raise PacketError for what no estimator means: it is neither scored nor mended."""
+    """Raise PacketError for a pose that no estimator can mean; it is neither scored nor repaired."""
     if not all(math.isfinite(x) for x in (*numbers, confidence, *stages_ms)):
         raise PacketError(f"frame {frame_id}: a POSE holds numbers that are not finite")
     length = math.hypot(*numbers[:4])
@@ -292,7 +292,7 @@ def _check_pose(
 
 @dataclass(frozen=True)
 class Credit:
-    """Board to host: frames up to ``frame_id`` are no longer held; ``window`` may be under way."""
+    """Board to host: frames up to ``frame_id`` are released; ``window`` frames may be in transit."""
 
     TYPE: ClassVar[PacketType] = PacketType.CREDIT
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<IHH")
@@ -301,18 +301,18 @@ class Credit:
     window: int
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         return self.LAYOUT.pack(self.frame_id, self.window, 0)
 
     @classmethod
     def decode(cls, data: bytes) -> Credit:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         return cls(*unpack_fixed(cls.LAYOUT, data, "CREDIT")[:2])
 
 
 @dataclass(frozen=True)
 class TruthMessage:
-    """Host to loggers (or, inline, to the board): the frame's ground truth."""
+    """Host to loggers (or, inline, to the board): ground truth of a frame."""
 
     TYPE: ClassVar[PacketType] = PacketType.TRUTH
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<II")
@@ -321,13 +321,13 @@ class TruthMessage:
     truth: Dict[str, Any] = field(default_factory=dict)
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         data = pack_json(self.truth)
         return self.LAYOUT.pack(self.frame_id, len(data)) + data
 
     @classmethod
     def decode(cls, data: bytes) -> TruthMessage:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         frame_id, size = unpack_fixed(cls.LAYOUT, data, "TRUTH", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a TRUTH payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")

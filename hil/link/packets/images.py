@@ -1,4 +1,4 @@
-"""A frame as packets: pixels encoded, cut into chunks, put together again."""
+"""Frames as packets: pixels encoded, cut into chunks and reassembled."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_FRAME_BYTES = 1 << 27
 
 
 def formats_of(bits: int, channels: int) -> Tuple[PixelFormat, ...]:
-    """The pixel formats that hold such an image whole, the first choice first."""
+    """Return the pixel formats that hold such an image without loss, in order of preference."""
     if channels == 3:
         return (PixelFormat.RGB8,) if bits <= 8 else ()
     holding = [f for f in GREY_FORMATS if f.depth_bits >= bits]
@@ -31,12 +31,12 @@ def formats_of(bits: int, channels: int) -> Tuple[PixelFormat, ...]:
 
 
 def array_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int:
-    """Memory that an unpacked image takes."""
+    """Return the memory of an unpacked image [bytes]."""
     return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
 
 
 def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat, encoding: Encoding) -> int:
-    """What no honest encoding of such an image is longer than."""
+    """Return the largest valid size of such an image when encoded [bytes]."""
     raw = pixels_bytes(width_px, height_px, pixel_format)
     if encoding == Encoding.RAW:
         return raw
@@ -49,7 +49,7 @@ def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat,
 
 
 def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mask(PixelFormat)) -> None:
-    """Look at what a host proposes before anything is built for it.
+    """Check the terms that a host proposes before memory is allocated for them.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _described(what: Union[FrameHeader, HelloAck]) -> str:
 
 
 def check_header(header: FrameHeader, terms: HelloAck) -> None:
-    """Whether a frame is what the handshake settled.
+    """Raise ProtocolMistake unless a frame is as agreed in the handshake.
 
     Raises
     ------
@@ -108,12 +108,12 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
 
 
 def supported_encodings() -> int:
-    """Bit mask of what this machine can decode, ``1 << Encoding``; PNG needs nothing that Python lacks."""
+    """Return the bit mask of encodings that this machine can decode, ``1 << Encoding``."""
     return (1 << Encoding.RAW) | (1 << Encoding.PNG) | ((1 << Encoding.ZSTD) if zstandard is not None else 0)
 
 
 def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) -> bytes:
-    """Pixels as bytes for the line.
+    """Encode an image for the line.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) ->
 
 
 def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
-    """(H, W) or (H, W, 3) image, read-only, from the bytes of its chunks.
+    """Return the (H, W) or (H, W, 3) read-only image of the bytes of its chunks.
 
     Raises
     ------
@@ -171,18 +171,18 @@ def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
 
 
 def chunks(frame_id: int, data: bytes, chunk_bytes: int) -> Iterator[FrameChunk]:
-    """The image's bytes cut into chunks."""
+    """Yield the image's bytes cut into chunks."""
     for index, offset in enumerate(range(0, len(data), chunk_bytes)):
         yield FrameChunk(frame_id, index, offset, data[offset : offset + chunk_bytes])
 
 
 def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
-    """How many chunks ``chunks`` yields."""
+    """Return the number of chunks that ``chunks`` yields."""
     return -(-total_bytes // chunk_bytes)
 
 
 class FrameAssembler:
-    """Header and chunks back to a frame; knows which frame was lost when something is missing.
+    """Reassembles frames from headers and chunks, and names the frames that were lost.
 
     ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
 
@@ -205,11 +205,11 @@ class FrameAssembler:
 
     @property
     def frame_id(self) -> Optional[int]:
-        """The frame that is being put together."""
+        """Frame in progress."""
         return self._header.frame_id if self._header else None
 
     def header(self, header: FrameHeader) -> None:
-        """A new frame begins; one that was not complete is lost. A header that comes twice changes nothing."""
+        """Begin a new frame; an incomplete one is lost. A repeated header changes nothing."""
         if header == self._header or header.frame_id == self._last_whole:
             return
         self.abandon()
@@ -222,7 +222,7 @@ class FrameAssembler:
         self._missing, self._chunk_bytes = header.chunk_count, 0
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
-        """Take a chunk; the frame, when this was its last missing one.
+        """Add a chunk and return the frame if it is complete.
 
         Raises
         ------
@@ -280,18 +280,18 @@ class FrameAssembler:
         )
 
     def abandon(self) -> None:
-        """Give up the frame in work: a part of it was damaged."""
+        """Abandon the frame in progress because a part of it was damaged."""
         if self._header is not None:
             self._lose(self._header.frame_id)
             self._header, self._data = None, bytearray()
 
     @property
     def has_lost(self) -> bool:
-        """Whether ``lost`` has something to name."""
+        """True if ``lost`` has frames to return."""
         return bool(self._lost)
 
     def lost(self) -> List[int]:
-        """Frames lost since the last call, each named once."""
+        """Return the frames lost since the last call, each once."""
         lost, self._lost = self._lost, []
         return lost
 

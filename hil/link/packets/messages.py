@@ -1,4 +1,4 @@
-"""What payloads say: one frozen dataclass per packet type, with its struct layout beside it."""
+"""Messages in payloads: one frozen dataclass per packet type, with its struct layout."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ _FRAME_ID = struct.Struct("<I")
 
 
 def decode_message(packet: Packet) -> Message:
-    """The message in a packet.
+    """Return the message in a packet.
 
     Raises
     ------

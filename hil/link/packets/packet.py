@@ -23,7 +23,7 @@ MAX_PACKET_BYTES = MAX_PAYLOAD_BYTES + OVERHEAD_BYTES
 
 
 class PacketType(IntEnum):
-    """What the payload is; see ``flyaround.hil.link.packets.messages``."""
+    """Type of the payload; see ``flyaround.hil.link.packets.messages``."""
 
     HELLO = 1
     HELLO_ACK = 2
@@ -43,7 +43,7 @@ class PacketType(IntEnum):
 
 @dataclass(frozen=True)
 class Packet:
-    """A packet as it travels, payload still bytes.
+    """Packet with its payload as bytes.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Packet:
 
 
 def encode_packet(packet: Packet) -> bytes:
-    """The packet's bytes, header to CRC.
+    """Return the packet's bytes, header to CRC.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def encode_packet(packet: Packet) -> bytes:
 
 
 def decode_packet(data: bytes) -> Packet:
-    """The packet in ``data``, which holds it and nothing else.
+    """Return the packet in ``data``, which must hold nothing else.
 
     The CRC is checked before anything else is believed, the version after it: header layout and CRC
     are the same in every version of the protocol, so that a mismatch can be told from damage.

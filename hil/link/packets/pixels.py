@@ -1,4 +1,4 @@
-"""Pixels to bytes and back, in each of the link's pixel formats; rows follow each other without padding."""
+"""Conversion between pixels and bytes in each of the link's formats; rows have no padding."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Image = np.ndarray  # (H, W) or (H, W, 3) uint8, or (H, W) uint16
 
 
 def pixels_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int:
-    """Size of a raw image."""
+    """Return the size of a raw image [bytes]."""
     if pixel_format is PixelFormat.Mono12p:
         return (3 * width_px * height_px + 1) // 2
     return width_px * height_px * pixel_format.channels * (2 if pixel_format.in_words else 1)
 
 
 def array_shape(width_px: int, height_px: int, pixel_format: PixelFormat) -> Tuple[int, ...]:
-    """Shape of the unpacked image."""
+    """Return the shape of the unpacked image."""
     return (height_px, width_px) if pixel_format.channels == 1 else (height_px, width_px, 3)
 
 
 def fits(image: Image, pixel_format: PixelFormat) -> bool:
-    """Whether an image has the channels of a format, and numbers that it holds."""
+    """Return True if the image has the format's channels and its values fit."""
     channels = 1 if image.ndim == 2 else image.shape[2] if image.ndim == 3 else 0
     if channels != pixel_format.channels or image.dtype.kind != "u" or image.dtype.itemsize > 2:
         return False
@@ -34,7 +34,7 @@ def fits(image: Image, pixel_format: PixelFormat) -> bool:
 
 
 def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
-    """The raw image.
+    """Return the raw image.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
 def unpack_pixels(
     data: Union[bytes, bytearray, memoryview], width_px: int, height_px: int, pixel_format: PixelFormat
 ) -> Image:
-    """(H, W) or (H, W, 3) image from a raw one of the right size; it may share its memory."""
+    """Return the (H, W) or (H, W, 3) image of raw bytes of the right size; memory may be shared."""
     if pixel_format is PixelFormat.Mono12p:
         return _unpack_twelve(data, width_px * height_px).reshape(height_px, width_px)
     dtype = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
@@ -62,7 +62,7 @@ def unpack_pixels(
 
 
 def _pack_twelve(image: Image) -> bytes:
-    """Two numbers in three bytes, the lower bits first."""
+    """Pack pairs of numbers into three bytes, lower bits first."""
     flat = image.astype(np.uint16).ravel()
     count = flat.size
     if count % 2:

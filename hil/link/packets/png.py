@@ -1,4 +1,4 @@
-"""PNG by zlib and numpy alone: grey of 8 or 16 bits and RGB of 8, for boards that have no more.
+"""PNG by zlib and numpy alone, for boards without OpenCV: grey of 8 or 16 bits and RGB of 8.
 
 Written with the filters None and Sub; read with None, Sub and Up, which is what `encode` and simple writers use.
 Reference: ISO/IEC 15948:2004, Portable Network Graphics, sections 5, 9 and 11.
@@ -25,7 +25,7 @@ Bytes = Union[bytes, bytearray, memoryview]
 
 
 def encode(image: np.ndarray, level: int = 1) -> bytes:
-    """An (H, W) image of uint8 or uint16, or an (H, W, 3) one of uint8.
+    """Encode an (H, W) image of uint8 or uint16, or an (H, W, 3) image of uint8.
 
     Each row has the filter (None or Sub) whose bytes add up to less, as the standard advises.
     """
@@ -49,13 +49,13 @@ def encode(image: np.ndarray, level: int = 1) -> bytes:
 
 
 def most_bytes(width_px: int, height_px: int, bytes_per_pixel: int) -> int:
-    """No PNG that `encode` writes is larger: deflate stores what it cannot shrink."""
+    """Return the largest size of a PNG that `encode` writes; deflate stores what it cannot shrink."""
     raw = height_px * (1 + width_px * bytes_per_pixel)
     return raw + raw // 128 + 1024
 
 
 def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels: int) -> np.ndarray:
-    """The image, which must have this size and kind; nothing larger is ever unpacked.
+    """Decode an image of known size and type; nothing larger is ever unpacked.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _unfiltered(filters: np.ndarray, rows: np.ndarray, step: int) -> np.ndarray:
 
 
 def _weight(rows: np.ndarray) -> np.ndarray:
-    """Sum of the bytes of each row as signed numbers without their signs."""
+    """Return the sum of the absolute values of each row's bytes, taken as signed."""
     return np.minimum(rows, np.negative(rows)).sum(axis=1, dtype=np.uint32)
 
 

@@ -1,4 +1,4 @@
-"""Messages that open, time and close a session."""
+"""Messages that open a session, time it and close it."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from flyaround.hil.link.packets.fields import (
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, PacketType
 
 TAKES_FIELDS = 0x8000
-"""Bit of HELLO's encodings: the board reads optional fields. Hosts that know none take it for a later encoding."""
+"""Bit of HELLO's encodings: the board reads optional fields. Older hosts take it for a later encoding."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """Board to host, first: what the board is and can do.
+    """Board to host, first: identity and capabilities of the board.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Hello:
     takes_fields: bool = False
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         return self.LAYOUT.pack(
             PROTOCOL_VERSION,
             self.encodings | (TAKES_FIELDS if self.takes_fields else 0),
@@ -76,7 +76,7 @@ class Hello:
 
     @classmethod
     def decode(cls, data: bytes) -> Hello:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         _, encodings, window, formats, name, digest, method, board = unpack_fixed(cls.LAYOUT, data, "HELLO")
         return cls(
             encodings & ~TAKES_FIELDS,
@@ -92,7 +92,7 @@ class Hello:
 
 @dataclass(frozen=True)
 class HelloAck:
-    """Host to board: the terms of the session; its packet carries the session id.
+    """Host to board: terms of the session; its packet carries the session id.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class HelloAck:
     takes_fields: bool = False
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         camera = pack_json(self.camera)
         fixed = self.LAYOUT.pack(
             self.width_px,
@@ -144,7 +144,7 @@ class HelloAck:
 
     @classmethod
     def decode(cls, data: bytes) -> HelloAck:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         values = unpack_fixed(cls.LAYOUT, data, "HELLO_ACK", tail=True)
         width, height, pixel_format, bits, encoding, mode, truth, window, flags = values[:9]
         chunk, name, digest, size = values[9:]
@@ -170,7 +170,7 @@ class HelloAck:
 
 @dataclass(frozen=True)
 class TimeSyncRequest:
-    """Asker's monotonic clock when it asked [ns]."""
+    """Monotonic clock of the sender when it asked [ns]."""
 
     TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REQUEST
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
@@ -178,18 +178,18 @@ class TimeSyncRequest:
     asked_ns: int
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         return self.LAYOUT.pack(self.asked_ns)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncRequest:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         return cls(*unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REQUEST"))
 
 
 @dataclass(frozen=True)
 class TimeSyncReply:
-    """The asker's time back, and the answerer's clock on receiving and on sending [ns].
+    """Time of the request, and the answering clock at reception and at sending [ns].
 
     Parameters
     ----------
@@ -206,21 +206,21 @@ class TimeSyncReply:
     newest_frame: Optional[int] = None
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         tells = self.newest_frame is not None
         newest = NO_FRAME if self.newest_frame is None else self.newest_frame
         return self.LAYOUT.pack(self.asked_ns, self.received_ns, self.sent_ns, newest, tells)
 
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         asked, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
         return cls(asked, received, sent, newest if tells else None)
 
 
 @dataclass(frozen=True)
 class Bye:
-    """The session is over; the sender closes the line after it."""
+    """End of the session; the sender closes the line after it."""
 
     TYPE: ClassVar[PacketType] = PacketType.BYE
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HH")
@@ -228,13 +228,13 @@ class Bye:
     reason: str = ""
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         text = pack_text(self.reason, 400)
         return self.LAYOUT.pack(len(text), 0) + text
 
     @classmethod
     def decode(cls, data: bytes) -> Bye:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         size, _ = unpack_fixed(cls.LAYOUT, data, "BYE", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"a BYE payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")
@@ -243,7 +243,7 @@ class Bye:
 
 @dataclass(frozen=True)
 class ErrorMessage:
-    """What went wrong, about which frame (``NO_FRAME`` when none), as a sentence."""
+    """Error as a sentence, about a frame or about none (``NO_FRAME``)."""
 
     TYPE: ClassVar[PacketType] = PacketType.ERROR
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHI")
@@ -253,13 +253,13 @@ class ErrorMessage:
     frame_id: int = NO_FRAME
 
     def encode(self) -> bytes:
-        """Payload bytes."""
+        """Return the payload bytes."""
         text = pack_text(self.text, 400)
         return self.LAYOUT.pack(self.code, len(text), self.frame_id) + text
 
     @classmethod
     def decode(cls, data: bytes) -> ErrorMessage:
-        """Payload from bytes."""
+        """Return the message of a payload."""
         code, size, frame_id = unpack_fixed(cls.LAYOUT, data, "ERROR", tail=True)
         if len(data) - cls.LAYOUT.size != size:
             raise PacketError(f"an ERROR payload has {len(data) - cls.LAYOUT.size} bytes, expected {size}")

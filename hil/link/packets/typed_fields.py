@@ -11,7 +11,7 @@ from flyaround.hil.link.packets.enums import FieldTag, Transfer
 from flyaround.hil.link.packets.fields import known_value
 
 MAX_FIELDS_BYTES = 1024
-"""Most bytes that the fields of one packet take, unknown ones included."""
+"""Largest total size of one packet's fields, unknown ones included."""
 
 # how far the length of a direction may be from 1, as of a quaternion
 DIRECTION_TOLERANCE = 1e-3
@@ -24,9 +24,9 @@ _COVARIANCE = struct.Struct(f"<{COVARIANCE_NUMBERS}f")
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 FRAME_FIELDS = {FieldTag.SUN_CAMERA: _DIRECTION.size, FieldTag.TRANSFER: 1}
-"""Fields of FRAME_HEADER, with the bytes of each value."""
+"""Fields of FRAME_HEADER with the size of each value."""
 POSE_FIELDS = {FieldTag.COVARIANCE: _COVARIANCE.size}
-"""Fields of POSE, with the bytes of each value."""
+"""Fields of POSE with the size of each value."""
 
 
 def pack_fields(values: Iterable[Tuple[FieldTag, Optional[bytes]]]) -> bytes:

@@ -1,1 +1,1 @@
-"""A line to one other side: the contract, and one file a transport. No message is read here."""
+"""Lines to one other side: the protocol, and one module per transport. No message is read here."""

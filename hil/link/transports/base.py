@@ -1,4 +1,4 @@
-"""The contract of every line to one other side, and what all byte streams share: framing and deadlines."""
+"""Protocol of a line to one other side, and the framing and deadlines that all byte streams share."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from flyaround.hil.link.packets.packet import Packet
 
 
 class Framing(Protocol):
-    """Packets to bytes and back; see ``flyaround.hil.link.framing.length_prefix``."""
+    """Conversion of packets to bytes and back; see ``flyaround.hil.link.framing.length_prefix``."""
 
     def encode(self, packet: Packet) -> bytes:
-        """Bytes for the line."""
+        """Return the bytes for the line."""
 
     def feed(self, data: bytes) -> None:
-        """Take bytes from the line."""
+        """Add bytes from the line."""
 
     def next_packet(self) -> Optional[Packet]:
-        """The next packet, None until more bytes come; PacketError for damage."""
+        """Return the next packet, None until more bytes come; raise PacketError for damage."""
 
 
 class Transport(Protocol):
-    """A line to one other side.
+    """Line to one other side.
 
     ``send_packet`` and ``recv_packet`` may be called from two different threads, one each. What a transport promises:
     a packet that arrives is whole and was sent (its CRC held). What it may not promise, and its docstring then says:
@@ -41,38 +41,38 @@ class Transport(Protocol):
         """Send, or raise LinkClosed."""
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send with some bits of one byte of the line turned over: for runs with faults on purpose."""
+        """Send with some bits of one byte flipped, for runs with deliberate faults."""
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """The next packet, None after ``timeout_s``; PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
 
     def be_patient(self, silence_s: float) -> None:
-        """Take another side for gone only after so long; lines that ask sooner by themselves then wait longer."""
+        """Set the time without a sign of life after which the other side is considered gone; keep-alives follow it."""
 
     def fileno(self) -> int:
-        """What to wait on for reading."""
+        """Return the file descriptor to wait on for reading."""
 
     def close(self) -> None:
-        """Give the line back; closing twice is harmless."""
+        """Release the line; closing twice is harmless."""
 
 
 class Listener(Protocol):
-    """Where the other side may connect."""
+    """Place where the other side may connect."""
 
     url: str
 
     def accept(self, timeout_s: float) -> Optional[Transport]:
-        """A line to whoever came, None after ``timeout_s``."""
+        """Return a line to a new peer, None after ``timeout_s``."""
 
     def fileno(self) -> int:
-        """What to wait on for somebody to come."""
+        """Return the file descriptor to wait on for a peer."""
 
     def close(self) -> None:
         """Stop listening."""
 
 
 class StreamTransport(ABC):
-    """The part that all byte streams share: framing and deadlines.
+    """Framing and deadlines that all byte streams share.
 
     A stream's own class says how bytes are written and read, and who closes what.
     """
@@ -86,7 +86,7 @@ class StreamTransport(ABC):
         self._closed = False
 
     def be_patient(self, silence_s: float) -> None:  # noqa: B027 - most streams ask nobody
-        """Take another side for gone only after so long."""
+        """Set the time without a sign of life after which the other side is considered gone."""
 
     def send_packet(self, packet: Packet) -> None:
         """Send, or raise LinkClosed."""
@@ -95,13 +95,13 @@ class StreamTransport(ABC):
         self._write(self._framing.encode(packet))
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send with some bits of one byte of the line turned over: for runs with faults on purpose."""
+        """Send with some bits of one byte flipped, for runs with deliberate faults."""
         data = bytearray(self._framing.encode(packet))
         data[at % len(data)] ^= flip
         self._write(bytes(data))
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """The next packet, None after ``timeout_s``; PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._framing.next_packet()
@@ -119,8 +119,8 @@ class StreamTransport(ABC):
 
     @abstractmethod
     def _write(self, data: bytes) -> None:
-        """All bytes onto the line; LinkClosed at its end."""
+        """Write all bytes to the line; raise LinkClosed at its end."""
 
     @abstractmethod
     def _read(self, timeout_s: float) -> bytes:
-        """Bytes that are there within ``timeout_s``, none otherwise; LinkClosed at the end."""
+        """Return the bytes available within ``timeout_s``, none otherwise; raise LinkClosed at the end."""

@@ -1,4 +1,4 @@
-"""A serial line: COBS frames, small chunks; needs pyserial."""
+"""Serial line: COBS frames in small chunks; needs pyserial."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ except ImportError:
 
 
 BITS_PER_BYTE = 10
-"""A start bit, eight of data, a stop bit."""
+"""A start bit, eight data bits and a stop bit."""
 PIECE_S = 0.01
 # the other side hears of this one by whole packets: none takes longer than this
 CHUNK_S, LEAST_CHUNK_BYTES = 0.25, 64
@@ -25,7 +25,7 @@ CATCH_UP_S = 0.1
 
 
 class SerialTransport(StreamTransport):
-    """One serial port at one baud rate, 8N1, with RTS/CTS where it is asked for.
+    """Serial port at one baud rate, 8N1, with RTS/CTS on request.
 
     Bytes are written no faster than the line carries them: what waits in a driver or an adapter is late without anyone
     knowing, and a pseudo-terminal takes any amount at once.
@@ -55,11 +55,11 @@ class SerialTransport(StreamTransport):
             ) from error
 
     def fileno(self) -> int:
-        """The port's."""
+        """Return the file descriptor of the port."""
         return int(self._port.fileno())
 
     def close(self) -> None:
-        """Give the port back."""
+        """Release the port."""
         if not self._closed:
             self._closed = True
             self._port.close()
@@ -97,7 +97,7 @@ class SerialTransport(StreamTransport):
 
 
 class _SharedPort:
-    """The listener's port as one session sees it: closing the session keeps the port open."""
+    """Listener's port as used by one session: closing the session keeps the port open."""
 
     def __init__(self, port: SerialTransport) -> None:
         self._port = port
@@ -110,7 +110,7 @@ class _SharedPort:
         self.fileno = port.fileno
 
     def close(self) -> None:
-        """Leave the port to the next session."""
+        """Leave the port open for the next session."""
 
 
 class SerialListener:
@@ -121,15 +121,15 @@ class SerialListener:
         self.url = self._port.name
 
     def accept(self, timeout_s: float) -> Optional[_SharedPort]:
-        """The line, once something has been said on it; None after ``timeout_s``."""
+        """Return the line once a byte has arrived; None after ``timeout_s``."""
         poller = select.poll()
         poller.register(self._port.fileno(), select.POLLIN)
         return _SharedPort(self._port) if poller.poll(timeout_s * 1e3) else None
 
     def fileno(self) -> int:
-        """The port's."""
+        """Return the file descriptor of the port."""
         return self._port.fileno()
 
     def close(self) -> None:
-        """Give the port back."""
+        """Release the port."""
         self._port.close()

@@ -1,4 +1,4 @@
-"""TCP: length-prefixed packets, no delay, deadlines on both directions."""
+"""TCP: length-prefixed packets, no delay, deadlines in both directions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
 
 
 def keep_alive(sock: socket.socket) -> None:
-    """Let the system find out whether the other side still exists; OSError where the connection is gone already."""
+    """Let the system detect a vanished peer; raise OSError if the connection is gone already."""
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in KEEPALIVE_S:
         if hasattr(socket, name):  # TCP_KEEPIDLE has another name on macOS
@@ -65,7 +65,9 @@ class TcpTransport(StreamTransport):
         self.be_patient(0.0)
 
     def be_patient(self, silence_s: float) -> None:
-        """Wait so long for a side that takes no byte or whose system acknowledges none, where that is longer."""
+        """Set the time after which a peer that accepts or acknowledges no byte is considered gone, if longer than
+        the default.
+        """
         silence_s = min(silence_s, LONGEST_S)
         self._send_stall_s = max(self._send_stall_s, silence_s)
         self._send_packet_s = max(self._send_packet_s, silence_s)
@@ -74,11 +76,11 @@ class TcpTransport(StreamTransport):
             self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
 
     def fileno(self) -> int:
-        """The socket's."""
+        """Return the file descriptor of the socket."""
         return self._sock.fileno()
 
     def close(self) -> None:
-        """Shut the connection; a second call does nothing."""
+        """Shut down the connection; a second call does nothing."""
         if not self._closed:
             self._closed = True
             with contextlib.suppress(OSError):  # the other side may have been faster
@@ -186,7 +188,7 @@ class TcpListener:
         self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
 
     def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
-        """The bare connection of whoever came; None after ``timeout_s``, or where nobody can be let in now."""
+        """Return the bare connection of a new peer; None after ``timeout_s`` or if none can be accepted now."""
         try:
             return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
         except (BlockingIOError, ConnectionError):
@@ -198,7 +200,9 @@ class TcpListener:
             return None
 
     def _turn_away(self) -> None:
-        """Close whoever waits, with the file that was kept for this: left waiting, it would be told of for ever."""
+        """Close a waiting connection using the reserved file descriptor; left waiting, it would be reported for
+        ever.
+        """
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -209,7 +213,7 @@ class TcpListener:
         time.sleep(EXHAUSTED_PAUSE_S)
 
     def accept(self, timeout_s: float) -> Optional[TcpTransport]:
-        """A line to whoever came, None after ``timeout_s``."""
+        """Return a line to a new peer, None after ``timeout_s``."""
         sock = self.accept_socket(timeout_s)
         if sock is None:
             return None
@@ -221,7 +225,7 @@ class TcpListener:
             return None
 
     def fileno(self) -> int:
-        """The socket's."""
+        """Return the file descriptor of the socket."""
         return self._sock.fileno()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Lines by their URL: which transport it names, connecting as the board, listening as the host."""
+"""Lines by their URL: the transport it names, connecting as the board, listening as the host."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OPTIONS = {"tcp": (), "serial": ("baud", "rtscts")}
 
 
 def parse_url(url: str) -> Tuple[str, str, int]:
-    """Scheme, host or device, and port or baud rate of a link URL.
+    """Return scheme, host or device, and port or baud rate of a link URL.
 
     ``tcp://127.0.0.1:5600`` or ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
 
@@ -51,7 +51,7 @@ def parse_url(url: str) -> Tuple[str, str, int]:
 
 
 def url_options(url: str) -> Dict[str, int]:
-    """Numbers behind the question mark of a link URL that `parse_url` takes."""
+    """Return the numbers after the question mark of a link URL that `parse_url` accepts."""
     parts = urlsplit(url)
     return _options(url, parts.scheme, parts.query)
 
@@ -68,7 +68,7 @@ def _options(url: str, scheme: str, query: str) -> Dict[str, int]:
 
 
 def connect(url: str, timeout_s: float = 10.0) -> Transport:
-    """A line to a listening host, tried until ``timeout_s`` has passed.
+    """Return a line to a listening host, retrying until ``timeout_s`` has passed.
 
     Raises
     ------
