@@ -135,7 +135,7 @@ def factors() -> tuple[Factor, ...]:
 
 
 def _missing(factor: Factor) -> list[str]:
-    """What the factor needs of the processor and does not find."""
+    """Return the processor features that a factor needs and that are missing."""
     try:
         told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split()
     except OSError:

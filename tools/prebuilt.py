@@ -77,7 +77,7 @@ def agree(name: str, one: bytes, other: bytes) -> bool:
     if name.startswith("visibility"):
         # a ray through an edge may count to either side of it, and which patch it meets there hangs on the
         # processor: Embree and the exact grid disagree on 2 directions in 1,000 being open and on 35 patches.
-        # How much the picture shows of that is told by tests/simulator/baking/test_prebuilt_pictures.py
+        # Its effect on the picture is measured by tests/simulator/baking/test_prebuilt_pictures.py
         looked, is_open = ((a == 0) != (b == 0)).mean(), ((a == 1) != (b == 1)).mean()
         return bool(looked < 1e-3 and is_open < 0.01 and (a != b).mean() < 0.08)
     return np.allclose(a, b, rtol=1e-4, atol=1e-6)

@@ -83,7 +83,7 @@ class Goal:
 
     @property
     def met(self) -> bool:
-        """Whether it is kept."""
+        """True if the limit is kept."""
         return self.measured <= self.limit
 
 

@@ -1,4 +1,4 @@
-"""How a frame's cost grows: with the pixels of the image, and with the triangles of a made mesh up to a million."""
+"""Cost of a frame against the pixels of the image and the triangles of a generated mesh, up to a million."""
 
 from __future__ import annotations
 

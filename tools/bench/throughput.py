@@ -40,7 +40,7 @@ _START_TIMEOUT_S = 240.0
 
 @dataclass(frozen=True, kw_only=True)
 class Throughput:
-    """What ``processes`` with a renderer each draw, read back and develop together [frames/s].
+    """Rate at which ``processes`` with a renderer each draw, read back and develop together [frames/s].
 
     ``reference_ms`` is of a reference pass of the scene's size in a process alone, just before.
     """
@@ -124,7 +124,7 @@ def _rate(name: str, processes: int, device_index: int | None, seconds: float) -
 
 
 def _next(told: Queue[float], running: list[multiprocessing.context.SpawnProcess]) -> float:
-    """What the next process says."""
+    """Return the message of the next process."""
     end = time.monotonic() + _START_TIMEOUT_S
     while told.empty():
         if any(one.exitcode not in {None, 0} for one in running) or time.monotonic() > end:

@@ -83,7 +83,7 @@ def start(options: argparse.Namespace) -> int:
 
 
 def service(options: argparse.Namespace) -> int:
-    """What docs/hil_board.md says of the service, under the emulated board's systemd."""
+    """Check the statements of docs/hil_board.md on the service under the emulated board's systemd."""
     empty_folder(options.output)
     lines = check_service(board_image(), options.output)
     print(*lines, sep="\n")

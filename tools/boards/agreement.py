@@ -1,4 +1,4 @@
-"""How far two runs of the same pictures agree: the host's estimator and the same on a board."""
+"""Agreement of two runs on the same images: the host's estimator and the same one on a board."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Agreement:
 
     @property
     def holds(self) -> bool:
-        """Whether the board counts as doing what the host's estimator does."""
+        """True if the board counts as equivalent to the host's estimator."""
         return self.accepted > 0 and self.same >= SHARE * self.frames and self.near >= SHARE * self.accepted
 
 

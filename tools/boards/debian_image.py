@@ -100,7 +100,7 @@ LINKS = {
 
 @dataclass(frozen=True)
 class BoardImage:
-    """What QEMU starts: kernel, initial file system, disk."""
+    """Files that QEMU starts from: kernel, initial file system, disk."""
 
     folder: Path
 
@@ -156,7 +156,7 @@ def board_image() -> BoardImage:
 
 
 def is_whole(image: BoardImage) -> bool:
-    """Whether all files of an image are there and as they were made."""
+    """Return True if all files of an image exist unchanged."""
     try:
         return bool(msgspec.json.decode(_manifest(image.folder).read_bytes()) == _hashes(image))
     except (OSError, msgspec.DecodeError):

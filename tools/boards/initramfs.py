@@ -1,4 +1,4 @@
-"""What Linux runs before the root file system is there: busybox, the drivers of QEMU's devices, one script."""
+"""Initial file system of Linux: busybox, drivers of QEMU's devices, one script."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ MOST_S = 1500.0
 
 
 def check_service(image: BoardImage, folder: Path) -> list[str]:
-    """What was checked and how it went: lines that begin with ``holds:`` or ``FAILS:``.
+    """Return the result of each check as a line that begins with ``holds:`` or ``FAILS:``.
 
     Raises
     ------

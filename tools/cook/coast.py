@@ -63,7 +63,7 @@ def polygons(shapefile: bytes) -> Iterator[list[Points]]:
 
 @dataclass(frozen=True)
 class Outlines:
-    """Where outlines cross the centres of rows, sorted by row.
+    """Crossings of outlines with the centres of rows, sorted by row.
 
     Parameters
     ----------

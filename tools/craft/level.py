@@ -11,7 +11,7 @@ COARSER: dict[Detail, int] = {"full": 1, "medium": 2, "low": 4}
 
 @dataclass(frozen=True)
 class Level:
-    """What a builder asks about the level of detail it builds.
+    """Level of detail, as queries of a builder.
 
     Parameters
     ----------
@@ -30,12 +30,12 @@ class Level:
 
     @property
     def fine(self) -> bool:
-        """Whether single cells, rails and bolts are built."""
+        """True if single cells, rails and bolts are built."""
         return self.detail == "full"
 
     @property
     def fittings(self) -> bool:
-        """Whether windows, thrusters and antennas are built."""
+        """True if windows, thrusters and antennas are built."""
         return self.detail != "low"
 
 

@@ -15,7 +15,7 @@ from tools.craft.shapes.solids import box
 
 @dataclass(frozen=True, kw_only=True)
 class CellField:
-    """How cells are laid on a board.
+    """Layout of cells on a board.
 
     Parameters
     ----------

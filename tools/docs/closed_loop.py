@@ -106,7 +106,7 @@ def main() -> None:
             cells = " | ".join(f"{e.rms_deg:.2f} ({e.p95_deg:.2f})" for e in of_model[:: len(of_model) // 6])
             print(f"| {name}, {model} | {cells} |")
         sigmas = " | ".join(f"{e.sigma_deg:.2f}" for e in errors.rigid_body[:: len(errors.rigid_body) // 6])
-        print(f"| {name}, one sigma foretold | {sigmas} |")
+        print(f"| {name}, one sigma predicted | {sigmas} |")
 
 
 if __name__ == "__main__":

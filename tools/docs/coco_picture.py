@@ -1,4 +1,4 @@
-"""What a COCO export says of a frame, drawn from its files alone: python -m tools.docs.coco_picture."""
+"""Picture of the annotations in a COCO export, drawn from its files alone: python -m tools.docs.coco_picture."""
 
 import json
 import tempfile

@@ -202,7 +202,7 @@ SESSION: list[tuple[str, Message]] = [
 
 
 def session_packets() -> list[tuple[str, Message, bytes]]:
-    """Who says what in `SESSION`, and the packet's bytes: each side counts its own from 0."""
+    """Return side, message and packet bytes of each step of `SESSION`; each side counts its own packets from 0."""
     counts = {"board": 0, "host": 0}
     out = []
     for side, message in SESSION:

@@ -139,7 +139,7 @@ def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
 
 
 def seeds_of(told: str) -> range:
-    """Of FIRST-LAST."""
+    """Parse FIRST-LAST."""
     first, last = (int(x) for x in told.split("-"))
     return range(first, last + 1)
 

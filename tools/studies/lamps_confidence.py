@@ -68,7 +68,7 @@ SHIFTS = np.round(np.arange(-3.0, 3.01, 0.1), 1)
 
 @dataclass(frozen=True)
 class Judged:
-    """What a decision is made from, and whether the pose is right."""
+    """Evidence of a decision, and whether the pose is right."""
 
     evidence: Evidence
     right: bool
@@ -114,7 +114,7 @@ def _judged(choice: Choice, q: Array, t: Array) -> Judged:
 
 
 def accepted(frame: JudgedFrame, shift: float) -> Judged | None:
-    """What the estimator would accept of a frame with its bias by lamps shifted, None where it would decline."""
+    """Return the pose accepted of a frame with the bias by lamps shifted, None if it would be declined."""
 
     def sure(judged: Judged) -> float:
         return _shifted(confidence(judged.evidence), shift)

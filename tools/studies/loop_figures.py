@@ -36,7 +36,7 @@ HEAD = (
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What counts of one flight: ``nees`` by period, NaN where there is no estimate."""
+    """Results of one flight: ``nees`` by period, NaN without an estimate."""
 
     outcome: str
     error_m: float

@@ -1,4 +1,4 @@
-"""Which stage of `hybrid` loses a pose: each picture of a data set, judged stage by stage with the truth at hand.
+"""Stage at which `hybrid` loses a pose: each image of a data set judged stage by stage against the truth.
 
     python -m tools.studies.pose_stages SET            # a table in Markdown, a line a picture
     python -m tools.studies.pose_stages SET --limit 10
@@ -89,7 +89,7 @@ class StageRow:
 
     @property
     def right(self) -> bool:
-        """Whether the pose returned is."""
+        """True if the returned pose is right."""
         return self.error_deg <= COARSE_DEG and self.error_share <= COARSE_SHARE
 
     @property
@@ -209,7 +209,7 @@ def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float
 
 
 def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array) -> tuple[float, float]:
-    """How far a place is from the truth [diameters], and how large over it."""
+    """Return the distance of a place from the truth [diameters] and the ratio of the sizes."""
     target = estimator.target
     centre = t + quat.matrix(q) @ target.centre_m
     distance, f = float(np.linalg.norm(centre)), 0.5 * (target.camera.fx_px + target.camera.fy_px)

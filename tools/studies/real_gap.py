@@ -1,4 +1,4 @@
-"""What lies between pictures of a real mock-up and ours: one cause swapped at a time.
+"""Differences between images of a real mock-up and rendered ones: one cause swapped at a time.
 
     python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: pictures and test.json in SPEED's form
     python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
@@ -86,7 +86,7 @@ class SwapRow:
 
     @property
     def right(self) -> bool:
-        """Whether the pose is."""
+        """True if the pose is right."""
         return self.deg <= COARSE_DEG and self.share <= COARSE_SHARE
 
 

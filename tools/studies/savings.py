@@ -1,4 +1,4 @@
-"""What each saving of the software path is worth: the bench scenes with all, and with one switched off, in turns.
+"""Gain of each saving of the software path: the bench scenes with all, and with one switched off, in turns.
 
 `python -m tools.studies.savings [NAME...]` draws with a renderer for each name beside one that has all, and prints
 the processor time [ms] that a frame takes more, scene by scene, their sum, and the largest difference of the pictures.

@@ -50,7 +50,7 @@ POLISH = 200
 FILL_SHIFT = 4
 BLUR_PX = 1.2
 LEAST_AREA_PX = 40
-"""Of a picture with black sky: blur before the threshold, and the smallest bright piece that is craft."""
+"""Least area of a bright region that counts as craft in an image with black sky, after the blur."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -33,12 +33,12 @@ class Row:
 
     @property
     def met(self) -> bool:
-        """Whether the goal is reached."""
+        """True if the goal is reached."""
         return self.measured <= self.goal
 
     @property
     def passed(self) -> bool:
-        """Whether the page may stand: the goal is reached, or nobody asked for it here."""
+        """True if the page may stand: the goal is reached, or not requested here."""
         return self.met or not self.asked
 
     @property

@@ -1,4 +1,4 @@
-"""What this package adds to Flyaround; each part in a file of its own."""
+"""Example plugins of a package for Flyaround, one module for each kind."""
 
 from importlib.resources import files
 

@@ -1,4 +1,4 @@
-"""What stands on the deck and the sides of Chang'e-6's ascent vehicle."""
+"""Fittings on the deck and the sides of Chang'e-6's ascent vehicle."""
 
 from __future__ import annotations
 

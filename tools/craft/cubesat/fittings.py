@@ -1,4 +1,4 @@
-"""What CubeSats carry: cells on their faces, wings, antennas, cameras, thrusters, sensors."""
+"""Fittings of CubeSats: cells on their faces, wings, antennas, cameras, thrusters, sensors."""
 
 from __future__ import annotations
 

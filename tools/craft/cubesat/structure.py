@@ -203,7 +203,7 @@ def rail_edges(frame: RailFrame) -> list[Edge]:
 
 
 def _inner(edge: Edge, sx: int, sy: int) -> bool:
-    """Whether an edge looks into the structure."""
+    """Return True if an edge faces the structure's interior."""
     return any(n[0] * sx < 0 or n[1] * sy < 0 for n in edge.normals)
 
 

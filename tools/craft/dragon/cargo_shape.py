@@ -27,7 +27,7 @@ PORT_RADIUS_M, PORT_M = 1.02, 3.30
 SHOULDER_RADIUS_M, SHOULDER_HIGH_M = 0.97, 2.82
 """Inner end of the shoulder between sidewall and port."""
 CAP_HEIGHT_M = 1.10
-"""Of the nose cap above the berthing plane at launch."""
+"""Height of the nose cap above the berthing plane at launch."""
 TRUNK_RADIUS_M, TRUNK_INNER_M = 1.83, 1.78
 TRUNK_LOW_M, TRUNK_HIGH_M = -2.80, -0.03
 BAY_AZIMUTH_DEG, BAY_Z_M = 90.0, 0.78

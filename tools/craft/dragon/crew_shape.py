@@ -54,6 +54,6 @@ def nose_rotation() -> np.ndarray:
 
 
 def nose_point(p: np.ndarray) -> np.ndarray:
-    """Where a point of the closed nose cone is when it is open."""
+    """Return the place of a point of the closed nose cone when the cone is open."""
     hinge = np.array([HINGE_X_M, 0.0, DECK_M])
     return np.asarray(nose_rotation() @ (p - hinge) + hinge)

@@ -28,7 +28,7 @@ ARRAY_HALF_Y_M = 2.5
 ARRAY_PANELS, ARRAY_PITCH_M, ARRAY_GAP_M = 14, 1.0, 0.020
 ARRAY_PLATE_M = 0.024
 ARRAY_TILT_RAD = np.deg2rad(22.0)
-"""Where the drive stands still: the cells' normal leans from -z towards -y, about x."""
+"""Angle at which the drive rests: the cells' normal leans from -z towards -y, about x."""
 ARRAY_U: Vec3 = (1.0, 0.0, 0.0)
 ARRAY_V: Vec3 = (0.0, -float(np.cos(ARRAY_TILT_RAD)), float(np.sin(ARRAY_TILT_RAD)))
 

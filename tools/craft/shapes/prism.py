@@ -93,7 +93,7 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def _in_wedge(before: FloatArray, at: FloatArray, after: FloatArray, p: FloatArray) -> bool:
-    """Whether ``p`` lies in the inner angle of the corner ``before at after``."""
+    """Return True if ``p`` lies in the inner angle of the corner ``before at after``."""
     left, right = _turn(before, at, p) >= 0, _turn(at, after, p) >= 0
     return bool(left and right) if _turn(before, at, after) >= 0 else bool(left or right)
 
@@ -118,7 +118,7 @@ def _clip_ears(points: FloatArray, loop: list[int]) -> IntArray:
 
 
 def _is_ear(places: list[list[float]], loop: list[int], k: int) -> bool:
-    """Whether no other corner of a loop lies in the triangle of its corner k and the two beside it.
+    """Return True if no other corner of a loop lies in the triangle of its corner k and both neighbours.
 
     Parameters
     ----------

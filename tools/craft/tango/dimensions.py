@@ -77,7 +77,7 @@ BAR_HIGH_M: Vec3 = (-0.1375, -0.2670, -0.0075)
 
 @dataclass(frozen=True, kw_only=True)
 class TangoDimensions:
-    """What differs between the two published geometries of Tango [m]; builders take one set whole, never a mixture.
+    """Differences of the two published geometries of Tango [m]; builders take one set whole, never a mixture.
 
     Parameters
     ----------

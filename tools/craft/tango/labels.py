@@ -1,4 +1,4 @@
-"""What labels and estimators know of Tango: keypoints, wireframe, occluders."""
+"""Label geometry of Tango: keypoints, wireframe, occluders."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _rod_axes() -> list[Edge]:
 
 
 def collar_point(root: Vec3, tip: Vec3) -> Vec3:
-    """Where the thick part of an antenna starts, on its axis [m]."""
+    """Return the start of the thick part of an antenna, on its axis [m]."""
     axis = np.subtract(tip, root)
     return vec3(np.asarray(root) + axis * (ANTENNA_COLLAR_M / np.linalg.norm(axis)))
 

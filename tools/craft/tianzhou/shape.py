@@ -23,7 +23,7 @@ PORT_RADIUS_M, PORT_M = 0.70, 6.80
 DRIVE_RADIUS_M, DRIVE_LOW_M, DRIVE_HIGH_M = 1.40, -3.40, -0.42
 """Propulsion module: radius, base plate, start of the cone to the cargo module."""
 NECK_RADIUS_M = 1.64
-"""Of the propulsion module's forward cone, where it meets the cargo module."""
+"""Radius of the propulsion module's forward cone at the cargo module."""
 NOZZLE_LOW_M = -3.80
 
 CARGO = Revolved.of([(CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M)])

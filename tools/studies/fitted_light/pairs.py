@@ -41,7 +41,7 @@ _EDGE_DN_PX = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CraftLook:
-    """What one of two pictures shows of the craft.
+    """Appearance of the craft in one of two images.
 
     Parameters
     ----------

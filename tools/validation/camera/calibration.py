@@ -45,7 +45,7 @@ LENSES: dict[str, Camera] = {
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What a calibration found, beside the truth.
+    """Result of a calibration, with the truth.
 
     Parameters
     ----------

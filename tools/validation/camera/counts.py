@@ -39,7 +39,7 @@ def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, i
 
 
 def electron_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Of 1e5 drawn electron counts against the Poisson law."""
+    """Test 1e5 drawn electron counts against the Poisson law."""
     source = bit_source(seed, round(mean_e * 10))
     drawn = poisson(np.full(SHAPE, mean_e, np.float32), source).astype(int).ravel()
     top = int(mean_e + _REACH * np.sqrt(mean_e) + _REACH)
@@ -49,7 +49,7 @@ def electron_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]
 
 
 def reading_chance(sensor: Sensor, mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Of 1e5 digital numbers against photons, full well, read noise and converter; the sensor without fixed pattern."""
+    """Test 1e5 digital numbers against photons, full well, read noise and converter, without fixed pattern."""
     signal = np.full(SHAPE, mean_e / sensor.saturation_e, np.float32)
     drawn = detect(signal, sensor, seed, 0, 0.0).astype(int).ravel()
     expected = SAMPLES * reading_law(sensor, mean_e)

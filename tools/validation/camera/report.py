@@ -61,7 +61,8 @@ COLOUR_NOTE = (
 TRANSFER_NOTE = (
     "Modulation transfer function from the drawn edge of a plate, 5 degrees off the columns (ISO 12233), beside that "
     f"of the PSF times the pixel's, 0.05 to 0.45 cycles per pixel. Goal: within {MTF_GOAL} of full contrast. A PSF "
-    "much narrower than 0.7 px cannot be told on whole pixels without negative light: its kernel is the nearest one."
+    "much narrower than 0.7 px cannot be represented on whole pixels without negative light: its kernel is the "
+    "nearest one."
 )
 _RENDERER_S = 0.04  # that a picture takes
 COST_NOTE = (

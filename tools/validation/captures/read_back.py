@@ -28,7 +28,7 @@ _JPEG_DN = 2.0  # mean of what lossy compression may change once both are smooth
 
 
 def read_back(folder: Path, name: str) -> list[str]:
-    """What is wrong with one format of a data set; empty where it says what the native layout says."""
+    """Return the errors in one format of a data set, against the native layout; empty if there are none."""
     frames = {frame.number: frame for frame in open_dataset(folder)}
     found = dict(_READERS[name](folder / name, frames))
     wrong = [f"{name}, frame {k}: {what}" for k, what in found.items() if what]
@@ -63,7 +63,7 @@ def _speed(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
 
 
 def _smooth(image: Any) -> Any:  # noqa: ANN401 - an array
-    """Of colour noise JPEG keeps what is left when it is smoothed."""
+    """Smooth an image, which leaves the part of colour noise that JPEG keeps."""
     return cv2.blur(image.astype(np.float32), (5, 5))
 
 

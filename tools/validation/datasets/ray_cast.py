@@ -38,7 +38,7 @@ _NEAR_M = 1e-3
 
 @dataclass(frozen=True)
 class Disagreement:
-    """What rays say against a frame's labels, in pixels.
+    """Disagreement of ray casting with a frame's labels, in pixels.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[
 
 
 def _without_lens(truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
-    """Where the rays through pixels (K, 2) meet the plane at depth 1."""
+    """Return the intersections of rays through pixels (K, 2) with the plane at depth 1."""
     camera, K = truth.camera, _matrix(truth)
     lens = np.array(camera.distortion.coefficients or [0.0] * 5)
     at = np.ascontiguousarray(pixels_px, float).reshape(-1, 1, 2)
@@ -182,15 +182,17 @@ def _about(pixel: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_seen(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], on: bool) -> bool:  # noqa: FBT001 - the label
-    """Whether a ray about a pixel's centre agrees with its mask, or what a raster's rounding may show there does."""
+    """Return True if a ray near a pixel's centre agrees with its mask, or raster rounding can explain the
+    difference.
+    """
     if np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on):
         return True
     return any((part > 0) == on for part in mesh.rounded_parts(truth, pixel))
 
 
 def _shows(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], part: int) -> bool:
-    """Whether the ray through a pixel's centre or one about it meets a part first, or just behind the first, or a
-    raster's rounding may show it there.
+    """Return True if the ray at or near a pixel's centre meets a part first, or just behind the first, or raster
+    rounding may show it.
     """
     if part in mesh.near_parts(truth, pixel.astype(float)) or np.any(
         mesh.first_parts(truth, _about(pixel)) == part

@@ -45,7 +45,7 @@ def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None =
 def prove(
     name: str, n: int, seed: int, width_px: int, first: int = 0, camera: str | None = None
 ) -> Iterator[dict[str, Any]]:
-    """What is found of each image of a recipe, from number ``first`` on; by its own camera or another."""
+    """Yield the findings for each image of a recipe, from number ``first`` on, by its own camera or another."""
     plan = small_plan(name, n, seed, width_px, camera)
     card = capture_card(plan, ("native",), _LABELS, None, ())
     with open_frames(whole_frame, first=plan.scene(first), target=plan.target) as producer:

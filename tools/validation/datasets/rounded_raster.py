@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STEPS = 256
-"""Of a pixel: Mesa's software driver, and what GPUs have at least."""
+"""Sub-pixel steps of a raster: Mesa's software driver, and the least of GPUs."""
 ROUNDING_PX = 2 / STEPS
-"""How far beside itself a plane's depth may be: the roundings of two corners (docs/datasets.md)."""
+"""Largest displacement of a plane's depth by the rounding of two corners (docs/datasets.md)."""
 _TRIES = 24
 # what single precision makes of a corner that lies between two steps; the tries go either way
 _UNSURE_PX = 2e-4
 LENS_PX = 0.02
-"""How far a bent edge may lie beside the lens's own picture of it (docs/camera.md)."""
+"""Largest distance of a curved edge from the exact lens projection (docs/camera.md)."""
 
 
 def shown_parts(
@@ -64,7 +64,9 @@ def _cross(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 
 
 def _holds_origin(corners: NDArray[np.int64], twice_area: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which triangles (K, 3, 2) of whole corners hold the origin; of a shared edge one of the two does."""
+    """Return the mask of triangles (K, 3, 2) with integer corners that contain the origin; of a shared edge one of
+    both does.
+    """
     turned = np.where(twice_area[:, None, None] < 0, corners[:, ::-1], corners)
     edge = np.roll(turned, -1, axis=1) - turned
     side = _cross(edge, -turned)

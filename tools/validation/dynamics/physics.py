@@ -1,4 +1,4 @@
-"""What physics conserves and what theory foretells, measured on the world's own propagators."""
+"""Conservation laws and theoretical predictions, tested on the world's own propagators."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _turn(rate_rad_s: FloatArray, t_s: float) -> FloatArray:
 
 
 def linear_models() -> list[Row]:
-    """How the error of the linear models grows with the distance: its power should be 2."""
+    """Measure the growth of the linear models' error with the distance; its power should be 2."""
     rows = []
     round_earth = Gravity(j2=0.0)
     for name, e in (("Clohessy-Wiltshire, circle", 0.0), ("Yamanaka-Ankersen, e = 0.4", 0.4)):

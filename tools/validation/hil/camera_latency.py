@@ -1,4 +1,4 @@
-"""How well the host keeps a camera's time: pictures in a loop, at a constant latency, to a board that answers at once.
+"""Timing of the host's camera: looped images, at a constant latency, to a board that answers at once.
 
 Each picture carries its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so
 that pixels and ledger are held against each other in every frame.
@@ -57,7 +57,7 @@ class CodeReader:
 
 @dataclass(frozen=True, kw_only=True)
 class LatencyResult:
-    """What a run came to.
+    """Result of a run.
 
     Parameters
     ----------

@@ -112,7 +112,9 @@ def _moved_box_3d(record: dict[str, Any]) -> bool:
 
 
 def _moved_edge(record: dict[str, Any]) -> bool:
-    """Of a lens that does not bend: beyond its image a lens that does is not known."""
+    """Move an edge in images of an ideal lens; others are not tested, as their projection is not known beyond the
+    image.
+    """
     usable = bool(record["wireframe"]) and record["camera"]["distortion"]["model"] == "none"
     if usable:
         record["wireframe"][0]["ends_px"][1][0] += 0.01
@@ -120,7 +122,7 @@ def _moved_edge(record: dict[str, Any]) -> bool:
 
 
 def _called_saturated(record: dict[str, Any]) -> bool:
-    """Where there is a clean twin that tells."""
+    """Mark keypoints as saturated in frames with a clean twin, which reveals it."""
     seen = [k for k in record["keypoints"] if k["state"] == "visible"]
     usable = bool(seen) and "clean" in record["layers"] and record["scene"]["bands"] == "mono"
     detector = record["scene"]["sensor"]["detector"]

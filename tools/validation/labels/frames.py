@@ -111,7 +111,9 @@ def _camera(rng: Generator) -> Camera:
 
 
 def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, float]:
-    """Where the craft's sphere is from 0.1 to 1.6 of the image's height; the camera stays outside of it."""
+    """Return the range at which the craft's sphere takes 0.1 to 1.6 of the image's height, with the camera outside
+    of it.
+    """
     radius = float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
     size = 10 ** rng.uniform(-1, 0.2)
     z = max(2 * radius * camera.fy_px / (size * camera.height_px), 1.3 * radius)

@@ -191,7 +191,7 @@ def newest(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
-    """What all results say together."""
+    """Return the summary of all results."""
     wrong = [line for line in lines if line["faults"]]
     spoilt = [line for line in lines if "spoilt" in line]
     drawn = [line for line in lines if "draw_ms" in line]

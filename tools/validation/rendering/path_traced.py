@@ -43,7 +43,7 @@ UNITS_PER_M = 100.0
 
 @dataclass(frozen=True)
 class Difference:
-    """How far apart two pictures are.
+    """Difference between two images.
 
     Parameters
     ----------

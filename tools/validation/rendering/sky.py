@@ -47,7 +47,7 @@ The limb is that before the Sun, half down: what the ground hides of each pixel 
 
 @dataclass(frozen=True, eq=False)
 class LimbError:
-    """How far the drawn limb is from the ellipsoid's.
+    """Error of the drawn limb against the ellipsoid's.
 
     Parameters
     ----------
