@@ -1,4 +1,4 @@
-"""The console's rates on a virtual screen: how often its window and its pictures are drawn a second.
+"""Rates of the console on a virtual screen: frames per second of its window and of its images.
 
 ``python -m tools.console_rates`` opens a window of 1280x800 on a camera of 640x400, lets it fly and prints both rates,
 and how long each takes. The goals on two llvmpipe cores are 30 and 20 a second. Wants a quiet machine.
@@ -30,7 +30,7 @@ GOALS = {"window_per_s": 30.0, "pictures_per_s": 20.0}
 
 @contextmanager
 def virtual_screen() -> Iterator[str]:
-    """Name of an own X server's display."""
+    """Start a separate X server and return the name of its display."""
     receiving, sending = os.pipe()
     screen = f"{SIZE[0]}x{SIZE[1]}x24"
     command = ["Xvfb", "-displayfd", str(sending), "-screen", "0", screen, "-nolisten", "tcp"]
@@ -45,7 +45,7 @@ def virtual_screen() -> Iterator[str]:
 
 
 def write_scenario(name: str, path: Path) -> None:
-    """A built-in scenario seen by the same lens on `CAMERA_PX`."""
+    """Write a built-in scenario with the same lens on `CAMERA_PX`."""
     scenario = load_scenario(name)
     camera = msgspec.to_builtins(scenario.camera)
     scale = CAMERA_PX[0] / camera["width_px"]
@@ -55,7 +55,7 @@ def write_scenario(name: str, path: Path) -> None:
 
 
 def measure(name: str, seconds: float, extra: list[str]) -> dict[str, float]:
-    """The last state of a console that flew for so long.
+    """Return the last state of a console after a flight of that duration.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def measure(name: str, seconds: float, extra: list[str]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Print the rates; exit code 1 where a goal is missed."""
+    """Print the rates and return the exit code, 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="tango-flyaround")
     parser.add_argument("--seconds", type=float, default=15.0)

@@ -53,7 +53,9 @@ class Step:
 
 
 def installed(python: str, folder: Path) -> Path:
-    """The program of a fresh environment with the wheel, which its owner alone may change, and nobody writes to."""
+    """Return the program of a fresh environment with the wheel, which its owner alone may change, and nobody writes
+    to.
+    """
     subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder / "dist", ROOT],
         check=True,

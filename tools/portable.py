@@ -21,7 +21,9 @@ _DRAWN = re.compile(r"^pytestmark = .*mark\.gl", re.MULTILINE)
 
 
 def _simulator(*, drawn: bool) -> tuple[str, ...]:
-    """Files of the simulator's and the tools' tests that draw (marked ``gl`` as a whole), or those that do not."""
+    """Return the files of the simulator's and the tools' tests that draw (marked ``gl`` as a whole), or those that
+    do not.
+    """
     files = [*ROOT.glob("tests/simulator/**/test_*.py"), *ROOT.glob("tests/tools/**/test_*.py")]
     found = [p for p in files if bool(_DRAWN.search(p.read_text(encoding="utf-8"))) is drawn]
     return tuple(sorted(p.relative_to(ROOT).as_posix() for p in found))
@@ -114,7 +116,7 @@ def _vectors(bits: int) -> Factor:
 
 
 def factors() -> tuple[Factor, ...]:
-    """All factors, the worst together last."""
+    """Return all factors, with the worst combination last."""
     single = (
         _blas("Haswell", "avx2"),
         _blas("Prescott", "sse2"),
@@ -148,7 +150,7 @@ def _files(patterns: tuple[str, ...]) -> list[str]:
 
 
 def _shown(factor: Factor, environment: dict[str, str]) -> str:
-    """Why the factor does not hold in an environment; empty where it does."""
+    """Return the reason why the factor does not hold in an environment; empty if it does."""
     command = [sys.executable, "-c", factor.shown]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["ended without a word"])[-1]

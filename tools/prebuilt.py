@@ -36,7 +36,7 @@ _LEVEL = 22  # of zstd: the smallest
 
 
 def made() -> Iterator[tuple[str, bytes]]:
-    """Names and contents of the files; each is made anew, from what is shipped of the others."""
+    """Yield names and contents of the files; each is made anew, from the shipped versions of the others."""
     yield from _kept(lambda: [air_tables(bands, 100e3) for bands in ("mono", "rgb")], "*.npy").items()
     target = load_target(TARGET)
     yield from _kept(lambda: prepared(target), "*.npy").items()
@@ -49,7 +49,7 @@ def made() -> Iterator[tuple[str, bytes]]:
 
 
 def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
-    """Files that an empty cache holds when something has been made."""
+    """Return the files that are made into an empty cache."""
     chosen = os.environ.get("FLYAROUND_CACHE_DIR")
     with TemporaryDirectory() as folder:
         os.environ["FLYAROUND_CACHE_DIR"] = folder

@@ -1,1 +1,1 @@
-"""Times what drawing costs over scenarios, cameras, pixels, triangles and processes."""
+"""Cost of rendering over scenarios, cameras, pixels, triangles and processes."""

@@ -1,4 +1,6 @@
-"""``python -m tools.bench combinations | scaling | throughput``: what drawing costs, over everything it depends on."""
+"""Command ``python -m tools.bench combinations | scaling | throughput``: cost of rendering against all that it
+depends on.
+"""
 
 from __future__ import annotations
 

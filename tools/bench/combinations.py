@@ -1,4 +1,4 @@
-"""Milliseconds a frame of every built-in scenario through every built-in camera, in one band and in three."""
+"""Time per frame of every built-in scenario through every built-in camera, in one band and in three."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def bench_combinations(
 
 
 def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
-    """The goals whose combinations were timed, each with its worst one; a ratio is of two times of this run."""
+    """Return the goals whose combinations were timed, each with its worst one; a ratio is of two times of this run."""
     found = {(c.scenario, c.camera, c.bands, c.variant): c for c in costs}
     base = found.get((BASE, PINHOLE, "mono", ""))
     if base is None:
@@ -142,7 +142,7 @@ def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
         what: str = "frame_ms",
         **beside: str,
     ) -> Iterator[Goal]:
-        """The worst ratio of the chosen ones to the combination that differs by ``beside``."""
+        """Return the worst ratio of the chosen ones to the combination that differs by ``beside``."""
         measured = []
         for c in costs:
             key = {k: getattr(c, k) for k in ("scenario", "camera", "bands", "variant")} | beside
@@ -216,7 +216,7 @@ def _combinations(scenarios: tuple[str, ...]) -> Iterator[_Combination]:
 
 
 def _plan(combination: _Combination, plans: dict[str, Plan], n_frames: int) -> Plan:
-    """The plan of a combination; a scenario's flight is propagated once for all cameras."""
+    """Return the plan of a combination; a scenario's flight is propagated once for all cameras."""
     if combination.variant:
         plan = _flown(_varied(load_scenario(combination.scenario), combination.variant), n_frames)
     else:
@@ -228,7 +228,7 @@ def _plan(combination: _Combination, plans: dict[str, Plan], n_frames: int) -> P
 
 
 def _flown(scenario: Scenario, n_frames: int) -> Plan:
-    """Neighbouring frames of the middle of the flight; the first two warm up."""
+    """Return consecutive frames from the middle of the flight; the first two warm up."""
     times = tuple(scenario.duration_s / 2 + STEP_S * k for k in range(n_frames + WARM_UP))
     return plan_flight(scenario, times=times)
 
@@ -246,7 +246,7 @@ def _varied(scenario: Scenario, variant: str) -> Scenario:
 
 
 def _reach_m(target: str) -> float:
-    """Greatest distance of a target's vertex from the middle of its box [m]."""
+    """Return the greatest distance of a target's vertex from the centre of its bounding box [m]."""
     vertices = load_target(target).occluders.vertices_m
     return float(np.linalg.norm(vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2, axis=1).max())
 
@@ -285,7 +285,7 @@ def _cost(
 
 
 def _captured_ms(plan: Plan, device_index: int | None) -> float:
-    """Median time of a frame that is drawn, labelled, checked and written; the first ones, with the start, left out."""
+    """Return the median time of a frame that is rendered, labelled, checked and written, without the first ones."""
     ends: list[float] = []
     with TemporaryDirectory() as folder:
         capture(

@@ -1,4 +1,4 @@
-"""The times of all combinations as a page of Markdown tables: one a camera, one of the variants, one of the goals."""
+"""Page of the times of all combinations in Markdown: a table per camera, the variants and the goals."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def combinations_page(machine: BenchMachine, costs: Sequence[CombinationCost], made_by: str) -> str:
-    """The page.
+    """Return the page in Markdown.
 
     Parameters
     ----------

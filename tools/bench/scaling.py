@@ -92,7 +92,7 @@ def bench_scaling(
 
 
 def dimpled_sphere(triangles: int) -> Target:
-    """A craft of about so many triangles: a sphere of 0.5 m with dimples, all of it smooth."""
+    """Return a craft of about that many triangles: a smooth sphere of 0.5 m with dimples."""
     rings = max(round((triangles / 4) ** 0.5), 4)
     around = 2 * rings
     polar, azimuth = (
@@ -145,5 +145,5 @@ def _cost(renderer: Renderer, scene: SceneState, target: Target) -> Cost:
 
 
 def _powers(costs: list[tuple[int, float]]) -> tuple[float, ...]:
-    """By which the second figure grows with the first, between neighbours."""
+    """Return the power by which the second number grows with the first, between neighbours."""
     return tuple(float(np.log(b[1] / a[1]) / np.log(b[0] / a[0])) for a, b in pairwise(costs))

@@ -1,4 +1,4 @@
-"""Frames a second of several processes that draw at once: one process hardly fills a GPU, whatever it draws."""
+"""Frame rate of several processes rendering at once, since one process hardly fills a GPU."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def bench_throughput(
 
 
 def counts_up_to(most: int) -> list[int]:
-    """1, 2, 4 and so on, and ``most`` itself."""
+    """Return 1, 2, 4 and so on, and ``most`` itself."""
     return [2**k for k in range(most.bit_length()) if 2**k < most] + [most]
 
 

@@ -1,1 +1,1 @@
-"""Boards held against the host: an emulated one, and how far the answers of any two agree."""
+"""Comparison of boards with the host: an emulated board, and the agreement of two runs."""

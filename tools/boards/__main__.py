@@ -1,4 +1,4 @@
-"""``python -m tools.boards``: an emulated board to start, the proof of it, and the table's row of any board.
+"""Command ``python -m tools.boards``: starts an emulated board, tests it, and writes any board's row of the table.
 
 ``prove`` (`make board-qemu`) sends the same pictures to the host's own estimator and to an emulated board over each of
 its lines; ``start`` leaves a board running for a host of your own; ``service`` holds the unit against its page;
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def main() -> int:
-    """Exit code 0; 1 where a board does not agree with the host; 2 where something cannot be done."""
+    """Return the exit code: 0; 1 if a board does not agree with the host; 2 if something cannot be done."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options = _options()
     try:
@@ -46,7 +46,7 @@ def main() -> int:
 
 
 def prove(options: argparse.Namespace) -> int:
-    """The loop over each line, and what the board answers beside what the host's estimator does."""
+    """Run the loop over each line and compare the board's answers with the host's."""
     empty_folder(options.output)
     image, runs = board_image(), []
     processor, system = emulated_processor()
@@ -67,7 +67,7 @@ def prove(options: argparse.Namespace) -> int:
 
 
 def start(options: argparse.Namespace) -> int:
-    """A board that stays on until Ctrl-C, and what to type for it."""
+    """Start a board that runs until Ctrl-C, and print the commands for it."""
     log.info("the board starts: half a minute or more")
     with (
         TemporaryDirectory() as name,
@@ -91,7 +91,7 @@ def service(options: argparse.Namespace) -> int:
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Row of a board whose run and whose pictures' run on the host are there."""
+    """Print the row of a board from its run and the host's run on the same images."""
     run = compare_runs(options.host, options.board, options.processor, options.system, options.link)
     print(table_head(), run.row(), sep="\n")
     return 0 if run.agreement.holds else 1

@@ -50,7 +50,7 @@ class Agreement:
 
 
 def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agreement:
-    """A board's rows beside the host's, frame by frame.
+    """Return a board's rows beside the host's, frame by frame.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class BoardRun:
     agreement: Agreement
 
     def row(self) -> str:
-        """A line of the table in docs/validation/boards.md."""
+        """Return a line of the table in docs/validation/boards.md."""
         a = self.agreement
         cells = (
             self.processor,
@@ -140,12 +140,12 @@ HEADINGS = (
 
 
 def table_head() -> str:
-    """The first two lines of the table."""
+    """Return the first two lines of the table."""
     return f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}"
 
 
 def compare_runs(host: Path, board: Path, processor: str, system: str, link: str) -> BoardRun:
-    """Two folders of ledgers as a row of the table.
+    """Return a row of the table from two ledger folders.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def compare_runs(host: Path, board: Path, processor: str, system: str, link: str
 
 
 def _told(folder: Path) -> dict[str, str]:
-    """Versions that a board said of itself when it met the host."""
+    """Return the versions that a board reported in its HELLO."""
     try:
         summary = msgspec.json.decode((folder / SUMMARY_JSON).read_bytes(), type=LedgerSummary)
     except (OSError, msgspec.DecodeError) as error:

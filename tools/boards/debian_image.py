@@ -1,4 +1,4 @@
-"""Debian for the emulated board: installed without root's rights, kept in the user's cache folder.
+"""Debian for the emulated board, installed without root's rights in the user's cache folder.
 
 `debootstrap` fetches and verifies the packages, which are unpacked as they are. What they would run to set themselves
 up is aarch64 code, half an hour of it in QEMU, and what the board needs of that is little: users, links, units.
@@ -106,7 +106,7 @@ class BoardImage:
 
     @property
     def kernel(self) -> Path:
-        """Debian's own."""
+        """Kernel of Debian."""
         return self.folder / "vmlinuz"
 
     @property
@@ -135,7 +135,7 @@ def image_name() -> str:
 
 
 def board_image() -> BoardImage:
-    """The image: from the cache where it is there whole, else made, in a minute or two.
+    """Return the image, from the cache if complete, else made in a minute or two.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def is_whole(image: BoardImage) -> bool:
 
 
 def missing_programs() -> None:
-    """Refuse to go on without the programs that make and run the image.
+    """Raise unless the programs that make and run the image are installed.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _unpack(package: Path, folder: Path) -> None:
 
 
 def _take_kernel(packages: list[Path], work: Path, image: BoardImage) -> None:
-    """The kernel, and what reaches the root file system, out of their packages."""
+    """Extract the kernel, and the drivers of the root file system, from their packages."""
     for name in ("linux-image-6.", "busybox-static_"):
         _unpack(next(package for package in packages if package.name.startswith(name)), work / "kernel")
     kernel = work / "kernel"
@@ -263,7 +263,7 @@ def _add_wheels(root: Path, folder: Path) -> None:
 
 
 def _run(command: list[str], said: Path) -> None:
-    """Run a program, at the lowest priority, what it says in a file.
+    """Run a program at the lowest priority, with its output in a file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""QEMU as a board: its command line, a job handed to it, and its two lines to the host."""
+"""QEMU as a board: its command line, the job passed to it, and its two lines to the host."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CPU = "cortex-a72"
 
 
 def qemu_command(image: BoardImage, job: Path) -> list[str]:
-    """Command line of an emulated board, whose disk is as before at the next start.
+    """Return the command line of an emulated board; changes of its disk are discarded at the end.
 
     Its first serial port (a PL011, ``/dev/ttyAMA0`` there) is a pseudo-terminal here, which QEMU names on standard
     output; its console, another device, is standard output. The host's loopback is 10.0.2.2 there, and nothing reaches
@@ -57,18 +57,18 @@ def qemu_command(image: BoardImage, job: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class EmulatedBoard:
-    """A board that runs: what its console says, and the device here that its serial port is wired to."""
+    """Running board: its console output, and the device on this machine that its serial port is connected to."""
 
     process: subprocess.Popen[bytes]
     console: Path
     uart: str
 
     def said(self) -> str:
-        """All that its console has said so far."""
+        """Return the console output so far."""
         return self.console.read_text(encoding="utf-8", errors="replace").replace("\r\n", "\n")
 
     def wait_for(self, words: str, timeout_s: float) -> str:
-        """All that it said, as soon as ``words`` are among it.
+        """Return the console output as soon as it contains ``words``.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class EmulatedBoard:
 
 @contextmanager
 def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) -> Iterator[EmulatedBoard]:
-    """A board that runs a job until the block is left.
+    """Run a board with a job until the block is left.
 
     Parameters
     ----------

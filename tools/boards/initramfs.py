@@ -49,7 +49,7 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
 
 
 def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]:
-    """Names of the wanted modules and of all that they need, each behind what it needs.
+    """Return the names of the wanted modules and their dependencies, each after those it needs.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
 
 
 def cpio(files: Sequence[tuple[str, int, bytes]]) -> bytes:
-    """An archive of the ``newc`` form, of (path, mode, content); all of it root's."""
+    """Return an archive of the ``newc`` form, of (path, mode, content), owned by root."""
     out = bytearray()
     for number, (name, mode, content) in enumerate([*files, ("TRAILER!!!", 0, b"")], start=1):
         fields = (number, mode, 0, 0, 1, 0, len(content), 0, 0, 0, 0, len(name) + 1, 0)

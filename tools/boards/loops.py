@@ -1,4 +1,4 @@
-"""Runs of the same pictures: on the host's own estimator, and on an emulated board over each of its lines."""
+"""Runs on the same images: by the host's own estimator, and by an emulated board over each of its lines."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ LINES = {
 
 @contextlib.contextmanager
 def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[tuple[EmulatedBoard, str]]:
-    """An emulated board whose agent runs as a service and is ready, and the URL that a host listens on for it.
+    """Run an emulated board whose agent is a service until the block is left; gives it and the URL for the host.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[t
 
 
 def scenario_of(line: BoardLine, folder: Path) -> str:
-    """The scenario that is flown for a line: a built-in one, or a file of it whose sensor joins pixels."""
+    """Return the scenario of a line: a built-in one, or a file of it with binned pixels."""
     if line.binning == 1:
         return line.scenario
     flown = load_scenario(line.scenario)
@@ -112,7 +112,7 @@ def scenario_of(line: BoardLine, folder: Path) -> str:
 
 
 def pictures(scenario: str, n: int, folder: Path) -> None:
-    """Draw a flight's pictures: the same for every board.
+    """Render a flight's images, the same for every board.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def pictures(scenario: str, n: int, folder: Path) -> None:
 
 
 def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: float = READY_S) -> None:
-    """Send the pictures to the board that comes to ``url``, and keep the ledger.
+    """Send the images to the board that connects to ``url``, and keep the ledger.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: f
 
 
 def run_here(scenario: str, images: Path, n: int, folder: Path) -> Path:
-    """The same run on the host's own estimator, out of the same bundle, as a process; returns its ledger's folder.
+    """Run the host's own estimator from the same bundle as a process, and return its ledger's folder.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def run_here(scenario: str, images: Path, n: int, folder: Path) -> Path:
 
 
 def emulated_processor() -> tuple[str, str]:
-    """Processor and system of the emulated board, as the table says them."""
+    """Return processor and system of the emulated board, as written in the table."""
     version = subprocess.run(
         ["qemu-system-aarch64", "--version"], capture_output=True, text=True, check=True
     ).stdout
@@ -193,7 +193,7 @@ def _flyaround(arguments: list[str], said: Path) -> None:
 
 
 def free_port() -> int:
-    """A port of the loopback that nobody listens on."""
+    """Return a free port of the loopback."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return int(free.getsockname()[1])

@@ -1,4 +1,4 @@
-"""The service of `--systemd-unit` under an emulated board's systemd: whether it is what docs/hil_board.md says."""
+"""Checks of the service of `--systemd-unit` under an emulated board's systemd, as documented in docs/hil_board.md."""
 
 from __future__ import annotations
 

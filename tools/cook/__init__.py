@@ -1,1 +1,1 @@
-"""Makes the data files of assets/ from their sources."""
+"""Generation of the data files of assets/ from their sources."""

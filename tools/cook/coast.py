@@ -76,7 +76,7 @@ class Outlines:
     turn: NDArray[np.int8]
 
     def filled(self, rows: range, width: int) -> NDArray[np.bool_]:
-        """(R, width) True inside: where the winding number is not zero, so that polygons may overlap."""
+        """Return (R, width), True inside: where the winding number is not zero, so that polygons may overlap."""
         kept = slice(*np.searchsorted(self.row, (rows.start, rows.stop)))
         turns = np.zeros((len(rows), width + 1), np.int8)
         np.add.at(turns, (self.row[kept] - rows.start, self.column[kept]), self.turn[kept])

@@ -65,7 +65,7 @@ def _excess_over_open_ocean(day: ByteArray, coast: ByteArray) -> Float32Array:
 
 
 def _reflectance(over: Float32Array) -> Float32Array:
-    """Over the open ocean's, over ``SCALE``, of what `_excess_over_open_ocean` gives."""
+    """Return the reflectance over the open ocean's, divided by ``SCALE``, from `_excess_over_open_ocean`."""
     return np.asarray(cv2.pow(over, _POWER), np.float32)
 
 
@@ -74,7 +74,9 @@ def _bytes(values: NDArray[np.float32]) -> ByteArray:
 
 
 def make_mask(sources: Sources) -> ByteArray:
-    """(360, 720) 255 where the water is noticeably brighter than the open ocean, and half a degree around it."""
+    """Return (360, 720), 255 where the water is noticeably brighter than the open ocean, and half a degree around
+    it.
+    """
     day, coast = sources
     over = _excess_over_open_ocean(day, coast)
     bright = SCALE * _reflectance(over).max(axis=2) > _NOTICED

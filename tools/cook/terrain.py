@@ -63,7 +63,7 @@ def make_terrain_detail() -> ByteArray:
 def drainage(
     outlets: BoolArray, hardness: FloatArray, turns: int, area: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Optimal channel network of a periodic land: its height, in units of cost, and the drainage area [texels].
+    """Return the optimal channel network of a periodic land: height, in units of cost, and drainage area [texels].
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def drainage(
 
 
 def _least_cost_paths(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray, IntArray]:
-    """(N, N) least cost of a path to an outlet, and (N * N,) the next point on it: an outlet's is itself."""
+    """Return the (N, N) least cost of a path to an outlet, and (N * N,) the next point on it; an outlet's is itself."""
     size = len(cost)
     index = np.arange(size * size).reshape(size, size)
     steps = []
@@ -93,7 +93,7 @@ def _least_cost_paths(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray,
 
 
 def _drainage_areas(down: IntArray) -> FloatArray:
-    """Drainage area of each point [texels], itself included, by the next point down of each."""
+    """Return the drainage area of each point [texels], itself included, by the next point down of each."""
     far, hops = down, (down != np.arange(len(down))).astype(int)
     # doubling: each turn adds as many hops as are known
     while hops[far].any():
@@ -108,7 +108,7 @@ def _drainage_areas(down: IntArray) -> FloatArray:
 
 
 def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
-    """A number of its own for each unit of x, changing within a tenth of one."""
+    """Return a random number for each unit of x, with a transition over a tenth of a unit."""
     values = rng.standard_normal(64)
     whole = np.floor(x)
     share = np.clip(10 * (x - whole), 0.0, 1.0)
@@ -117,7 +117,9 @@ def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
 
 
 def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
-    """Periodic Gaussian noise of a spectrum's power from ``low`` cycles per tile up, standard deviation 1."""
+    """Return the periodic Gaussian noise of a spectrum's power from ``low`` cycles per tile up, standard deviation
+    1.
+    """
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     noise = np.fft.irfft2(
@@ -127,12 +129,12 @@ def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: floa
 
 
 def _upsampled(image: FloatArray) -> FloatArray:
-    """From the coarse grid to the fine, periodic."""
+    """Return the fine periodic grid of a coarse one."""
     pad, factor = 4, SIZE // _COARSE
     large = cv2.resize(np.pad(image, pad, mode="wrap"), None, fx=factor, fy=factor)
     return np.asarray(large[pad * factor : -pad * factor, pad * factor : -pad * factor])
 
 
 def _blurred(image: FloatArray, sigma: float) -> FloatArray:
-    """A periodic blur."""
+    """Return the periodic blur of an image."""
     return np.asarray(cv2.GaussianBlur(np.pad(image, 24, mode="wrap"), (0, 0), sigma)[24:-24, 24:-24])

@@ -1,4 +1,4 @@
-"""Writes ``assets/targets``: every built-in craft at its three levels of detail.
+"""Command that writes ``assets/targets``: every built-in craft at its three levels of detail.
 
 ``python -m tools.craft`` writes all of them again, ``python -m tools.craft tango dragon`` those two.
 """

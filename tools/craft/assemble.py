@@ -31,7 +31,7 @@ class Piece:
 
 
 def part_of(piece: Piece) -> Part:
-    """The piece in the renderer's number formats (float32)."""
+    """Return the piece in the renderer's number formats (float32)."""
     normals = piece.mesh.normals / np.linalg.norm(piece.mesh.normals, axis=1, keepdims=True)
     return Part(
         name=piece.name,
@@ -93,7 +93,7 @@ def assemble(
 
 
 def gathered(pieces: Sequence[Piece]) -> list[Piece]:
-    """Pieces of one name and material joined into one, in order of first appearance.
+    """Return the pieces of one name and material joined into one, in order of first appearance.
 
     Raises
     ------

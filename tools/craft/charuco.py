@@ -1,4 +1,4 @@
-"""The calibration board: a ChArUco board, its squares geometry, the markers in its light squares a texture.
+"""Calibration board: a ChArUco board with its squares as geometry and its markers as a texture.
 
 The plate and the frame are the chessboard's (`craft.chessboard`): origin in the middle of the
 face, x right, y up, z out of the face. `charuco_board` is the same pattern as OpenCV knows it, whose object points have
@@ -49,7 +49,7 @@ NOTES = (
 
 
 def build_calibration_board(detail: Detail = "full") -> Target:  # noqa: ARG001 (one geometry for all levels)
-    """The board; every level is the same."""
+    """Return the board; every level is the same."""
     tiles = merge(squares(dark=False))
     low, high = np.array([lines_x_m()[0], lines_y_m()[-1]]), np.array([lines_x_m()[-1], lines_y_m()[0]])
     share = np.clip((tiles.positions_m[:, :2] - low) / (high - low), 0, 1)
@@ -67,19 +67,19 @@ def build_calibration_board(detail: Detail = "full") -> Target:  # noqa: ARG001 
 
 
 def charuco_board() -> cv2.aruco.CharucoBoard:
-    """The pattern as OpenCV's detectors take it."""
+    """Return the pattern as OpenCV's detectors take it."""
     return cv2.aruco.CharucoBoard(
         (COLUMNS, ROWS), SQUARE_M, MARKER_M, cv2.aruco.getPredefinedDictionary(DICTIONARY)
     )
 
 
 def model_from_opencv_m(points_m: FloatArray) -> FloatArray:
-    """Points (..., 3) of OpenCV's board frame in the model frame [m]: half a turn about x, and the origin moved."""
+    """Return points (..., 3) of OpenCV's board frame in the model frame [m]: half a turn about x, and a new origin."""
     return np.asarray(points_m, float) * (1, -1, -1) + (lines_x_m()[0], lines_y_m()[0], 0)
 
 
 def _ink() -> BoolArray:
-    """(H, W) where markers are printed; the dark squares are geometry and left white here."""
+    """Return the (H, W) mask of printed markers; the dark squares are geometry and left white here."""
     pattern = charuco_board()
     dictionary, ink = pattern.getDictionary(), np.zeros((ROWS * MODULES, COLUMNS * MODULES), bool)
     side = round(MARKER_M / SQUARE_M * MODULES)
@@ -95,7 +95,7 @@ BLOCK_BYTES = 65_535
 
 
 def two_tone_png(dark: BoolArray, greys: tuple[int, int]) -> bytes:
-    """A PNG of one bit per pixel.
+    """Return a PNG of one bit per pixel.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ NOTES = (
 
 
 def build_chessboard(detail: Detail = "full") -> Target:  # noqa: ARG001 (one geometry for all levels)
-    """The board; every level is the same."""
+    """Return the board; every level is the same."""
     light = Piece("squares_light", MATT_WHITE.name, merge(squares(dark=False)))
     return board("chessboard", "Chessboard, 11 x 8 squares of 40 mm", light, notes=NOTES)
 
@@ -54,7 +54,7 @@ def board(
     materials: tuple[Material, ...] = (),
     pictures: tuple[TextureImage, ...] = (),
 ) -> Target:
-    """A board with the given light squares; its dark squares, plate, labels and mass are the same for all."""
+    """Return a board with the given light squares; dark squares, plate, labels and mass are the same for all."""
     return assemble(
         name,
         title,
@@ -83,17 +83,17 @@ def board(
 
 
 def lines_x_m() -> FloatArray:
-    """(12,) x of the lines between columns, from the left [m]."""
+    """Return the (12,) x coordinates of the lines between columns, from the left [m]."""
     return np.asarray((np.arange(COLUMNS + 1) - COLUMNS / 2) * SQUARE_M, float)
 
 
 def lines_y_m() -> FloatArray:
-    """(9,) y of the lines between rows, from the top [m]."""
+    """Return the (9,) y coordinates of the lines between rows, from the top [m]."""
     return np.asarray((ROWS / 2 - np.arange(ROWS + 1)) * SQUARE_M, float)
 
 
 def squares(*, dark: bool) -> list[Mesh]:
-    """The squares of one colour as thin tiles, row by row; the one in the upper left corner is dark."""
+    """Return the squares of one colour as thin tiles, row by row; the one in the upper left corner is dark."""
     xs, ys = lines_x_m(), lines_y_m()
     tiles = []
     for row in range(ROWS):
@@ -130,7 +130,7 @@ def _corners() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """The plate's edges, and the lines between squares, each a step from light to dark over its whole length."""
+    """Return the plate's edges, and the lines between squares, each a step from light to dark over its whole length."""
     low, high = (-PLATE_X_M / 2, -PLATE_Y_M / 2, -PLATE_M), (PLATE_X_M / 2, PLATE_Y_M / 2, 0.0)
     xs, ys = lines_x_m(), lines_y_m()
     edges = box_edges("plate", low, high)

@@ -106,4 +106,4 @@ FINISHES = (
     Material(name="cell-substrate", base_color=(0.22, 0.22, 0.21), roughness=0.6),
     Material(name="panel-back", base_color=(0.42, 0.42, 0.40), roughness=0.6),
 )
-"""All of them; a craft keeps those that its parts use."""
+"""All finishes; a craft keeps those that its parts use."""

@@ -34,7 +34,7 @@ def nozzle(
     segments: int,
     detail: Detail,
 ) -> Mesh:
-    """A bell nozzle, hollow, closed at the throat: a parabola from throat to exit, as Rao's optimum nearly is.
+    """Return a bell nozzle, hollow, closed at the throat: a parabola from throat to exit, as Rao's optimum nearly is.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def nozzle(
 
 
 def sphere(centre_m: ArrayLike, radius_m: float, segments: int, detail: Detail) -> Mesh:
-    """A ball with a meridian step equal to its facets, poles on z."""
+    """Return a ball with a meridian step equal to its facets, poles on z."""
     n = facets(detail, segments)
     t = np.linspace(-np.pi / 2, np.pi / 2, n // 2 + 1)[1:-1]
     arc = [(radius_m * np.cos(a), radius_m * np.sin(a)) for a in t]
@@ -74,7 +74,7 @@ def tube(
     segments: int,
     detail: Detail,
 ) -> Mesh:
-    """An open ring or pipe: its bore goes through."""
+    """Return an open ring or pipe: its bore goes through."""
     ring = [(inner_m, 0), (outer_m, 0), (outer_m, height_m), (inner_m, height_m), (inner_m, 0)]
     return lathe(ring, origin_m, axis, facets(detail, segments))
 
@@ -89,7 +89,7 @@ def cup(
     segments: int,
     detail: Detail,
 ) -> Mesh:
-    """A pot: a pipe with a closed bottom of thickness ``floor_m``."""
+    """Return a pot: a pipe with a closed bottom of thickness ``floor_m``."""
     profile = [
         (0, 0),
         (outer_m, 0),
@@ -104,7 +104,7 @@ def cup(
 def star_tracker(
     name: str, origin_m: ArrayLike, axis: ArrayLike, radius_m: float, length_m: float, detail: Detail
 ) -> list[Piece]:
-    """A conical baffle, black inside, on a short housing."""
+    """Return a conical baffle, black inside, on a short housing."""
     o, w = np.asarray(origin_m, float), unit(axis)
     n = facets(detail, 32)
     wall = 0.06 * radius_m
@@ -134,7 +134,7 @@ def star_tracker(
 def thruster(
     origin_m: ArrayLike, axis: ArrayLike, exit_radius_m: float, length_m: float, detail: Detail
 ) -> Mesh:
-    """A small thruster: a valve block, a neck and a cone with a hollow end."""
+    """Return a small thruster: a valve block, a neck and a cone with a hollow end."""
     o, w = np.asarray(origin_m, float), unit(axis)
     n = facets(detail, 16)
     r, L = exit_radius_m, length_m
@@ -159,7 +159,7 @@ def tape(
     face: ArrayLike,
     sag_m: float = 0.0,
 ) -> list[Mesh]:
-    """A tape antenna: a flat strip whose face looks along ``face``; a curl of ``sag_m`` stands as segments.
+    """Return a tape antenna: a flat strip whose face looks along ``face``; a curl of ``sag_m`` stands as segments.
 
     The strip bends along ``face`` as a parabola that leaves the root straight.
     """
@@ -174,7 +174,7 @@ def tape(
 def bolts(
     at_m: Sequence[ArrayLike], axis: ArrayLike, radius_m: float, height_m: float, detail: Detail
 ) -> Mesh:
-    """Heads of bolts at points of a face."""
+    """Return the heads of bolts at points of a face."""
     w = unit(axis)
     n = facets(detail, 12)
     return merge([rod(np.asarray(p, float), np.asarray(p, float) + w * height_m, radius_m, n) for p in at_m])
@@ -183,7 +183,7 @@ def bolts(
 def socket_screws(
     at_m: Sequence[ArrayLike], axis: ArrayLike, radius_m: float, height_m: float, detail: Detail
 ) -> Mesh:
-    """Screws with a rounded head and a socket in it, at points of a face (ISO 7380: button heads)."""
+    """Return the screws with a rounded head and a socket in it, at points of a face (ISO 7380: button heads)."""
     r, h = radius_m, height_m
     profile = [
         (0, 0),
@@ -199,12 +199,12 @@ def socket_screws(
 
 
 def revolve(profile: ArrayLike, segments: int) -> Mesh:
-    """A body of revolution about z; the profile as for :func:`lathe`."""
+    """Return a body of revolution about z; the profile as for :func:`lathe`."""
     return lathe(profile, (0, 0, 0), (0, 0, 1), segments)
 
 
 def open_tube(inner_m: float, outer_m: float, low_m: float, high_m: float, segments: int) -> Mesh:
-    """A pipe about z, open at both ends."""
+    """Return a pipe about z, open at both ends."""
     ring = [(inner_m, low_m), (outer_m, low_m), (outer_m, high_m), (inner_m, high_m), (inner_m, low_m)]
     return revolve(ring, segments)
 
@@ -217,7 +217,9 @@ def bell(
     exit_radius_m: float,
     segments: int,
 ) -> Mesh:
-    """A nozzle that opens along ``axis``: a parabolic bell, 8 % of its exit radius thick, closed at the throat."""
+    """Return a nozzle that opens along ``axis``: a parabolic bell, 8 % of its exit radius thick, closed at the
+    throat.
+    """
     t = np.linspace(0, 1, 6)
     inner = throat_radius_m + (exit_radius_m - throat_radius_m) * np.sqrt(t)
     wall = 0.08 * exit_radius_m
@@ -229,7 +231,7 @@ def bell(
 
 
 def dish(vertex_m: ArrayLike, axis: ArrayLike, radius_m: float, depth_m: float, segments: int) -> Mesh:
-    """A parabolic reflector that looks along ``axis``, 1.5 % of its diameter thick."""
+    """Return a parabolic reflector that looks along ``axis``, 1.5 % of its diameter thick."""
     t = np.linspace(0, 1, 6)
     wall = 0.03 * radius_m
     back = [(float(radius_m * s), float(depth_m * s * s)) for s in t]
@@ -238,7 +240,7 @@ def dish(vertex_m: ArrayLike, axis: ArrayLike, radius_m: float, depth_m: float, 
 
 
 def handrail(a_m: ArrayLike, b_m: ArrayLike, out: ArrayLike, height_m: float, radius_m: float) -> Mesh:
-    """A rail between two feet, ``height_m`` along ``out``."""
+    """Return a rail between two feet, ``height_m`` along ``out``."""
     a, b, n = (np.asarray(x, float) for x in (a_m, b_m, out))
     rise = unit(n) * height_m
     return truss([a, a + rise, b + rise, b], [(0, 1), (1, 2), (2, 3)], radius_m, 6)
@@ -251,7 +253,7 @@ def seams(
     width_m: float,
     lift_m: float,
 ) -> Mesh:
-    """Narrow strips along the surface at the given azimuths, from the first height to the last."""
+    """Return the narrow strips along the surface at the given azimuths, from the first height to the last."""
     strips = []
     for az in np.deg2rad(azimuths_deg):
         half = width_m / 2 / float(np.mean(surface.radius(list(heights_m))))
@@ -260,7 +262,7 @@ def seams(
 
 
 def hoop(surface: Revolved, z_m: float, width_m: float, lift_m: float, segments: int) -> Mesh:
-    """A band round the surface."""
+    """Return a band round the surface."""
     a, b = z_m - width_m / 2, z_m + width_m / 2
     ra, rb = (float(r) for r in surface.radius([a, b]))
     ring = [(ra - 0.01, a), (ra + lift_m, a), (rb + lift_m, b), (rb - 0.01, b), (ra - 0.01, a)]
@@ -280,7 +282,7 @@ def window(
     frame_m: float = 0.035,
     lift_m: float = 0.012,
 ) -> list[Piece]:
-    """A pane in a frame that stands slightly proud."""
+    """Return a pane in a frame that stands slightly proud."""
     az = np.deg2rad(azimuth_deg)
     n = level.segments(36)
     outer = (half_m[0] + frame_m, half_m[1] + frame_m)
@@ -292,7 +294,7 @@ def window(
 def stub(
     surface: Revolved, azimuth_deg: float, z_m: float, height_m: float, radius_m: float, segments: int
 ) -> Mesh:
-    """A short cylinder that stands on the surface."""
+    """Return a short cylinder that stands on the surface."""
     az = np.deg2rad(azimuth_deg)
     p, n = surface.point(az, z_m), surface.normal(az, z_m)
     return rod(p - 0.02 * n, p + height_m * n, radius_m, segments)

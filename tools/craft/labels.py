@@ -38,7 +38,7 @@ def rim_edges(
     *,
     segments: int = RIM_SEGMENTS,
 ) -> list[Edge]:
-    """A circle about z as chords; ``sides`` are the (radial, axial) normals of the surfaces that meet there."""
+    """Return a circle about z as chords; ``sides`` are the (radial, axial) normals of the surfaces that meet there."""
     t = 2 * np.pi * np.arange(segments + 1) / segments
     p = np.column_stack([radius_m * np.cos(t), radius_m * np.sin(t), np.full(len(t), z_m)])
     p[-1] = p[0]
@@ -52,7 +52,7 @@ def rim_edges(
 
 
 def box_edges(name: str, lo: Vec3, hi: Vec3) -> list[Edge]:
-    """The twelve edges of an axis-aligned box, each with the normals of its two faces."""
+    """Return the twelve edges of an axis-aligned box, each with the normals of its two faces."""
     corner = np.array([lo, hi], float)
     edges = []
     for axis in range(3):
@@ -72,7 +72,7 @@ def box_edges(name: str, lo: Vec3, hi: Vec3) -> list[Edge]:
 
 
 def moved_edges(edges: Iterable[Edge], R: ArrayLike, offset_m: ArrayLike, prefix: str = "") -> list[Edge]:
-    """Edges rotated by ``R`` (3, 3), which may be a reflection, then moved by ``offset_m``."""
+    """Return the edges rotated by ``R`` (3, 3), which may be a reflection, then moved by ``offset_m``."""
     rotation, offset = np.asarray(R, float), np.asarray(offset_m, float)
 
     def place(p: Vec3) -> Vec3:
@@ -91,13 +91,13 @@ def moved_edges(edges: Iterable[Edge], R: ArrayLike, offset_m: ArrayLike, prefix
 
 
 def welded(mesh: Mesh) -> Occluders:
-    """The mesh with each corner once and no normals."""
+    """Return the mesh with each corner once and no normals."""
     vertices, index = np.unique(np.round(mesh.positions_m, 9), axis=0, return_inverse=True)
     return Occluders(vertices_m=vertices, triangles=index.reshape(-1)[mesh.triangles])
 
 
 def polar(radius_m: float, azimuth_deg: float, z_m: float) -> Vec3:
-    """A point in cylinder coordinates about z."""
+    """Return a point in cylinder coordinates about z."""
     a = np.deg2rad(azimuth_deg)
     return (float(radius_m * np.cos(a)), float(radius_m * np.sin(a)), float(z_m))
 
@@ -132,7 +132,7 @@ def prism_edges(
 
 
 def face_edges(name: str, corners_m: ArrayLike, normal: ArrayLike) -> list[Edge]:
-    """Outline (K, 3) of a marking on a face: seen from the face's outside only."""
+    """Return the outline (K, 3) of a marking on a face: seen from the face's outside only."""
     p = np.asarray(corners_m, float)
     return [edge(f"{name}_{k}", p[k], p[(k + 1) % len(p)], np.asarray(normal, float)) for k in range(len(p))]
 
@@ -140,7 +140,7 @@ def face_edges(name: str, corners_m: ArrayLike, normal: ArrayLike) -> list[Edge]
 def ring_edges(
     name: str, centre_m: ArrayLike, axis: ArrayLike, radius_m: float, segments: int, *, inside: bool = False
 ) -> list[Edge]:
-    """Rim of a lathe's flat end that looks along ``axis``, in the lathe's own facets.
+    """Return the rim of a lathe's flat end that looks along ``axis``, in the lathe's own facets.
 
     Parameters
     ----------
@@ -156,14 +156,14 @@ def ring_edges(
 
 
 def axis_edge(name: str, a_m: ArrayLike, b_m: ArrayLike, radius_m: float) -> Edge:
-    """A thin rod by its axis."""
+    """Return a thin rod by its axis."""
     return Edge(
         name=name, a_m=vec3(np.asarray(a_m, float)), b_m=vec3(np.asarray(b_m, float)), radius_m=radius_m
     )
 
 
 def rim_point(centre_m: ArrayLike, axis: ArrayLike, radius_m: float, quarter: int) -> Vec3:
-    """The point of a lathe's ring at a multiple of 90 degrees: a vertex at every level of detail."""
+    """Return the point of a lathe's ring at a multiple of 90 degrees: a vertex at every level of detail."""
     u, v, _ = across(axis)
     side = (u, v, -u, -v)[quarter % 4]
     return vec3(np.asarray(centre_m, float) + radius_m * side)

@@ -21,7 +21,7 @@ class Level:
     detail: Detail = "full"
 
     def segments(self, full: int) -> int:
-        """Facets round an axis: all, two thirds or one third of ``full`` (a multiple of 12).
+        """Return the facets round an axis: all, two thirds or one third of ``full`` (a multiple of 12).
 
         Thirds keep the vertices of the lowest level among those of the full one, so that labels that lie
         on rims at multiples of 15 degrees are vertices at every level.

@@ -32,12 +32,12 @@ class MassElement:
     tip_m: Vec3 | None = None
 
     def centre(self) -> FloatArray:
-        """(3,) its centre of mass [m]."""
+        """Return the (3,) centre of mass [m]."""
         c = np.asarray(self.centre_m)
         return c if self.tip_m is None else (c + np.asarray(self.tip_m)) / 2
 
     def inertia(self) -> FloatArray:
-        """(3, 3) about its own centre of mass [kg m2]."""
+        """Return the (3, 3) inertia about its own centre of mass [kg m2]."""
         if self.tip_m is not None:
             d = np.subtract(self.tip_m, self.centre_m)
             return self.mass_kg / 12 * (d @ d * np.eye(3) - np.outer(d, d))
@@ -46,7 +46,7 @@ class MassElement:
 
 
 def mass_properties(lumps: Sequence[MassElement]) -> MassProperties:
-    """Mass, centre of mass and inertia of all elements, by Steiner's theorem."""
+    """Return the mass, centre of mass and inertia of all elements, by Steiner's theorem."""
     mass = sum(lump.mass_kg for lump in lumps)
     com = sum((lump.mass_kg * lump.centre() for lump in lumps), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
@@ -72,7 +72,7 @@ class Tube(MassElement):
     inner_m: float = 0.0
 
     def inertia(self) -> FloatArray:
-        """(3, 3) about its own centre of mass [kg m2]."""
+        """Return the (3, 3) inertia about its own centre of mass [kg m2]."""
         square = self.radius_m**2 + self.inner_m**2
         across = self.mass_kg / 12 * (3 * square + self.length_m**2)
         return np.diag([across, across, self.mass_kg / 2 * square])

@@ -23,28 +23,28 @@ Z: Vec3 = (0.0, 0.0, 1.0)
 
 
 def placed(mesh: Mesh, origin_m: ArrayLike, u: ArrayLike, v: ArrayLike) -> Mesh:
-    """The mesh with its x axis along ``u``, its y along ``v`` (orthonormal) and its origin at ``origin_m``."""
+    """Return the mesh with its x axis along ``u``, its y along ``v`` (orthonormal) and its origin at ``origin_m``."""
     return mesh.rotated(_columns(u, v)).moved(origin_m)
 
 
 def placed_pieces(pieces: Sequence[Piece], origin_m: ArrayLike, u: ArrayLike, v: ArrayLike) -> list[Piece]:
-    """All pieces of an assembly, placed together."""
+    """Return all pieces of an assembly, placed together."""
     return [replace(p, mesh=placed(p.mesh, origin_m, u, v)) for p in pieces]
 
 
 def placed_point(point_m: ArrayLike, origin_m: ArrayLike, u: ArrayLike, v: ArrayLike) -> Vec3:
-    """A point of an assembly (3,), in the frame in which the assembly was placed."""
+    """Return a point of an assembly (3,), in the frame in which the assembly was placed."""
     return vec3(_columns(u, v) @ np.asarray(point_m, float) + np.asarray(origin_m, float))
 
 
 def turn_z(angle_rad: float) -> FloatArray:
-    """(3, 3) rotation about z."""
+    """Return the (3, 3) rotation about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def both_sides(mesh: Mesh, axis: int) -> list[Mesh]:
-    """The mesh and its mirror image across ``axis``."""
+    """Return the mesh and its mirror image across ``axis``."""
     return [mesh, mesh.mirrored(axis)]
 
 

@@ -34,7 +34,7 @@ class CellField:
     height_m: float = 0.001
 
     def centres(self) -> tuple[np.ndarray, np.ndarray]:
-        """Centres of columns and rows about the origin [m]."""
+        """Return the centres of columns and rows about the origin [m]."""
         return (
             (np.arange(self.columns) - (self.columns - 1) / 2) * self.pitch_x_m,
             (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_y_m,
@@ -42,7 +42,7 @@ class CellField:
 
 
 def cells(field: CellField, z_m: float, detail: Detail) -> Mesh:
-    """The cells of a field on the plane at ``z_m``: clipped tiles, plain tiles at medium, one sheet at low."""
+    """Return the cells of a field on the plane at ``z_m``: clipped tiles, plain tiles at medium, one sheet at low."""
     w, h = field.pitch_x_m - field.gap_m, field.pitch_y_m - field.gap_m
     if detail == "low":
         x = field.columns * field.pitch_x_m / 2 - field.gap_m / 2
@@ -56,7 +56,9 @@ def cells(field: CellField, z_m: float, detail: Detail) -> Mesh:
 
 
 def busbars(field: CellField, z_m: float, width_m: float, detail: Detail) -> list[Mesh]:
-    """Bright ribbons on the cells, two along each column, a tenth of a cell's height proud; full detail only."""
+    """Return the bright ribbons on the cells, two along each column, a tenth of a cell's height proud; full detail
+    only.
+    """
     if detail != "full":
         return []
     xs, ys = field.centres()
@@ -79,7 +81,7 @@ def panel(
     cell: str,
     busbar_m: float = 0.0,
 ) -> list[Piece]:
-    """A board of ``size_m`` about the origin, its upper face at z = 0, with cells on it.
+    """Return a board of ``size_m`` about the origin, its upper face at z = 0, with cells on it.
 
     Parameters
     ----------

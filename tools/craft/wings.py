@@ -46,7 +46,7 @@ class Wing:
     margin_m: float = 0.025
 
     def boxes(self) -> list[tuple[Vec3, Vec3]]:
-        """Opposite corners of each panel."""
+        """Return the opposite corners of each panel."""
         y, z = self.chord_m / 2, self.thickness_m / 2
         starts = [self.first_m + k * (self.length_m + self.gap_m) for k in range(self.panels)]
         return [((x, -y, -z), (x + self.length_m, y, z)) for x in starts]
@@ -58,12 +58,12 @@ class Wing:
 
 
 def wing_panels(wing: Wing) -> Mesh:
-    """The panels as plates."""
+    """Return the panels as plates."""
     return merge([box(lo, hi) for lo, hi in wing.boxes()])
 
 
 def wing_cells(wing: Wing, grouping: str) -> Mesh:
-    """The cells: ``"single"``, by ``"string"`` (a column of cells each), or by ``"panel"``."""
+    """Return the cells: ``"single"``, by ``"string"`` (a column of cells each), or by ``"panel"``."""
     nx, ny = wing.cells
     inner_x, inner_y = wing.length_m - 2 * wing.margin_m, wing.chord_m - 2 * wing.margin_m
     pitch = (inner_x / nx, inner_y / ny)
@@ -88,7 +88,7 @@ def wing_cells(wing: Wing, grouping: str) -> Mesh:
 
 
 def wing_ribs(wing: Wing, depth_m: float, count: int) -> Mesh:
-    """Stiffeners on the back of each panel, along its chord and along x at both edges."""
+    """Return the stiffeners on the back of each panel, along its chord and along x at both edges."""
     back, width = -wing.thickness_m / 2, 0.03
     ribs = []
     for lo, hi in wing.boxes():
@@ -105,7 +105,7 @@ def wing_ribs(wing: Wing, depth_m: float, count: int) -> Mesh:
 
 
 def wing_hinges(wing: Wing, radius_m: float, segments: int) -> Mesh:
-    """Hinge barrels in the gaps, two to a gap, and at the inner edge."""
+    """Return the hinge barrels in the gaps, two to a gap, and at the inner edge."""
     at = [lo[0] - wing.gap_m / 2 for lo, _ in wing.boxes()]
     y = 0.33 * wing.chord_m
     return merge(
@@ -114,7 +114,7 @@ def wing_hinges(wing: Wing, radius_m: float, segments: int) -> Mesh:
 
 
 def wing_yoke(wing: Wing, root_m: float, spread: float, section_m: float) -> Mesh:
-    """A forked yoke from the axis at ``root_m`` to the first panel's edge, ``spread`` of the chord wide."""
+    """Return a forked yoke from the axis at ``root_m`` to the first panel's edge, ``spread`` of the chord wide."""
     end, half = wing.first_m - wing.gap_m, spread * wing.chord_m / 2
     knee = root_m + 0.25 * (end - root_m)
     s = section_m
@@ -158,7 +158,7 @@ class SideWings:
     back: str
 
     def pieces(self, level: Level) -> list[Piece]:
-        """Both wings at a level of detail."""
+        """Return both wings at a level of detail."""
         grouping = {"full": "single", "medium": "string", "low": "panel"}[level.detail]
         meshes = {
             ("panels", self.panels): wing_panels(self.wing),
@@ -179,12 +179,12 @@ class SideWings:
         return pieces
 
     def panel_bodies(self) -> Mesh:
-        """All panels of both wings as plain boxes."""
+        """Return all panels of both wings as plain boxes."""
         right = self._place(wing_panels(self.wing))
         return merge([right, right.mirrored(0)])
 
     def corners(self) -> dict[str, Vec3]:
-        """Corners of both wings on the cells' side, by name."""
+        """Return the corners of both wings on the cells' side, by name."""
         w, y, half = self.wing, self.wing.thickness_m / 2, self.wing.chord_m / 2
         return {
             f"wing_{side}_{at}_{end}": (sign * x, y, self.z_m + z)
@@ -194,7 +194,7 @@ class SideWings:
         }
 
     def edges(self) -> list[Edge]:
-        """The twelve edges of every panel."""
+        """Return the twelve edges of every panel."""
         edges = []
         for k, (lo, hi) in enumerate(self.wing.boxes()):
             panel = moved_edges(box_edges(f"panel_{k + 1}", lo, hi), AXES, (0, 0, self.z_m))
@@ -203,7 +203,7 @@ class SideWings:
         return edges
 
     def lumps(self, mass_kg: float) -> list[MassElement]:
-        """Each wing as a plate of ``mass_kg``."""
+        """Return each wing as a plate of ``mass_kg``."""
         w = self.wing
         middle = (w.tip_m + w.first_m) / 2
         return [

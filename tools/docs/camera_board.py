@@ -35,7 +35,7 @@ PART_PX = (192, 192, 640, 640)
 
 
 def seen(settings: CameraSettings, camera: dict[str, object], model: BoardModel) -> np.ndarray:
-    """(SIDE, SIDE, 3) the picture that the camera gives, with the estimate's wireframe."""
+    """Return the (SIDE, SIDE, 3) image of the camera with the estimate's wireframe."""
     device = GigeCamera(ADDRESS, settings)
     try:
         device.start()

@@ -29,19 +29,19 @@ QUIET = Detector(
 
 
 def detector(**changes: Any) -> Sensor:  # noqa: ANN401 - any field of the detector
-    """A 12-bit detector that does nothing but what is asked."""
+    """Return an ideal 12-bit detector with the given properties alone."""
     return Sensor(preset="picture", bits=12, blur_sigma_px=0.7, detector=replace(QUIET, **changes))
 
 
 def backlit(scene: SceneState) -> SceneState:
-    """The same scene with the Sun 25 degrees off the boresight, up and to the right."""
+    """Return the same scene with the Sun 25 degrees off the boresight, up and to the right."""
     towards = np.array([0.35, -0.25, 1.0]) / np.linalg.norm([0.35, -0.25, 1.0])
     r_sun = matrix_from_quat(scene.q_camera_from_eci_wxyz).T @ towards * 1.496e11
     return replace(scene, r_sun_eci_m=vec3(r_sun))
 
 
 def tile(image: np.ndarray, bits: float, words: str) -> np.ndarray:
-    """One picture of the montage: 8 bits, its words below."""
+    """Return one tile of the montage: 8 bits, with its caption below."""
     values: np.ndarray = (np.clip(image.astype(float) / (2**bits - 1), 0, 1) ** 0.6 * 255).astype(np.uint8)
     if values.ndim == 2:
         values = cv2.cvtColor(values, cv2.COLOR_GRAY2BGR)
@@ -54,7 +54,7 @@ def tile(image: np.ndarray, bits: float, words: str) -> np.ndarray:
 
 
 def grid(tiles: list[np.ndarray], columns: int) -> np.ndarray:
-    """Tiles in rows."""
+    """Return the tiles in rows."""
     return np.vstack([np.hstack(tiles[k : k + columns]) for k in range(0, len(tiles), columns)])
 
 

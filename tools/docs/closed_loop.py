@@ -28,19 +28,19 @@ HORIZON_S, RUNS = 60.0, 8
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:
-    """Columns of a run's ``closed_loop.csv``."""
+    """Return the columns of a run's ``closed_loop.csv``."""
     with (folder / STEPS_CSV).open() as file:
         rows = list(csv.DictReader(file))
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
 def numbers(column: list[str]) -> np.ndarray:
-    """A column with gaps as NaN."""
+    """Return a column with gaps as NaN."""
     return np.array([float(cell) if cell else np.nan for cell in column])
 
 
 def approach_picture(steps: dict[str, list[str]]) -> Figure:
-    """The way in, beside the corridor and the sphere, and the errors along it."""
+    """Plot the approach with the corridor and the sphere, and the errors along it."""
     figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
     along, radial, across = (numbers(steps[f"{name}_m"]) for name in ("along_track", "radial", "cross_track"))
     out = np.linspace(0, 19, 2)
@@ -70,7 +70,7 @@ def approach_picture(steps: dict[str, list[str]]) -> Figure:
 
 
 def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, what: str) -> None:
-    """An error of the estimate and the largest sigma that the filter gives it."""
+    """Plot an error of the estimate and the largest sigma of the filter."""
     ax.plot(t, error, color=BLUE, label="error")
     ax.plot(t, sigma, color=DIM, lw=1, label="sigma")
     ax.set(xlabel="time [s]", ylabel=what, yscale="log")
@@ -78,7 +78,7 @@ def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, wh
 
 
 def forecasts() -> list[tuple[str, Forecasts]]:
-    """Errors over the horizon, for each target's motion."""
+    """Plot the errors over the horizon, for each target's motion."""
     return [
         (name, fly_forecasts(plan_flight(load_scenario(scenario), n=1), runs=RUNS, horizon_s=HORIZON_S))
         for name, scenario in SCENARIOS.items()
@@ -86,7 +86,7 @@ def forecasts() -> list[tuple[str, Forecasts]]:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """As JPEG, which is smaller."""
+    """Save as JPEG, which is smaller."""
     data = BytesIO()
     figure.savefig(data, format="jpeg", dpi=110, pil_kwargs={"quality": 88})
     path.write_bytes(data.getvalue())

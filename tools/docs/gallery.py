@@ -35,7 +35,7 @@ Picture = Callable[[fa.Renderer], np.ndarray]
 
 
 def camera(field_deg: float, size: tuple[int, int] = SIZE) -> Camera:
-    """A pinhole of a horizontal field of view."""
+    """Return a pinhole camera with a horizontal field of view."""
     f = size[0] / 2 / np.tan(np.radians(field_deg) / 2)
     return Camera(
         width_px=size[0],
@@ -54,19 +54,19 @@ def above(
     size: tuple[int, int] = SIZE,
     **more: Any,  # noqa: ANN401 - handed on
 ) -> fa.SceneState:
-    """A scene without spacecraft."""
+    """Return a scene without spacecraft."""
     ref = TargetRef(name="tango", sha256=fa.load_target("tango").sha256)
     return scene_above(epoch, place, camera=camera(field_deg, size), target=ref, quality="high", **more)
 
 
 def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
-    """Linear RGB of a screen, in units in which sunlit white is grey."""
+    """Return the linear RGB of a screen, in units in which sunlit white is grey."""
     bands = renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
     return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
-    """An sRGB picture as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
+    """Return an sRGB picture as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
 
     Parameters
     ----------
@@ -82,54 +82,54 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
 
 
 def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
-    """A picture whose given share lies below the shoulder, or some stops brighter."""
+    """Return a picture whose given share lies below the shoulder, or some stops brighter."""
     return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
 
 
 def glare(light: np.ndarray) -> np.ndarray:
-    """A good lens at full aperture: a core of 0.7 pixels, and a twentieth of the light in ever wider halos."""
+    """Return a good lens at full aperture: a core of 0.7 pixels, and a twentieth of the light in ever wider halos."""
     shares = {0.7: 0.95, 4.0: 0.03, 16.0: 0.014, 64.0: 0.006}
     return np.asarray(sum(w * cv2.GaussianBlur(light, (0, 0), s) for s, w in shares.items()))
 
 
 def noon(renderer: fa.Renderer) -> np.ndarray:
-    """Over Egypt."""
+    """Return the view of Egypt."""
     scene = above("2026-03-20T09:30:00Z", (27.0, 34.0, 420.0), 60.0, azimuth_deg=340.0, off_nadir_deg=42.0)
     return exposed(radiance(renderer, scene), 0.98, -0.4)
 
 
 def terminator(renderer: fa.Renderer) -> np.ndarray:
-    """The Sun sets over the North Atlantic."""
+    """Return the view of sunset over the North Atlantic."""
     scene = above("2026-03-20T19:41:00Z", (48.0, -35.0, 420.0), 55.0, azimuth_deg=265.0, off_nadir_deg=61.0)
     return exposed(radiance(renderer, scene), 0.995, 0.9)
 
 
 def night(renderer: fa.Renderer) -> np.ndarray:
-    """Italy and the Alps, the Moon high and full."""
+    """Return the view of Italy and the Alps with the Moon high and full."""
     scene = above("2026-11-24T22:30:00Z", (42.0, 6.0, 420.0), 60.0, azimuth_deg=60.0, off_nadir_deg=56.0)
     return film(glare(radiance(renderer, scene)), 0.0011)
 
 
 def glint(renderer: fa.Renderer) -> np.ndarray:
-    """The Aegean."""
+    """Return the view of the Aegean."""
     scene = above("2026-06-20T15:10:00Z", (37.5, 29.0, 420.0), 55.0, azimuth_deg=275.0, off_nadir_deg=56.0)
     return exposed(radiance(renderer, scene), 0.97)
 
 
 def shallows(renderer: fa.Renderer) -> np.ndarray:
-    """The Great Bahama Bank."""
+    """Return the view of the Great Bahama Bank."""
     scene = above("2026-04-10T16:00:00Z", (22.3, -78.3, 420.0), 60.0, azimuth_deg=20.0, off_nadir_deg=30.0)
     return exposed(radiance(renderer, scene), 0.985)
 
 
 def limb(renderer: fa.Renderer) -> np.ndarray:
-    """A long lens at the horizon."""
+    """Return the view of the horizon through a long lens."""
     scene = above("2026-06-20T15:00:00Z", (10.0, -30.0, 420.0), 7.0, azimuth_deg=300.0, off_nadir_deg=69.4)
     return exposed(radiance(renderer, scene), 0.95, -0.4)
 
 
 def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
-    """Tango before the limb in the last half minute of sunlight."""
+    """Return the view of Tango before the limb in the last half minute of sunlight."""
     epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
     now = Instant.from_utc(epoch)
     sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
@@ -155,7 +155,7 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
 
 
 def moonrise(renderer: fa.Renderer) -> np.ndarray:
-    """The Moon over the limb of the day."""
+    """Return the view of the Moon over the sunlit limb."""
     epoch = "2026-03-30T16:00:00Z"
     now = Instant.from_utc(epoch)
     moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
@@ -172,19 +172,19 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
 
 
 def stars(renderer: fa.Renderer) -> np.ndarray:
-    """Orion from the night side."""
+    """Return the view of Orion from the night side."""
     scene = above("2026-11-15T20:20:00Z", (8.0, -4.0, 420.0), 45.0, azimuth_deg=94.0, off_nadir_deg=88.0)
     return film(glare(radiance(renderer, scene)), 1.5e-4, contrast=0.0)
 
 
 def ice(renderer: fa.Renderer) -> np.ndarray:
-    """The North Atlantic in March."""
+    """Return the view of the North Atlantic in March."""
     scene = above("2026-03-20T12:00:00Z", (56.0, -20.0, 30000.0), 24.0)
     return exposed(radiance(renderer, scene), 0.98)
 
 
 def seasons(renderer: fa.Renderer) -> np.ndarray:
-    """Europe at noon in January, April, July and October."""
+    """Return the views of Europe at noon in January, April, July and October."""
     tiles = []
     half = (SIZE[0] // 2, SIZE[1] // 2)
     for month in ("01", "04", "07", "10"):
@@ -195,7 +195,7 @@ def seasons(renderer: fa.Renderer) -> np.ndarray:
 
 
 def earthrise(renderer: fa.Renderer) -> np.ndarray:
-    """From 110 km above the Moon."""
+    """Return the view of earthrise from 110 km above the Moon."""
     epoch = "2026-12-13T12:00:00Z"
     now = Instant.from_utc(epoch)
     moon = moon_eci_m(now.tt1, now.tt2).reshape(3)

@@ -215,7 +215,7 @@ def session_packets() -> list[tuple[str, Message, bytes]]:
 
 
 def session_text() -> str:
-    """The session in bytes, as text; more than three zeros in a row as ``00*N``."""
+    """Return the session in bytes, as text; more than three zeros in a row as ``00*N``."""
     lines = []
     for side, message, data in session_packets():
         lines.append(f"{side}: {message.TYPE.name}, {len(data)} bytes")
@@ -235,7 +235,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - a dataclass field
 
 
 def vectors() -> dict[str, Any]:
-    """The document: packets in hexadecimal with their fields, as they are on TCP and on a serial line."""
+    """Return the document: packets in hexadecimal with their fields, as they are on TCP and on a serial line."""
     entries = []
     for sequence, (name, message) in enumerate(EXAMPLES):
         data = encode_packet(Packet(message.TYPE, message.encode(), SESSION_ID, sequence))

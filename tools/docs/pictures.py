@@ -32,13 +32,13 @@ def save(name: str, rgb: np.ndarray, size: tuple[int, int]) -> None:
 def draw(
     renderer: fa.Renderer, name: str, t_s: float, bands: Literal["mono", "rgb"]
 ) -> tuple[fa.Frame, fa.Target]:
-    """One frame of a scenario."""
+    """Return one frame of a scenario."""
     plan = fa.plan_flight(fa.load_scenario(name), times=(t_s,), bands=bands)
     return fa.take_frame(renderer, plan.scene(0), plan.target), plan.target
 
 
 def main() -> None:
-    """The hero, the montage with truth, and one tile per kind of scene."""
+    """Draw the hero picture, the montage with truth, and one tile per kind of scene."""
     IMAGES.mkdir(exist_ok=True)
     with fa.Renderer() as renderer:
         # as the gallery's: without the detector's noise, developed like a photograph

@@ -43,7 +43,7 @@ def craft_before(
     distance_m: float,
     **sky: Any,  # noqa: ANN401 - handed on
 ) -> np.ndarray:
-    """A craft in the afternoon Sun before the sky or the ground that ``sky`` looks at."""
+    """Return a craft in the afternoon Sun before the sky or the ground that ``sky`` looks at."""
     target = fa.load_target(name)
     scene = above("2026-06-20T15:30:00Z", PLACE, 40.0, **sky)
     scene = replace(scene, target=TargetRef(name=target.name, sha256=target.sha256))
@@ -55,29 +55,29 @@ def craft_before(
 
 
 def twilight(renderer: fa.Renderer) -> np.ndarray:
-    """The limb where the Sun has just set, through a long lens."""
+    """Return the view of the limb just after sunset, through a long lens."""
     scene = above("2026-03-20T20:45:00Z", (45.0, -20.0, 420.0), 12.0, azimuth_deg=285.0, off_nadir_deg=70.3)
     return exposed(radiance(renderer, scene), 0.985)
 
 
 def foil(renderer: fa.Renderer) -> np.ndarray:
-    """Multi-layer insulation at 3 m."""
+    """Return the view of multi-layer insulation at 3 m."""
     return craft_before(renderer, "tango-mli", (1.5, 0.5, 0.3), 2.2, azimuth_deg=100.0, off_nadir_deg=60.0)
 
 
 def clouds(renderer: fa.Renderer) -> np.ndarray:
-    """A craft at 3 m before clouds."""
+    """Return a craft at 3 m before clouds."""
     return craft_before(renderer, "tango", (2.2, -0.5, 0.4), 3.0, azimuth_deg=200.0, off_nadir_deg=35.0)
 
 
 def geostationary(renderer: fa.Renderer) -> np.ndarray:
-    """The whole Earth from the geostationary orbit."""
+    """Return the whole Earth from the geostationary orbit."""
     scene = above("2026-06-20T13:30:00Z", (0.0, 0.0, 35_786.0), 24.0)
     return exposed(radiance(renderer, scene), 0.98)
 
 
 def night_silhouette(renderer: fa.Renderer) -> np.ndarray:
-    """A craft in the Earth's shadow before city lights."""
+    """Return a craft in the Earth's shadow before city lights."""
     target = fa.load_target("tango")
     scene = above("2026-11-09T22:30:00Z", (44.0, 8.0, 420.0), 50.0, azimuth_deg=60.0, off_nadir_deg=40.0)
     q = quat_normalize(quat_from_rotvec(np.array([2.3, 0.5, 0.4])))

@@ -113,7 +113,7 @@ def case_of(root: Path, item: WorkItem) -> Case:
 
 
 def main() -> int:
-    """See `--help`."""
+    """Run the program; see `--help`."""
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
     parser.add_argument("-n", type=int, default=200, help="how many mutants")
     parser.add_argument("--seed", type=int, default=22)

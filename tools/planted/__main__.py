@@ -66,7 +66,7 @@ def case_of(root: Path, bug: PlantedBug, tests: Iterable[str]) -> Case:
 
 
 def main() -> int:
-    """See `--help`."""
+    """Run the program; see `--help`."""
     parser = argparse.ArgumentParser(prog="python -m tools.planted", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="of bugs; all unless given")
     parser.add_argument("--at-once", type=int, default=2, help="bugs judged side by side")

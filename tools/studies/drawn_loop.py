@@ -74,7 +74,7 @@ class DrawnPoses(LatePoses):
 
 
 def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
-    """The plan of a flight; with ``any_view`` its target starts at an attitude drawn from the seed."""
+    """Return the plan of a flight; with ``any_view`` its target starts at an attitude drawn from the seed."""
     flown = load_scenario(scenario)
     if any_view:
         q = np.random.default_rng([seed, 2]).standard_normal(4)
@@ -84,13 +84,13 @@ def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
 
 
 def replace_attitude(scenario: Scenario, q_wxyz: tuple[float, ...]) -> Scenario:
-    """The scenario with another attitude of the target at the start."""
+    """Return the scenario with another attitude of the target at the start."""
     attitude = msgspec.structs.replace(scenario.attitude, q_wxyz=q_wxyz, euler_deg=None)
     return msgspec.structs.replace(scenario, attitude=attitude)
 
 
 def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopResult, DrawnPoses]:
-    """One flight; with ``pose`` "truth" it is flown on the truth, and the estimator only watches."""
+    """Fly one flight; with ``pose`` "truth" it flies on the truth, and the estimator only observes."""
     intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(plan.camera))
     drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics))
     true = TruePoses(PoseNoise(), LATENCY_S)
@@ -104,7 +104,7 @@ def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopRe
 
 
 def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
-    """A flight as arrays: steps of the loop, pictures and their answers."""
+    """Write a flight as arrays: steps of the loop, images and their answers."""
     steps, looks = result.steps, drawn.looks
     nothing = np.full(12, np.nan)
     accepted, q, t, covariance = zip(*drawn.answers, strict=True)

@@ -85,7 +85,8 @@ class JudgedFrame:
 
 
 def judged_frame(estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Array) -> JudgedFrame | None:
-    """All that a frame's decision may hang on; None where it does not go the lamps' way or shows nothing.
+    """Return the data on which a frame's decision depends; None if the method for lamps is not used or nothing is
+    visible.
 
     Parameters
     ----------
@@ -132,18 +133,20 @@ def accepted(frame: JudgedFrame, shift: float) -> Judged | None:
 
 
 def _shifted(probability: float, shift: float) -> float:
-    """A probability with its logit shifted."""
+    """Return a probability with its logit shifted."""
     return float(1.0 / (1.0 + (1.0 / max(probability, 1e-12) - 1.0) * np.exp(-shift)))
 
 
 def counts(frames: Sequence[JudgedFrame], shift: float) -> tuple[int, int]:
-    """Frames accepted with a bias shifted, and how many of these are wrong."""
+    """Return the frames accepted with a bias shifted, and how many of these are wrong."""
     some = [a for f in frames if (a := accepted(f, shift)) is not None]
     return len(some), sum(not a.right for a in some)
 
 
 def chosen_shift(frames: Sequence[JudgedFrame]) -> float | None:
-    """Largest shift of the bias, which is the lowest bar, that the rule allows; None where it allows none."""
+    """Return the largest shift of the bias, which is the lowest threshold, that the rule allows; None if there is
+    none.
+    """
     for shift in SHIFTS[::-1]:
         n, wrong = counts(frames, float(shift))
         if ONE_IN * (wrong + 1) <= n + 1:
@@ -152,7 +155,7 @@ def chosen_shift(frames: Sequence[JudgedFrame]) -> float | None:
 
 
 def frames_of(dataset: Path, target: str, bent: int | None) -> Iterator[JudgedFrame]:
-    """The frames of a data set that go the lamps' way; ``bent`` is the seed of a bent model."""
+    """Yield the frames of a data set that use the method for lamps; ``bent`` is the seed of a deformed model."""
     card = read_card(dataset)
     model = board_model(load_target(target))
     if bent is not None:

@@ -53,7 +53,7 @@ class Flight:
 
 
 def flown(scenario: str, seeds: Sequence[int], pose: Literal["noisy", "truth"]) -> list[Flight]:
-    """Flights without pictures."""
+    """Return the flights without images."""
     plan = planned(scenario, 0, any_view=False)
     results = [fly_without_pictures(plan, ClosedLoopConfig(seed=seed), pose) for seed in seeds]
     return [
@@ -70,7 +70,7 @@ def flown(scenario: str, seeds: Sequence[int], pose: Literal["noisy", "truth"]) 
 
 
 def drawn(paths: Sequence[Path]) -> list[Flight]:
-    """Flights of `tools.studies.drawn_loop`."""
+    """Return the flights of `tools.studies.drawn_loop`."""
     flights = []
     for path in paths:
         with np.load(path) as file:
@@ -84,7 +84,7 @@ def drawn(paths: Sequence[Path]) -> list[Flight]:
 
 
 def row(name: str, flights: Sequence[Flight]) -> str:
-    """A line of the table."""
+    """Return a line of the table."""
     arrived = [f for f in flights if f.arrived]
     low, high = wilson_interval(len(arrived), len(flights)) or (0.0, 1.0)
     there = arrived or flights

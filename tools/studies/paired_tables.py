@@ -24,7 +24,8 @@ RIGHT_DEG = 10.0
 
 
 def mcnemar(gained: int, lost: int) -> float:
-    """Exact two-sided probability that frames which two methods answer differently split so unevenly by chance.
+    """Return the exact two-sided probability that frames which two methods answer differently split so unevenly by
+    chance.
 
     References
     ----------
@@ -34,7 +35,9 @@ def mcnemar(gained: int, lost: int) -> float:
 
 
 def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
-    """Feasible frames that ``other`` gets right (coarse) and ``first`` does not, the reverse, and ``mcnemar``."""
+    """Return the feasible frames that ``other`` gets right (coarse) and ``first`` does not, the reverse, and
+    ``mcnemar``.
+    """
     right = {(r.method, r.frame): r.record.coarse for r in rows if r.record.feasible}
     both = [k for method, k in right if method == first and (other, k) in right]
     gained = sum(right[other, k] and not right[first, k] for k in both)
@@ -43,7 +46,7 @@ def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int,
 
 
 def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ()) -> str:
-    """Metrics of each row in Markdown; ``differ``: a last column, by row."""
+    """Return the metrics of each row in Markdown; ``differ``: a last column, by row."""
     head = (
         "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
         "mean E_T mm accepted (all) | failures |"
@@ -67,7 +70,7 @@ def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ())
 
 
 def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
-    """Means of position and attitude errors over several choices of frames, in degrees and in radians."""
+    """Return the means of position and attitude errors over several choices of frames, in degrees and in radians."""
     chosen: dict[str, Callable[[FrameScore], bool]] = {
         "every pose": lambda _: True,
         "accepted": lambda r: r.accepted,
@@ -124,7 +127,7 @@ def _number(value: float | None, factor: float = 1.0) -> str:
 
 
 def _mean(values: np.ndarray) -> str:
-    """The mean with its bootstrap interval."""
+    """Return the mean with its bootstrap interval."""
     if not len(values):
         return "-"
     _, interval = bootstrap_intervals(list(values))

@@ -41,7 +41,7 @@ class FlightErrors:
 
 
 def read_flight(path: Path) -> FlightErrors:
-    """Errors of the poses in a file of `tools.studies.drawn_loop`."""
+    """Return the errors of the poses in a file of `tools.studies.drawn_loop`."""
     with np.load(path) as file:
         accepted, true_q, true_t = file["accepted"], file["true_q"], file["true_t"]
         q, t, t_s = file["q"], file["t"], file["look_s"]
@@ -54,7 +54,7 @@ def read_flight(path: Path) -> FlightErrors:
 
 
 def normalised(flights: list[FlightErrors]) -> list[np.ndarray]:
-    """Errors over the sigma of their range, wrong ones as NaN."""
+    """Return the errors over the sigma of their range, wrong ones as NaN."""
     shares = [f.errors / np.column_stack([*[f.range_m] * 3, *[np.ones(len(f.range_m))] * 3]) for f in flights]
     every = np.vstack(shares)
     sigma = 1.4826 * np.nanmedian(np.abs(every), axis=0)
@@ -91,7 +91,7 @@ def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
 
 
 def by_lag(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
-    """Autocorrelation of the normalised errors over the lag, all parts together."""
+    """Return the autocorrelation of the normalised errors over the lag, all parts together."""
     head = " | ".join(str(lag) for lag in LAGS_S)
     lines = [f"| lag [s] | {head} |", "|---" * (len(LAGS_S) + 1) + "|"]
     turning = [f.turn_rad[-1] / f.t_s[-1] > np.radians(0.5) for f in flights]

@@ -108,7 +108,7 @@ class StageRow:
         return "selection" if self.returned_score >= self.true_score else "search"
 
     def cells(self) -> list[str]:
-        """As a line of the table."""
+        """Return a line of the table."""
         return [
             str(self.frame),
             f"{self.range_m:.1f}",
@@ -141,7 +141,7 @@ HEAD = (
 def stage_row(
     estimator: PoseEstimator, image: NDArray[Any], q: Array, t: Array, frame_index: int = 0
 ) -> StageRow:
-    """One picture judged stage by stage.
+    """Judge one image stage by stage.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def stage_row(
 
 
 def _holds(region: Region, box: tuple[int, int, int, int]) -> tuple[float, float]:
-    """The share of a box that a region holds, and its area over the box's."""
+    """Return the share of a box that a region holds, and its area over the box's."""
     x0, y0, x1, y1 = box
     wide = max(min(region.x1, x1) - max(region.x0, x0), 0.0)
     high = max(min(region.y1, y1) - max(region.y0, y0), 0.0)
@@ -219,7 +219,7 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
-    """A pose beside the truth refined to its end, and the better score of that and of the truth refined."""
+    """Return a pose beside the truth refined to its end, and the better score of that and of the truth refined."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))
@@ -244,7 +244,7 @@ def _score_at(
 
 
 def main() -> None:
-    """Judge the pictures of one data set."""
+    """Judge the images of one data set."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--limit", type=int, default=None, help="frames, from the first on")

@@ -56,7 +56,7 @@ EXPOSURE_FACTORS = (0.25, 4.0)
 
 
 def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
-    """A model bent at random, ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
+    """Return a model bent at random, ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
 
     Notes
     -----
@@ -94,7 +94,7 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
 
 
 def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
-    """The same frames, all or some, drawn again with ``factor`` times the exposure; labels are the same."""
+    """Return the same frames, all or some, drawn again with ``factor`` times the exposure; labels are the same."""
     card = read_card(folder)
     asked = range(card.n_frames) if frames is None else frames
     missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
@@ -119,7 +119,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
 
 
 def feasible_frames(folder: Path, most: int) -> list[int]:
-    """The first ``most`` frames of a set that can be solved."""
+    """Return the first ``most`` frames of a set that can be solved."""
     found: list[int] = []
     for k in range(read_card(folder).n_frames):
         if len(found) == most:
@@ -162,7 +162,7 @@ class Study:
         of: Path | None = None,
         model: BoardModel | None = None,
     ) -> list[EvaluatedFrame]:
-        """Rows of an evaluation, of the frames that all its methods have answered."""
+        """Return the rows of an evaluation, of the frames that all its methods have answered."""
         place = self.reports / name
         if self.evaluate:
             place.mkdir(parents=True, exist_ok=True)
@@ -179,13 +179,13 @@ class Study:
         return [r for r in rows if answered[r.frame] == len(choices)]
 
     def published(self, choices: Sequence[MethodChoice], first: MethodChoice) -> str:
-        """A table of variants of the published methods, with paired counts against one of them."""
+        """Return a table of variants of the published methods, with paired counts against one of them."""
         # each frame by all before the next one: what there is at any time compares
         rows = self.rows("published", PUBLISHED)
         return compared(rows, [c.label for c in choices], first.label)
 
     def methods(self) -> str:
-        """The three methods; the published ones on as many frames as there are."""
+        """Return the three methods; the published ones on as many frames as there are."""
         return compared(
             [*self.rows("methods", METHODS), *self.rows(HYBRID, [BEST])],
             [*(c.label for c in METHODS), BEST.label],
@@ -193,14 +193,14 @@ class Study:
         )
 
     def units(self) -> str:
-        """The thesis's means of errors, in which unit."""
+        """Return the thesis's means of errors, in which unit."""
         rows = self.rows("methods", METHODS)
         return units_table(
             [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
         )
 
     def bent(self) -> str:
-        """The best method given a wrong model."""
+        """Return the best method given a wrong model."""
         found = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:
             wrong = wrong_model(self.model, sigma)
@@ -208,7 +208,7 @@ class Study:
         return together(found)
 
     def exposure(self) -> str:
-        """The best method given a wrong exposure."""
+        """Return the best method given a wrong exposure."""
         found = {"right exposure": self.rows(HYBRID, [BEST])}
         for factor in EXPOSURE_FACTORS:
             place = self.reports / f"set-exposure-{factor}"
@@ -218,7 +218,7 @@ class Study:
 
 
 def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) -> str:
-    """A table of some methods, with frames gained and lost against the first."""
+    """Return a table of some methods, with frames gained and lost against the first."""
     present = [label for label in labels if any(r.method == label for r in rows)]
     metrics = [(label, method_metrics(label, [r for r in rows if r.method == label])) for label in present]
     differ = []
@@ -229,7 +229,7 @@ def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) 
 
 
 def together(found: dict[str, list[EvaluatedFrame]]) -> str:
-    """A table of one method under several conditions, of the frames that it has answered under all of them."""
+    """Return a table of one method under several conditions, of the frames that it has answered under all of them."""
     common = set.intersection(*({r.frame for r in rows} for rows in found.values()))
     first, *_ = found
     rows = [

@@ -101,7 +101,7 @@ class Twin:
 
 
 def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
-    """The picture of a scene, with a target put into it."""
+    """Return the image of a scene, with a target put into it."""
     named = replace(scene.target, name=target.name, sha256=target.sha256)
     scene = replace(scene, target=named)
     return np.asarray(
@@ -110,7 +110,7 @@ def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
 
 
 def twin_of(renderer: Renderer, reference: Reference, target: Target) -> Twin:
-    """The craft at a picture's pose under the light that is fitted to it."""
+    """Return the craft at an image's pose under the light that is fitted to it."""
     basis = light_basis(renderer, reference, target)
     light = fit_light(basis)
     scene = replace(_with_black(basis.scene, light.black_dn), lights=light.lights)
@@ -129,7 +129,7 @@ def _with_black(scene: SceneState, black_dn: float) -> SceneState:
 def swaps(
     renderer: Renderer, twin: Twin, mockup: Target, flight: Target, number: int
 ) -> dict[str, ByteArray]:
-    """The twin with one thing replaced, by the row's name."""
+    """Return the twin with one thing replaced, by the row's name."""
     scene, seen = twin.scene, twin.reference.image
     strongest = max(scene.area_lights, key=lambda one: one.radiance_w_m2_sr)
     detector = scene.sensor.detector
@@ -162,7 +162,7 @@ def swaps(
 
 
 def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
-    """The boxes of a frame of the recipe, as they stand about its craft."""
+    """Return the boxes of a frame of the recipe, as they stand about its craft."""
     plan = plan_recipe(RECIPE, number + 1, seed=SEED)
     other = plan.scene(number)
     shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
@@ -173,7 +173,7 @@ def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
 
 
 def _soft(on: BoolArray) -> np.ndarray[Any, Any]:
-    """Share of the craft in each pixel, a little wider than it: its border is the lens's."""
+    """Return the share of the craft in each pixel, a little wider than it: its border is the lens's."""
     wide = cv2.dilate(on.astype(np.uint8), np.ones((7, 7), np.uint8))
     return cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 1.5)
 
@@ -183,7 +183,7 @@ def _laid(inside: ByteArray, outside: ByteArray, share: np.ndarray[Any, Any]) ->
 
 
 def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: BoolArray) -> ByteArray:
-    """Ours, brighter and darker inside as the picture is over many pixels; detail and noise stay."""
+    """Return our image, scaled to the brightness of the real one over many pixels; detail and noise stay."""
     black = float(np.percentile(plain[~on], 20)) if (~on).any() else 0.0
     their_black = float(np.percentile(seen[~on], 20)) if (~on).any() else 0.0
     weight = on.astype(np.float32)
@@ -200,7 +200,7 @@ def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: Bo
 
 
 def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[SwapRow, PoseResult]:
-    """A picture measured, and the estimator's answer."""
+    """Return the measurements of an image and the estimator's answer."""
     pose = twin.reference.pose
     if pose is None:
         raise RuntimeError("the pose of a twin is known")
@@ -217,7 +217,7 @@ def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[Sw
 
 
 def table(rows: dict[str, Sequence[SwapRow]]) -> str:
-    """A line for each swap, in Markdown."""
+    """Return a line for each swap, in Markdown."""
     lines = [
         "| picture | NCC | right (95 %) | median error of the right ones | explained | accepted, wrong |",
         "|---|---|---|---|---|---|",
@@ -243,7 +243,7 @@ def table(rows: dict[str, Sequence[SwapRow]]) -> str:
 def failures_picture(
     renderer: Renderer, lost: Sequence[tuple[Twin, PoseResult]], target: Target
 ) -> ByteArray | None:
-    """Our drawing at the true pose and at the returned one beside each other, a line for each failure."""
+    """Return our rendering at the true pose next to that at the returned one, a line for each failure."""
     lines = []
     for twin, result in lost:
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
@@ -268,7 +268,7 @@ def failures_picture(
 
 
 def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
-    """A square of the picture, moved into it where it reaches out, at the shown size."""
+    """Return a square of the image, moved into it where it reaches out, at the shown size."""
     height, width = image.shape
     x, y = min(max(x, 0), max(width - size, 0)), min(max(y, 0), max(height - size, 0))
     padded = cv2.copyMakeBorder(image, size, size, size, size, cv2.BORDER_CONSTANT, value=0)

@@ -50,7 +50,7 @@ _EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
 
 
 def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]:  # noqa: ANN401
-    """A function of an owner whose result is passed through another, with its arguments."""
+    """Wrap a function of an owner so that its result passes through another, with its arguments."""
     before = vars(owner)[name]
     return owner, name, lambda *a, **k: after(before(*a, **k), *a)
 
@@ -131,7 +131,7 @@ START_WITHOUT = {
 
 @contextmanager
 def without(name: str) -> Iterator[None]:
-    """The code without a saving, for a while."""
+    """Run the code without a saving in the block."""
     with ExitStack() as stack:
         for owner, attribute, value in WITHOUT.get(name, []):
             stack.callback(setattr, owner, attribute, vars(owner)[attribute])
@@ -140,12 +140,14 @@ def without(name: str) -> Iterator[None]:
 
 
 def least_ms(laps: Sequence[float]) -> float:
-    """Mean of the least third: what other programs take of the caches comes on top."""
+    """Return the mean of the least third, since other programs disturb the caches."""
     return float(np.sort(laps)[: max(len(laps) // 3, 1)].mean())
 
 
 def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[float, int]]:
-    """Processor time of a frame of one scene [ms], and by how much its picture is off the first renderer's [DN]."""
+    """Return the processor time of a frame of one scene [ms], and by how much its image is off the first renderer's
+    [DN].
+    """
     plan, views = bench_views(scene, TURNS + WARM_UP)
     laps: dict[str, list[float]] = {name: [] for name in renderers}
     off = dict.fromkeys(renderers, 0)
@@ -163,7 +165,7 @@ def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[f
 
 
 def frames(names: Sequence[str]) -> None:
-    """The table of the bench scenes."""
+    """Print the table of the bench scenes."""
     keep_freed_memory()
     renderers = {}
     for name in ("all", *names):
@@ -177,7 +179,7 @@ def frames(names: Sequence[str]) -> None:
 
 
 def starts(names: Sequence[str]) -> None:
-    """The table of a first start: the least of some, in turns."""
+    """Print the table of a first start: the least of several, in turns."""
     found: dict[str, list[float]] = {name: [] for name in ("all", *names)}
     for _ in range(STARTS):
         for name, taken in found.items():

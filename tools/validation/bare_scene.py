@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def bare_target(parts: list[Part], materials: list[Material]) -> Target:
-    """A target of these parts, without labels."""
+    """Return a target of these parts, without labels."""
     digest = hashlib.sha256(repr(materials).encode())
     for part in parts:
         digest.update(part.positions_m.tobytes())
@@ -39,7 +39,7 @@ def bare_target(parts: list[Part], materials: list[Material]) -> Target:
 
 
 def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: float) -> Part:
-    """A rectangle that looks along -z."""
+    """Return a rectangle that looks along -z."""
     corners = np.array([(x[0], y[0], z), (x[0], y[1], z), (x[1], y[1], z), (x[1], y[0], z)], np.float32)
     return Part(
         name=name,
@@ -51,7 +51,7 @@ def flat_plate(name: str, x: tuple[float, float], y: tuple[float, float], z: flo
 
 
 def ball(radius_m: float, around: int = 160) -> Part:
-    """A smooth sphere about the origin."""
+    """Return a smooth sphere about the origin."""
     down = around // 2
     a, b = np.meshgrid(np.linspace(0, 2 * np.pi, around + 1), np.linspace(0, np.pi, down + 1))
     n = np.stack([np.sin(b) * np.cos(a), np.sin(b) * np.sin(a), np.cos(b)], axis=-1).reshape(-1, 3)
@@ -71,7 +71,7 @@ def ball(radius_m: float, around: int = 160) -> Part:
 
 
 def square_camera(size_px: int, focal_px: float) -> Camera:
-    """A square pinhole camera."""
+    """Return a square pinhole camera."""
     middle = (size_px - 1) / 2
     return Camera(
         width_px=size_px, height_px=size_px, fx_px=focal_px, fy_px=focal_px, cx_px=middle, cy_px=middle
@@ -88,7 +88,7 @@ def bare_scene(
     sunlit: bool = True,
     quality: Quality = "default",
 ) -> SceneState:
-    """A target at a pose in the camera's frame, lit from a direction in it."""
+    """Return a target at a pose in the camera's frame, lit from a direction in it."""
     ref = TargetRef(name=target.name, sha256=target.sha256)
     scene = scene_above(
         "2026-03-20T12:00:00Z",

@@ -125,7 +125,7 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
 
 
 def filled(mask: ByteArray) -> ByteArray:
-    """The mask without holes: a hand traces the outside."""
+    """Return the mask without holes, since a hand traces the outside."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     out = np.zeros_like(mask)
     cv2.drawContours(out, outlines, -1, 1, cv2.FILLED)
@@ -145,7 +145,7 @@ def _width_m(mesh: _Mesh) -> float:
 
 
 def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) -> FloatArray:
-    """Looking straight at the side from a few widths away, as large and as placed as the outline."""
+    """Return parameters that look straight at the side from a few widths away, of the outline's size and place."""
     seen = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     v, u = np.nonzero(reference)
@@ -156,13 +156,15 @@ def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) ->
 
 
 def _pose(mesh: _Mesh, side: str, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Rotation, translation [m] and focal length [px] of the parameters: x[6] is the log of the size on the picture."""
+    """Return the rotation, translation [m] and focal length [px] of the parameters: x[6] is the log of the size on
+    the image.
+    """
     R = Rotation.from_rotvec(x[:3]).as_matrix() @ np.array(SIDES[side], float)
     return R, np.array([x[3], x[4], np.exp(x[5])]) * _width_m(mesh), float(np.exp(x[5] + x[6]))
 
 
 def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> ByteArray:
-    """The model's filled outline on a picture ``shrink`` times smaller."""
+    """Return the model's filled outline on an image ``shrink`` times smaller."""
     R, t_m, focal = _pose(mesh, side, x)
     seen = mesh.positions_m @ R.T + t_m
     middle = (np.array(shape[::-1]) - 1) / 2
@@ -177,7 +179,9 @@ def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink
 
 
 def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> FloatArray:
-    """Distance of points of the reference's outline to the model's [px of the picture], signed: positive inside."""
+    """Return the distance of points of the reference's outline to the model's [px of the image], signed: positive
+    inside.
+    """
     outlines, _ = cv2.findContours(reference, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     points = np.concatenate([o[:, 0] for o in outlines]).astype(float)
     points = points[np.linspace(0, len(points) - 1, POINTS).astype(int)]
@@ -193,7 +197,7 @@ def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shri
 
 
 def _lost(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> float:
-    """One minus the overlap, on a picture ``shrink`` times smaller."""
+    """Return one minus the overlap, on an image ``shrink`` times smaller."""
     model = _drawn(reference.shape, mesh, side, x, shrink)
     small = cv2.resize(255 * reference, model.shape[::-1], interpolation=cv2.INTER_AREA) > 127
     return 1 - float((small & (model > 0)).sum() / max((small | (model > 0)).sum(), 1))
@@ -210,7 +214,7 @@ def _misfit(r: FloatArray, robust_px: float) -> float:
 def _descend(
     reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, steps: int, shrink: int, robust_px: float
 ) -> FloatArray:
-    """Gauss-Newton on the distances, weighted so that what the model lacks does not pull (Cauchy)."""
+    """Minimise the distances by Gauss-Newton, weighted so that missing parts of the model do not pull (Cauchy)."""
     damping = 1e-2
     r = _distances(reference, mesh, side, x, shrink)
     for _ in range(steps):
@@ -230,7 +234,7 @@ def _descend(
 
 
 def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple[ByteArray, ByteArray]:
-    """A picture (H, W) and its craft's filled outline.
+    """Return an image (H, W) and its craft's filled outline.
 
     Raises
     ------
@@ -260,7 +264,7 @@ def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple
 
 
 def overlay(image: ByteArray, fit: Fit) -> ByteArray:
-    """The picture (BGR) with its outline in yellow and the model's in red."""
+    """Return the image (BGR) with its outline in yellow and the model's in red."""
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     for mask, colour in ((fit.reference, (0, 255, 255)), (fit.model, (0, 0, 255))):
         found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

@@ -50,13 +50,13 @@ class Row:
 
 
 def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Angles between (..., 3) directions [arcsec], without loss at small ones."""
+    """Return the angles between (..., 3) directions [arcsec], without loss at small ones."""
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.asarray(np.degrees(np.arctan2(sine, np.sum(a * b, axis=-1))) * 3600)
 
 
 def read_table(path: Path) -> FloatArray:
-    """Numbers of a reference output.
+    """Return the numbers of a reference output.
 
     Raises
     ------

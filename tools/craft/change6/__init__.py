@@ -1,1 +1,1 @@
-"""The ascent vehicle of Chang'e-6."""
+"""Ascent vehicle of Chang'e-6."""

@@ -1,4 +1,4 @@
-"""The ascent vehicle of Chang'e-6, as it waits in lunar orbit for the orbiter's clamps.
+"""Ascent vehicle of Chang'e-6, as it waits in lunar orbit for the orbiter's clamps.
 
 Public record: an octagonal body about 1.5 m wide in golden insulation, four spherical tanks, one 3 kN engine below, two
 folding wings that are nearly round, small thrusters round the deck, and on top the grips that the orbiter's three claws
@@ -56,7 +56,7 @@ NOTES = (
 
 
 def build_change6_ascender(detail: Detail = "full") -> Target:
-    """The ascent vehicle, wings deployed."""
+    """Return the ascent vehicle, wings deployed."""
     return assemble(
         "change6-ascender",
         "Chang'e-6 ascent vehicle",
@@ -82,7 +82,7 @@ def build_change6_ascender(detail: Detail = "full") -> Target:
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """Corners of body and wings, rims of engine and port, tips."""
+    """Return the corners of body and wings, rims of engine and port, tips."""
     names = ("px_py", "py_px", "py_nx", "nx_py", "nx_ny", "ny_nx", "ny_px", "px_ny")
     ring = octagon()
     order = np.argsort(np.arctan2(ring[:, 1], ring[:, 0]) % (2 * np.pi))
@@ -104,7 +104,7 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """Outlines of decks and wings, rims of engine and port."""
+    """Return the outlines of decks and wings, rims of engine and port."""
     edges = prism_edges("deck_upper", octagon(), DECK_M, origin_m=(0, 0, BODY_TOP_M - DECK_M))
     edges += prism_edges("deck_lower", octagon(), DECK_M)
     exit_m = (0.0, 0.0, ENGINE_TOP_M - ENGINE_LENGTH_M)
@@ -118,7 +118,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _occluders() -> list[Mesh]:
-    """Body, tanks, wings and engine as coarse closed bodies."""
+    """Return the body, tanks, wings and engine as coarse closed bodies."""
     wing = prism(wing_outline(), WING_PLATE_M, origin_m=(0, 0, WING_Z_M - WING_PLATE_M))
     tanks = [
         sphere((sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M), TANK_RADIUS_M, 8, "full")
@@ -135,7 +135,7 @@ def _occluders() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """750 kg: propellant 460 and tanks 40 in four places, body 170, deck and docking 35, engine 20, wings 25."""
+    """Return 750 kg: propellant 460 and tanks 40 in four places, body 170, deck and docking 35, engine 20, wings 25."""
     lumps = [
         MassElement(
             "tank",

@@ -31,7 +31,7 @@ from tools.craft.shapes.solids import box, lathe, rod, truss
 
 
 def build_body(detail: Detail) -> list[Piece]:
-    """Two decks, the insulated walls between them, uprights at the corners, seams of the blankets."""
+    """Return two decks, the insulated walls between them, uprights at the corners, seams of the blankets."""
     core = prism(octagon(CORE_INSET_M), BODY_TOP_M - 2 * DECK_M, origin_m=(0, 0, DECK_M))
     lower = prism(octagon(), DECK_M)
     upper = prism(octagon(), DECK_M, origin_m=(0, 0, BODY_TOP_M - DECK_M))
@@ -58,7 +58,7 @@ def build_body(detail: Detail) -> list[Piece]:
 
 
 def _along(outline: FloatArray, count: int) -> list[tuple[float, float]]:
-    """Points spread over the sides of a polygon."""
+    """Return points spread over the sides of a polygon."""
     turned = np.roll(outline, -1, axis=0)
     return [
         (float(x), float(y))
@@ -68,7 +68,7 @@ def _along(outline: FloatArray, count: int) -> list[tuple[float, float]]:
 
 
 def build_tanks(detail: Detail) -> list[Piece]:
-    """Four tanks that bulge out of the cut corners, each in a skirt with struts to the decks."""
+    """Return four tanks that bulge out of the cut corners, each in a skirt with struts to the decks."""
     balls, skirts, struts = [], [], []
     for sx, sy in itertools.product((-1, 1), repeat=2):
         c = (sx * TANK_XY_M, sy * TANK_XY_M, TANK_Z_M)
@@ -101,7 +101,7 @@ def build_tanks(detail: Detail) -> list[Piece]:
 
 
 def build_propulsion(detail: Detail) -> list[Piece]:
-    """The main engine with its heat shield, and the attitude thrusters in four pods."""
+    """Return the main engine with its heat shield, and the attitude thrusters in four pods."""
     bell = nozzle(
         (0, 0, ENGINE_TOP_M), (0, 0, -1), 0.050, ENGINE_EXIT_M, ENGINE_LENGTH_M, ENGINE_WALL_M, 64, detail
     )

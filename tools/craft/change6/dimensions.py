@@ -22,12 +22,12 @@ CELL_M = (0.0612, 0.0412)
 
 
 def octagon(inset_m: float = 0.0) -> FloatArray:
-    """(8, 2) outline of a deck, counter-clockwise, moved inwards by ``inset_m``."""
+    """Return the (8, 2) outline of a deck, counter-clockwise, moved inwards by ``inset_m``."""
     h = WIDTH_M / 2 - inset_m
     # the cut faces move along the diagonal by the same distance
     return clipped_rectangle(2 * h, 2 * h, CUT_M - inset_m * (2 - 2**0.5), "all")
 
 
 def wing_outline() -> FloatArray:
-    """(16, 2) outline of the wing on +y, a vertex furthest out."""
+    """Return the (16, 2) outline of the wing on +y, a vertex furthest out."""
     return circle((0.0, WING_Y_M), WING_RADIUS_M, WING_SIDES)

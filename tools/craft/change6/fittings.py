@@ -23,7 +23,9 @@ from tools.craft.shapes.solids import box, cone, lathe, rod, truss
 
 
 def build_deck(detail: Detail) -> list[Piece]:
-    """The sample port, three grips for the orbiter's claws, a cross target, reflectors, antennas, star trackers."""
+    """Return the sample port, three grips for the orbiter's claws, a cross target, reflectors, antennas, star
+    trackers.
+    """
     z = BODY_TOP_M
     port = cup((0, 0, z), (0, 0, 1), PORT_RADIUS_M, PORT_RADIUS_M - 0.025, PORT_TOP_M - z, 0.075, 64, detail)
     flange = tube(
@@ -78,7 +80,7 @@ def build_deck(detail: Detail) -> list[Piece]:
 
 
 def build_sides(detail: Detail) -> list[Piece]:
-    """Radiators on +-x, electronics and a landing camera on +x, wing roots on +-y."""
+    """Return the radiators on +-x, electronics and a landing camera on +x, wing roots on +-y."""
     face = WIDTH_M / 2 - CORE_INSET_M
     radiator = box((face - 0.002, -0.32, 0.16), (face + 0.012, 0.32, 0.78))
     pieces = [Piece("radiators", "radiator-mirror", merge(both_sides(radiator, 0)))]

@@ -1,4 +1,4 @@
-"""The nearly round wings of Chang'e-6's ascent vehicle."""
+"""Nearly circular wings of Chang'e-6's ascent vehicle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tools.craft.shapes.solids import box, rod
 
 
 def build_wings(detail: Detail) -> list[Piece]:
-    """Two sixteen-sided plates with cells above, each on a yoke."""
+    """Return two sixteen-sided plates with cells above, each on a yoke."""
     plate = prism(wing_outline(), WING_PLATE_M, origin_m=(0, 0, WING_Z_M - WING_PLATE_M))
     rim_ring = wing_outline()
     inner = circle((0.0, WING_Y_M), WING_RADIUS_M - 0.020, WING_SIDES)
@@ -68,7 +68,7 @@ def build_wings(detail: Detail) -> list[Piece]:
 
 
 def _wing_cells(detail: Detail) -> Mesh:
-    """Rows of cells that fit within the wing's rim; one plate at low detail."""
+    """Return the rows of cells that fit within the wing's rim; one plate at low detail."""
     reach = (WING_RADIUS_M - 0.026) * np.cos(np.pi / WING_SIDES)
     if detail == "low":
         return prism(

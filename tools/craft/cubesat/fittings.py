@@ -31,14 +31,14 @@ WHITE_BOARD = Material(name="wing-back", base_color=(0.66, 0.66, 0.63), roughnes
 
 
 def materials(board: Material) -> tuple[Material, ...]:
-    """All that a CubeSat may use, with the finish of its panel boards."""
+    """Return all materials of a CubeSat, with the finish of its panel boards."""
     return (*FINISHES, HARD_ANODISED, board, END_PLATE, PATCH, WHITE_BOARD)
 
 
 def face_cells(
     name: str, columns: int, rows: int, detail: Detail, *, pitch_y_m: float = CELL_Y_M + 0.0008
 ) -> list[Piece]:
-    """Cells with busbars about the origin, for a face or a wing: the long side of a cell along y."""
+    """Return the cells with busbars about the origin, for a face or a wing: the long side of a cell along y."""
     field = CellField(
         columns=columns,
         rows=rows,
@@ -58,7 +58,7 @@ def face_cells(
 def wing(
     name: str, panels: int, columns: int, rows: int, size_m: tuple[float, float], gap_m: float, detail: Detail
 ) -> list[Piece]:
-    """A wing of hinged panels along +x from the hinge line at x = 0, cells up, upper face at z = 0."""
+    """Return a wing of hinged panels along +x from the hinge line at x = 0, cells up, upper face at z = 0."""
     pieces = []
     for k in range(panels):
         x = gap_m + size_m[0] / 2 + k * (size_m[0] + gap_m)
@@ -76,12 +76,12 @@ def wing(
 
 
 def wing_width_m(panels: int, size_x_m: float, gap_m: float) -> float:
-    """Reach of a wing from its hinge line [m]."""
+    """Return the reach of a wing from its hinge line [m]."""
     return panels * (size_x_m + gap_m)
 
 
 def sun_sensor(name: str, detail: Detail) -> list[Piece]:
-    """A square sensor with a dark window, on the plane z = 0."""
+    """Return a square sensor with a dark window, on the plane z = 0."""
     return [
         Piece(f"{name}_bodies", "grey-paint", box((-0.006, -0.006, 0), (0.006, 0.006, 0.0028))),
         Piece(f"{name}_windows", "lens", box((-0.0033, -0.0033, 0.0), (0.0033, 0.0033, 0.0031))),
@@ -93,7 +93,7 @@ def sun_sensor(name: str, detail: Detail) -> list[Piece]:
 
 
 def patch_antenna(name: str, side_m: float) -> list[Piece]:
-    """A ceramic patch with its metal square."""
+    """Return a ceramic patch with its metal square."""
     a, b = side_m / 2, 0.36 * side_m
     return [
         Piece(f"{name}_ceramic", "patch-ceramic", box((-a, -a, 0), (a, a, 0.0035))),
@@ -102,7 +102,7 @@ def patch_antenna(name: str, side_m: float) -> list[Piece]:
 
 
 def telescope(name: str, radius_m: float, height_m: float, detail: Detail) -> list[Piece]:
-    """A baffled aperture that looks along +z from the plane z = 0: a black pot with a lens on its floor."""
+    """Return a baffled aperture that looks along +z from the plane z = 0: a black pot with a lens on its floor."""
     floor = 0.0015
     baffle = cup((0, 0, -0.001), (0, 0, 1), radius_m, 0.93 * radius_m, height_m + 0.001, 0.0015, 64, detail)
     rim = tube((0, 0, -0.0005), (0, 0, 1), 1.10 * radius_m, 0.99 * radius_m, RIM_M + 0.0005, 64, detail)
@@ -124,14 +124,14 @@ def telescope(name: str, radius_m: float, height_m: float, detail: Detail) -> li
 def tape_antenna(
     name: str, root_m: tuple[float, float, float], tip_m: tuple[float, float, float], face: tuple[float, ...]
 ) -> Piece:
-    """A steel tape of 5 mm, its flat side along ``face``, straight as a sprung tape stands."""
+    """Return a steel tape of 5 mm, its flat side along ``face``."""
     return Piece(name, "spring-steel", merge(tape(root_m, tip_m, 0.0050, 0.0003, face)))
 
 
 def onto(
     pieces: list[Piece], origin_m: tuple[float, float, float], normal: tuple[int, int, int]
 ) -> list[Piece]:
-    """Pieces that lie on z = 0, put on a face: their y axis along the craft's z (or y, on an end)."""
+    """Return the pieces that lie on z = 0, put on a face: their y axis along the craft's z (or y, on an end)."""
     n = np.array(normal, float)
     v = np.array([0.0, 1.0, 0.0]) if abs(n[2]) > 0 else np.array([0.0, 0.0, 1.0])
     return placed_pieces(pieces, origin_m, unit(np.cross(v, n)), v)

@@ -53,7 +53,7 @@ NOTES = (
 
 
 def build_cubesat_6u(detail: Detail = "full") -> Target:
-    """The 6U craft, wings deployed."""
+    """Return the 6U craft, wings deployed."""
     keypoints = corner_keypoints(U6)
     keypoints |= WINGS.corners()
     keypoints |= {
@@ -136,7 +136,7 @@ def _rear(detail: Detail) -> list[Piece]:
 
 
 def _sides(detail: Detail) -> list[Piece]:
-    """Radiators and access cover on -y; sun sensors and cells on the narrow sides."""
+    """Return the radiators and access cover on -y; sun sensors and cells on the narrow sides."""
     y = -U6.face_y_m
     pieces = [
         Piece("radiator", "radiator-mirror", box((-0.098, y - 0.0008, -0.150), (0.000, y, -0.010))),

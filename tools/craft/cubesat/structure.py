@@ -76,7 +76,7 @@ def structure(
     screws_z_m: tuple[float, ...] = (),
     screws_lift_m: float = 0.0,
 ) -> list[Piece]:
-    """Rails, plates and bolts.
+    """Return the rails, plates and bolts.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _end_plates(frame: RailFrame) -> list[Mesh]:
 
 
 def _ribs(frame: RailFrame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
-    """Bars across the sides, half a millimetre below the rails."""
+    """Return the bars across the sides, half a millimetre below the rails."""
     x, y, _ = frame.half
     out = RECESS_M - RIB_M
     bars = []
@@ -139,7 +139,7 @@ def _ribs(frame: RailFrame, rings_z_m: tuple[float, ...]) -> list[Mesh]:
 
 
 def _bolts(frame: RailFrame, detail: Detail) -> list[Mesh]:
-    """Countersunk screws in the rails' sides and in the end plates."""
+    """Return the countersunk screws in the rails' sides and in the end plates."""
     x, y, z = frame.half
     heights = np.linspace(-z + 0.012, z - 0.012, max(2, round(frame.z_m / 0.05)))
     a = RAIL_M / 2
@@ -161,7 +161,7 @@ def _bolts(frame: RailFrame, detail: Detail) -> list[Mesh]:
 
 
 def _screws(frame: RailFrame, heights_m: tuple[float, ...], lift_m: float, detail: Detail) -> list[Mesh]:
-    """Button heads along the panel boards of all four sides."""
+    """Return the button heads along the panel boards of all four sides."""
     meshes = []
     for face, width, along in ((frame.face_x_m, frame.y_m, 1), (frame.face_y_m, frame.x_m, 0)):
         across = np.linspace(-1, 1, 2 * round(width / 0.05)) * (width / 2 - RAIL_M - 0.0045)
@@ -178,7 +178,7 @@ def _screws(frame: RailFrame, heights_m: tuple[float, ...], lift_m: float, detai
 
 
 def corner_keypoints(frame: RailFrame) -> dict[str, Vec3]:
-    """Outer corners of the rails' ends: the eight points that a dispenser touches.
+    """Return the outer corners of the rails' ends: the eight points that a dispenser touches.
 
     The rails are rounded by a chamfer, so the points lie on the end faces, at the chamfer's corners.
     """
@@ -192,7 +192,7 @@ def corner_keypoints(frame: RailFrame) -> dict[str, Vec3]:
 
 
 def rail_edges(frame: RailFrame) -> list[Edge]:
-    """Edges of the four rails: all of the upright ones, and the outlines of their ends."""
+    """Return the edges of the four rails: all of the upright ones, and the outlines of their ends."""
     x, y, z = frame.half
     edges = []
     for a, b, sx, sy in CORNERS:
@@ -208,6 +208,6 @@ def _inner(edge: Edge, sx: int, sy: int) -> bool:
 
 
 def body_occluder(frame: RailFrame) -> Mesh:
-    """The whole structure as one box."""
+    """Return the whole structure as one box."""
     x, y, z = frame.half
     return box((-x, -y, -z + RAIL_END_M), (x, y, z - RAIL_END_M))

@@ -44,7 +44,7 @@ VHF_TIP: Vec3 = (-0.030, ROOT_M + VHF_M, ANTENNA_Z_M)
 
 
 def build_cubesat_1u(detail: Detail = "full") -> Target:
-    """The SwissCube-like craft."""
+    """Return the SwissCube-like craft."""
     keypoints = corner_keypoints(U1)
     keypoints |= {
         "uhf_tip": UHF_TIP,
@@ -95,7 +95,7 @@ def _pieces(detail: Detail) -> list[Piece]:
 
 
 def _antenna_board(detail: Detail) -> list[Piece]:
-    """The board below: guides round which the tapes were wound, the telescope, a switch and connectors."""
+    """Return the board below: guides round which the tapes were wound, the telescope, a switch and connectors."""
     z = -U1.face_z_m
     pieces = [
         Piece("antenna_board", "panel-board", box((-0.041, -0.041, z - 0.0010), (0.041, 0.041, z))),
@@ -146,7 +146,7 @@ def _antenna_bodies() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """0.82 kg: frame 0.24, boards and battery 0.36, faces with cells 0.13, antenna board and payload 0.09."""
+    """Return 0.82 kg: frame 0.24, boards and battery 0.36, faces with cells 0.13, antenna board and payload 0.09."""
     return [
         MassElement("frame", 0.24, (0, 0, 0), size_m=(0.1, 0.1, 0.1135)),
         MassElement("boards and battery", 0.362, (0, 0, 0.004), size_m=(0.085, 0.085, 0.07)),

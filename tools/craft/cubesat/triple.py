@@ -56,7 +56,7 @@ TAPE_ROOTS: tuple[Vec3, ...] = tuple(
 
 
 def tape_tip(k: int) -> Vec3:
-    """Tip of tape antenna ``k``: diagonally outwards and 15 degrees up."""
+    """Return the tip of tape antenna ``k``: diagonally outwards and 15 degrees up."""
     x, y, z = TAPE_ROOTS[k]
     flat, rise = TAPE_M * np.cos(np.deg2rad(15)), TAPE_M * np.sin(np.deg2rad(15))
     return (float(x + np.sign(x) * flat * 0.5**0.5), float(y + np.sign(y) * flat * 0.5**0.5), float(z + rise))
@@ -67,7 +67,7 @@ SCREWS_Z_M = (-0.152, -0.063, -0.046, 0.046, 0.063, 0.152)
 
 
 def build_cubesat_3u(detail: Detail = "full") -> Target:
-    """The 3U craft, wings and antennas deployed."""
+    """Return the 3U craft, wings and antennas deployed."""
     keypoints = corner_keypoints(U3)
     keypoints |= WINGS.corners()
     keypoints |= {f"tape_{k + 1}_tip": tape_tip(k) for k in range(4)}
@@ -106,7 +106,7 @@ def _pieces(detail: Detail) -> list[Piece]:
 
 
 def _front(detail: Detail) -> list[Piece]:
-    """The telescope's end."""
+    """Return the end with the telescope."""
     pieces = onto(telescope("telescope", TELESCOPE_M, 0.0060, detail), (0.0, 0.0, -END_M), (0, 0, -1))
     if detail == "full":
         r, z = TELESCOPE_M * 0.95, -END_M
@@ -120,7 +120,7 @@ def _front(detail: Detail) -> list[Piece]:
 
 
 def _rear(detail: Detail) -> list[Piece]:
-    """The antennas' end: a frame that held the tapes, patches, sun sensor, kill switches."""
+    """Return the end with the antennas: a frame that held the tapes, patches, sun sensor, kill switches."""
     z = END_M
     board = plate(
         rectangle((-0.040, -0.040), (0.040, 0.040)),
@@ -140,7 +140,7 @@ def _rear(detail: Detail) -> list[Piece]:
 
 
 def _radiator_side(detail: Detail) -> list[Piece]:
-    """-y: a white radiator, a star tracker's opening, the access port, a GNSS patch."""
+    """Return the -y side: a white radiator, a star tracker's opening, the access port, a GNSS patch."""
     y = -U3.face_y_m
     pieces = [
         Piece("radiator", "white-paint", box((-0.038, y - 0.0008, -0.140), (0.038, y, -0.010))),
@@ -166,7 +166,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _lumps() -> list[MassElement]:
-    """4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
+    """Return 4.0 kg: structure 0.75, avionics and battery 1.35, telescope 1.15, wings 0.5, rest 0.25."""
     return [
         MassElement("structure", 0.75, (0, 0, 0), size_m=(0.1, 0.1, 0.3405)),
         MassElement("avionics", 1.35, (0, 0, 0.085), size_m=(0.09, 0.09, 0.15)),

@@ -34,11 +34,11 @@ class Wings:
 
     @property
     def reach_m(self) -> float:
-        """Distance of the tips from the middle."""
+        """Distance of the tips from the centre [m]."""
         return self.root_x_m + wing_width_m(self.panels, self.size_m[0], self.gap_m)
 
     def corners(self) -> dict[str, Vec3]:
-        """The four outermost corners, by name."""
+        """Return the four outermost corners, by name."""
         return {
             f"wing_{a}_{c}": (sx * self.reach_m, self.y_m, sz * self.size_m[1] / 2)
             for a, sx in (("nx", -1), ("px", 1))
@@ -46,7 +46,7 @@ class Wings:
         }
 
     def pieces(self, detail: Detail) -> list[Piece]:
-        """Both wings; seen along -y their cells look at the reader."""
+        """Return both wings; their cells face the viewer along -y."""
         right, left = (
             wing(name, self.panels, 2, 4, self.size_m, self.gap_m, detail) for name in ("wing_px", "wing_nx")
         )
@@ -57,7 +57,7 @@ class Wings:
         ]
 
     def outlines(self) -> dict[str, tuple[Vec3, Vec3]]:
-        """Lowest and highest corner of each panel, by name."""
+        """Return the lowest and highest corner of each panel, by name."""
         z = self.size_m[1] / 2
         outlines: dict[str, tuple[Vec3, Vec3]] = {}
         for k in range(self.panels):
@@ -68,11 +68,11 @@ class Wings:
         return outlines
 
     def bodies(self) -> list[Mesh]:
-        """The panels as boxes, for visibility."""
+        """Return the panels as boxes, for visibility."""
         return [box(lo, hi) for lo, hi in self.outlines().values()]
 
     def edges(self) -> list[Edge]:
-        """The outlines of the panels."""
+        """Return the outlines of the panels."""
         edges: list[Edge] = []
         for name, (lo, hi) in self.outlines().items():
             # u x v = x x (-z) = +y
@@ -81,7 +81,7 @@ class Wings:
         return edges
 
     def lumps(self, mass_kg: float) -> list[MassElement]:
-        """Both wings, of ``mass_kg`` each."""
+        """Return both wings, of ``mass_kg`` each."""
         span = self.reach_m - self.root_x_m
         size = (span, WING_M, self.size_m[1])
         return [

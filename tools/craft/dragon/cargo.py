@@ -45,7 +45,7 @@ NOTES = (
 
 
 def build_dragon_cargo(detail: Detail = "full") -> Target:
-    """Cargo Dragon at a level of detail; labels are the same at all."""
+    """Return Cargo Dragon at a level of detail; labels are the same at all."""
     level = Level(detail)
     bay = np.deg2rad(BAY_AZIMUTH_DEG)
     out = SIDEWALL.normal(bay, BAY_Z_M)
@@ -67,7 +67,7 @@ def build_dragon_cargo(detail: Detail = "full") -> Target:
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """Corners of the wings; quarters of the rims of trunk, shield and port."""
+    """Return the corners of the wings; quarters of the rims of trunk, shield and port."""
     points = WINGS.corners()
     for name, az in QUARTERS:
         points[f"trunk_low_{name}"] = polar(TRUNK_RADIUS_M, az, TRUNK_LOW_M)
@@ -78,7 +78,7 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """Rims of trunk, shield, deck and port; outlines of the wings' panels."""
+    """Return the rims of trunk, shield, deck and port; outlines of the wings' panels."""
     shoulder = (SHOULDER_HIGH_M - DECK_M, DECK_RADIUS_M - SHOULDER_RADIUS_M)
     edges = [
         *rim_edges("trunk_low", TRUNK_LOW_M, TRUNK_RADIUS_M, [(1, 0), (0, -1)]),
@@ -92,7 +92,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _occluders() -> list[Mesh]:
-    """Trunk as a tube, capsule with port, panels: inscribed polygons of 12 sides."""
+    """Return the trunk as a tube, capsule with port, panels: inscribed polygons of 12 sides."""
     n, ro, ri = 12, TRUNK_RADIUS_M, TRUNK_INNER_M
     trunk = [(ri, TRUNK_LOW_M), (ro, TRUNK_LOW_M), (ro, -0.03), (ri, -0.03), (ri, TRUNK_LOW_M)]
     capsule = [
@@ -103,7 +103,7 @@ def _occluders() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """8.4 t: 4.2 t dry (SpaceX), 1.3 t of propellant and 2.9 t of cargo; the split is an estimate."""
+    """Return 8.4 t: 4.2 t dry (SpaceX), 1.3 t of propellant and 2.9 t of cargo; the split is an estimate."""
     return [
         Tube("heat shield", 750.0, (0, 0, 0.02), radius_m=1.78, length_m=0.35),
         Tube("propellant", 1290.0, (0, 0, 0.75), radius_m=1.65, length_m=0.8, inner_m=1.3),

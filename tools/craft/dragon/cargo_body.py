@@ -39,7 +39,7 @@ QUAD_AZIMUTHS_DEG = (42.0, 138.0, 222.0, 318.0)
 
 
 def build_body(level: Level) -> list[Piece]:
-    """Everything but the wings."""
+    """Return everything but the wings."""
     pieces = [*_capsule(level), *_port(level), *_trunk(level)]
     return [*pieces, *(_fittings(level) if level.fittings else [])]
 
@@ -65,7 +65,7 @@ def _capsule(level: Level) -> list[Piece]:
 
 
 def _port(level: Level) -> list[Piece]:
-    """Passive berthing ring round a square hatch."""
+    """Return the passive berthing ring round a square hatch."""
     n = level.segments(RIM_SEGMENTS)
     r, z = PORT_RADIUS_M, PORT_M
     neck = [(0.86, DECK_M), (r - 0.06, DECK_M), (r - 0.06, z - 0.10), (0.86, z - 0.10), (0.86, DECK_M)]
@@ -113,7 +113,9 @@ def _trunk(level: Level) -> list[Piece]:
 
 
 def _fittings(level: Level) -> list[Piece]:
-    """Thruster quads, hatch, sensor bay with grapple fixture, radiators, cradle beams in the trunk, seams."""
+    """Return the thruster quads, hatch, sensor bay with grapple fixture, radiators, cradle beams in the trunk,
+    seams.
+    """
     return [*_thrusters(level), *_side(level), *_trunk_skin(level)]
 
 
@@ -137,7 +139,7 @@ def _thrusters(level: Level) -> list[Piece]:
 
 
 def _side(level: Level) -> list[Piece]:
-    """Side hatch, sensor bay, portholes, tile seams."""
+    """Return the side hatch, sensor bay, portholes, tile seams."""
     n = level.segments(36)
     bay = np.deg2rad(BAY_AZIMUTH_DEG)
     recess = pad(SIDEWALL, bay, BAY_Z_M, (0.44, 0.34), lift_m=0.006, exponent=6.0, segments=n, rings=4)
@@ -182,7 +184,7 @@ def _side(level: Level) -> list[Piece]:
 
 
 def _trunk_skin(level: Level) -> list[Piece]:
-    """Radiators on both sides between the wings, hinge brackets of the fairings, beams inside."""
+    """Return the radiators on both sides between the wings, hinge brackets of the fairings, beams inside."""
     heights, columns = [-2.62, -0.25], level.segments(12) // 2
     starts = (*range(30, 150, 20), *range(210, 330, 20))
     edges = [(float(np.deg2rad(a + 0.4)), float(np.deg2rad(a + 20.0 - 0.4))) for a in starts]

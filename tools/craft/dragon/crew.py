@@ -50,7 +50,7 @@ NOTES = (
 
 
 def build_dragon(detail: Detail = "full") -> Target:
-    """Crew Dragon at a level of detail; labels are the same at all."""
+    """Return Crew Dragon at a level of detail; labels are the same at all."""
     return assemble(
         "dragon",
         "Crew Dragon with trunk, nose cone open",
@@ -68,7 +68,7 @@ def build_dragon(detail: Detail = "full") -> Target:
 
 
 def dragon_pieces(level: Level, *, nose_closed: bool = False) -> list[Piece]:
-    """All pieces; with the nose cone closed, the craft is as high as its data sheet says."""
+    """Return all pieces; with the nose cone closed, the craft is as high as its data sheet says."""
     return [*build_capsule(level), *build_nose(level, closed=nose_closed), *build_trunk(level)]
 
 
@@ -77,7 +77,7 @@ SLOPE = (float(np.cos(WALL_RAD)), float(np.sin(WALL_RAD)))
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """Corners of fins, quarters of rims, the nose cone's apex and rim."""
+    """Return the corners of fins, quarters of rims, the nose cone's apex and rim."""
     points = {}
     for k, az in enumerate(FIN_AZIMUTHS_DEG):
         for corner, (r, z) in (("low", FIN_M[1]), ("high", FIN_M[2])):
@@ -96,7 +96,7 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """Rims of trunk, shield, deck, port and nose cone; outlines of the fins."""
+    """Return the rims of trunk, shield, deck, port and nose cone; outlines of the fins."""
     edges = [
         *rim_edges("trunk_low", TRUNK_LOW_M, TRUNK_RADIUS_M, [(1, 0), (0, -1)]),
         *rim_edges("trunk_inner", TRUNK_LOW_M, TRUNK_INNER_M + 0.002, [(0, -1), (-1, 0)]),
@@ -118,7 +118,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _occluders() -> list[Mesh]:
-    """Trunk as a tube, capsule, port, fins, nose cone: inscribed polygons of 12 sides."""
+    """Return the trunk as a tube, capsule, port, fins, nose cone: inscribed polygons of 12 sides."""
     n = 12
     ro, ri = TRUNK_RADIUS_M, TRUNK_INNER_M
     trunk = [(ri, TRUNK_LOW_M), (ro, TRUNK_LOW_M), (ro, 0.0), (ri, 0.0), (ri, TRUNK_LOW_M)]
@@ -142,7 +142,7 @@ def _occluders() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """12.5 t in all (public figure for the launch mass), shared out by an estimate.
+    """Return 12.5 t in all (public figure for the launch mass), divided by an estimate.
 
     The abort propellant sits low in the capsule; the trunk is light.
     """

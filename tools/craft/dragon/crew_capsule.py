@@ -39,7 +39,7 @@ POD_LIFT_M, POD_EXPONENT = 0.02, 3.0
 
 
 def build_capsule(level: Level) -> list[Piece]:
-    """The capsule without nose cone and docking port."""
+    """Return the capsule without nose cone and docking port."""
     n = level.segments(RIM_SEGMENTS)
     # the shield's dome lies inside the trunk, its rim outside
     shield = [
@@ -71,7 +71,9 @@ def _wall_points(level: Level) -> list[tuple[float, float]]:
 
 
 def pod_rise(flat_m: FloatArray, about_m: ArrayLike = (0.0, 0.0)) -> FloatArray:
-    """Height of a pod over the sidewall at points (N, 2) round ``about_m``, itself counted from the pod's middle."""
+    """Return the height of a pod over the sidewall at points (N, 2) round ``about_m``, itself counted from the pod's
+    middle.
+    """
     reach = (np.abs((flat_m + np.asarray(about_m)) / POD_HALF_M) ** POD_EXPONENT).sum(axis=-1) ** (
         1 / POD_EXPONENT
     )
@@ -79,7 +81,7 @@ def pod_rise(flat_m: FloatArray, about_m: ArrayLike = (0.0, 0.0)) -> FloatArray:
 
 
 def _pods(level: Level) -> list[Piece]:
-    """Four fairings, each with two abort engines in black recesses below and four small thrusters above."""
+    """Return four fairings, each with two abort engines in black recesses below and four small thrusters above."""
     pieces = []
     for az in np.deg2rad(POD_AZIMUTHS_DEG):
         fairing = pad(
@@ -106,7 +108,7 @@ def _pod_engines(az: float, level: Level) -> list[Piece]:
     pieces = []
 
     def mount(x: float, y: float) -> tuple[float, float, float]:
-        """Azimuth, height and rise of the pod's surface at a point round its middle."""
+        """Return the azimuth, height and rise of the pod's surface at a point round its middle."""
         z = POD_Z_M + y / slope
         return az + x / float(SIDEWALL.radius(z)), z, float(pod_rise(np.array([x, y])))
 
@@ -138,7 +140,7 @@ def _pod_engines(az: float, level: Level) -> list[Piece]:
 
 
 def _fittings(level: Level) -> list[Piece]:
-    """Hatch, windows, seams of the back-shell tiles."""
+    """Return the hatch, windows, seams of the back-shell tiles."""
     n = level.segments(36)
     hatch = pad(SIDEWALL, 0.0, HATCH_Z_M, (0.52, 0.62), lift_m=0.010, exponent=4.0, segments=2 * n, rings=5)
     gap = pad(SIDEWALL, 0.0, HATCH_Z_M, (0.545, 0.645), lift_m=0.004, exponent=4.0, segments=2 * n, rings=5)

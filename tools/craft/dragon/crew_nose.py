@@ -27,7 +27,7 @@ SHELL_M = 0.05
 
 
 def nose_cone(level: Level, *, closed: bool) -> Mesh:
-    """The nose cone as a shell; closed its base stands on the deck."""
+    """Return the nose cone as a shell; when closed its base stands on the deck."""
     steps = 12 if level.fine else 4
     t = np.linspace(0, np.pi / 2, steps + 1)
     # blunter than an ellipse: a super-ellipse of exponent 2.3
@@ -43,7 +43,7 @@ def nose_cone(level: Level, *, closed: bool) -> Mesh:
 
 
 def build_nose(level: Level, *, closed: bool = False) -> list[Piece]:
-    """Nose cone, hinge, deck and docking port."""
+    """Return the nose cone, hinge, deck and docking port."""
     pieces = [Piece("nose_cone", "white-paint", nose_cone(level, closed=closed)), *_port(level)]
     if not level.fittings:
         return pieces
@@ -62,7 +62,7 @@ def build_nose(level: Level, *, closed: bool = False) -> list[Piece]:
 
 
 def _port(level: Level) -> list[Piece]:
-    """Tunnel, hard-capture ring and hatch, of the docking standard's proportions."""
+    """Return the tunnel, hard-capture ring and hatch, of the docking standard's proportions."""
     n = level.segments(48)
     low = DECK_M - 0.10
     tunnel = [
@@ -98,7 +98,7 @@ def _port(level: Level) -> list[Piece]:
 
 
 def _forward_fittings(level: Level) -> list[Piece]:
-    """Four thrusters on the deck, navigation sensors, boxes of the mechanism."""
+    """Return four thrusters on the deck, navigation sensors, boxes of the mechanism."""
     deck = DECK_M - 0.055
     thrusters = [
         bell(polar(0.90, az, deck), (0, 0, 1), 0.14, 0.04, 0.085, level.segments(24))

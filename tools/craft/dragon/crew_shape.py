@@ -48,7 +48,7 @@ TRUNK = Revolved.of([(TRUNK_RADIUS_M, TRUNK_LOW_M), (TRUNK_RADIUS_M, TRUNK_HIGH_
 
 
 def nose_rotation() -> np.ndarray:
-    """(3, 3) rotation of the open nose cone about the hinge's axis, along y."""
+    """Return the (3, 3) rotation of the open nose cone about the hinge's axis, along y."""
     c, s = np.cos(-NOSE_OPEN_RAD), np.sin(-NOSE_OPEN_RAD)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 

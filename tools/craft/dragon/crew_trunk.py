@@ -32,7 +32,7 @@ STRIPS = 14
 
 
 def build_trunk(level: Level) -> list[Piece]:
-    """Tube, cells, radiators, fins."""
+    """Return the tube, cells, radiators, fins."""
     n = level.segments(RIM_SEGMENTS)
     ri, ro, lo, hi = TRUNK_INNER_M, TRUNK_RADIUS_M, TRUNK_LOW_M, TRUNK_HIGH_M
     fin = fin_mesh()
@@ -48,7 +48,7 @@ def build_trunk(level: Level) -> list[Piece]:
 
 
 def fin_mesh() -> Mesh:
-    """A fin at azimuth zero."""
+    """Return a fin at azimuth zero."""
     return prism(FIN_M, FIN_THICK_M, origin_m=(0, FIN_THICK_M / 2, 0), u=(1, 0, 0), v=(0, 0, 1))
 
 
@@ -81,7 +81,7 @@ def _solar_half(level: Level) -> list[Piece]:
 
 
 def _radiators(level: Level) -> list[Piece]:
-    """Panels of the radiator half, between the fins and the solar half's borders."""
+    """Return the panels of the radiator half, between the fins and the solar half's borders."""
     edges = np.deg2rad([-82.0, -48.0, -24.0, 0.0, 24.0, 48.0, 82.0])
     rows = [-3.42, -0.20]
     panels = [

@@ -1,4 +1,4 @@
-"""Envisat put together: parts, labels, coarse bodies and mass distribution."""
+"""Envisat assembled: parts, labels, coarse bodies and mass distribution."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ ARRAY_X_M = (ARRAY_ROOT_X_M + ARRAY_GAP_M / 2, ARRAY_ROOT_X_M + ARRAY_LENGTH_M -
 
 
 def build_envisat(detail: Detail = "full") -> Target:
-    """The craft as debris: array and antenna deployed."""
+    """Return the craft as debris: array and antenna deployed."""
     return assemble(
         "envisat",
         "Envisat-like debris",
@@ -155,7 +155,7 @@ def _occluders() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """7,828 kg, split so that centre of mass and inertia come near the published ones.
+    """Return 7,828 kg, split so that centre of mass and inertia come near the published ones.
 
     ESA's debris-removal studies (e.Deorbit) quote for the dead craft x = -3.9 m of the centre of mass, and 17,000,
     125,000 and 129,000 kg m2 about x, y and z.

@@ -24,7 +24,7 @@ from tools.craft.shapes.mesh import Mesh, merge
 from tools.craft.shapes.solids import box, cone, dome, lathe, rod, truss
 
 EARTH_M = BUS_HALF_Z_M - SKIN_M
-"""z of the payload module's Earth face; the zenith face is opposite."""
+"""Height of the payload module's Earth face along z; the zenith face is opposite."""
 KA_AXIS = (-0.5, 0.0, -(0.75**0.5))
 KA_DEPTH_M = 0.13
 KA_VERTEX = (KA_MAST_X_M + KA_AXIS[0] * 0.20, 0.75, -KA_TOP_M + 0.10 + KA_AXIS[2] * 0.20)
@@ -32,7 +32,7 @@ RING_STEPS: dict[Detail, int] = {"full": 10, "medium": 5, "low": 3}
 
 
 def build_instruments(detail: Detail) -> list[Piece]:
-    """All that looks or listens."""
+    """Return all sensors and antennas."""
     return [
         *_altimeter(detail),
         *_ka_band(detail),
@@ -51,7 +51,7 @@ def reflector(
     segments: int,
     detail: Detail,
 ) -> Mesh:
-    """A paraboloid dish of 15 mm wall, its rim ``depth_m`` above its vertex."""
+    """Return a paraboloid dish of 15 mm wall, its rim ``depth_m`` above its vertex."""
     r = np.linspace(0, radius_m, RING_STEPS[detail] + 1)
     h = depth_m * (r / radius_m) ** 2
     wall = 0.015
@@ -61,7 +61,7 @@ def reflector(
 
 
 def _altimeter(detail: Detail) -> list[Piece]:
-    """RA-2: dish, feed on a tripod, foot."""
+    """Return RA-2: dish, feed on a tripod, foot."""
     z = EARTH_M + 0.24
     dish = reflector((DISH_X_M, 0, z), (0, 0, 1), DISH_RADIUS_M, DISH_DEPTH_M, 64, detail)
     foot = cone((DISH_X_M, 0, EARTH_M - 0.01), (DISH_X_M, 0, z - 0.008), 0.22, 0.14, facets(detail, 32))
@@ -83,7 +83,7 @@ def _altimeter(detail: Detail) -> list[Piece]:
 
 
 def _ka_band(detail: Detail) -> list[Piece]:
-    """The Ka-band relay antenna on its mast over the zenith side."""
+    """Return the Ka-band relay antenna on its mast over the zenith side."""
     x, n = KA_MAST_X_M, facets(detail, 24)
     base = -BUS_HALF_Z_M
     mast = rod((x, 0.75, base + 0.03), (x, 0.75, -KA_TOP_M + 0.12), 0.06, n)
@@ -101,7 +101,7 @@ def _ka_band(detail: Detail) -> list[Piece]:
 
 
 def _optical(detail: Detail) -> list[Piece]:
-    """MERIS, AATSR and the microwave radiometer on the Earth side."""
+    """Return MERIS, AATSR and the microwave radiometer on the Earth side."""
     z = EARTH_M
     meris = box((-8.05, -1.15, z - 0.02), (-7.30, -0.25, z + 0.55), 0.02)
     fans = [box((-7.98 + 0.13 * k, -1.05, z + 0.54), (-7.90 + 0.13 * k, -0.80, z + 0.565)) for k in range(5)]
@@ -127,7 +127,7 @@ def _optical(detail: Detail) -> list[Piece]:
 
 
 def _end_instruments(detail: Detail) -> list[Piece]:
-    """MIPAS, GOMOS and SCIAMACHY at the far end of the bus, beyond no more than the bus's own length."""
+    """Return MIPAS, GOMOS and SCIAMACHY at the far end of the bus, within the bus's own length."""
     x0 = BUS_END_X_M
     y = BUS_HALF_Y_M
     mipas = box((x0 + 0.05, -0.55, -EARTH_M - 0.62), (x0 + 1.45, 0.65, -EARTH_M + 0.01), 0.03)
@@ -150,7 +150,7 @@ def _end_instruments(detail: Detail) -> list[Piece]:
 
 
 def _antennas(detail: Detail) -> list[Piece]:
-    """DORIS, the laser retroreflector, X-band and S-band antennas on the Earth side."""
+    """Return DORIS, the laser retroreflector, X-band and S-band antennas on the Earth side."""
     z = EARTH_M
     n = facets(detail, 24)
     doris = [
@@ -192,7 +192,7 @@ def _antennas(detail: Detail) -> list[Piece]:
 
 
 def _zenith_side(detail: Detail) -> list[Piece]:
-    """Electronics under blankets on the zenith side, and two star trackers."""
+    """Return the electronics under blankets on the zenith side, and two star trackers."""
     z = -EARTH_M
     boxes = [
         box((-8.2, 0.15, z - 0.28), (-7.1, 1.10, z + 0.01), 0.02),

@@ -27,12 +27,12 @@ Y, Z = BUS_HALF_Y_M, BUS_HALF_Z_M
 
 
 def bays() -> list[float]:
-    """X of the frames between the payload module's bays."""
+    """Return the x coordinates of the frames between the payload module's bays."""
     return [SERVICE_END_X_M - k * BAY_M for k in range(5)]
 
 
 def build_bus(detail: Detail) -> list[Piece]:
-    """Both modules and what is fixed to their faces."""
+    """Return both modules and all that is fixed to their faces."""
     return [*_service_module(detail), *_payload_module(detail), *_radiators(detail)]
 
 
@@ -74,7 +74,7 @@ def _service_module(detail: Detail) -> list[Piece]:
 
 
 def _belts(xs: list[float], width_m: float, inset_m: float) -> list[Mesh]:
-    """Strips of tape round the bus at given x, four to a belt, 4 mm proud."""
+    """Return the strips of tape round the bus at given x, four to a belt, 4 mm proud."""
     belts = []
     y, z, t = Y - inset_m, Z - inset_m, 0.004
     for x in xs:
@@ -86,7 +86,7 @@ def _belts(xs: list[float], width_m: float, inset_m: float) -> list[Mesh]:
 
 
 def _payload_module(detail: Detail) -> list[Piece]:
-    """A carbon core under gold and black blankets, frames at the bays, corner beams."""
+    """Return a carbon core under gold and black blankets, frames at the bays, corner beams."""
     x0, x1 = BUS_END_X_M, SERVICE_END_X_M
     y, z = Y - SKIN_M, Z - SKIN_M
     core = box((x0 + 0.02, -y, -z), (x1, y, z))
@@ -139,7 +139,7 @@ def _payload_module(detail: Detail) -> list[Piece]:
 
 
 def _radiators(detail: Detail) -> list[Piece]:
-    """Mirror panels on +-y of the bays, white ones on the service module, each with its joints."""
+    """Return the mirror panels on +-y of the bays, white ones on the service module, each with its joints."""
     mirrors, joints = [], []
     for k, x in enumerate(bays()[:-1]):
         lo, hi = x - BAY_M + 0.22, x - 0.22
@@ -165,7 +165,7 @@ def _radiators(detail: Detail) -> list[Piece]:
 def _on_side(
     side: int, x0_m: float, x1_m: float, z0_m: float, z1_m: float, inset_m: float, thickness_m: float
 ) -> Mesh:
-    """A plate on the +y or -y face, ``inset_m`` inside the bus's width."""
+    """Return a plate on the +y or -y face, ``inset_m`` inside the bus's width."""
     y = Y - inset_m
     plate = box((x0_m, y, z0_m), (x1_m, y + thickness_m, z1_m))
     return plate if side > 0 else plate.mirrored(1)

@@ -1,4 +1,4 @@
-"""Envisat's large flat things: the solar array on its yoke, and the ASAR antenna with its tiles."""
+"""Envisat's large flat parts: the solar array on its yoke, and the ASAR antenna with its tiles."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ FIELDS: dict[Detail, CellField] = {
 
 
 def build_array(detail: Detail) -> list[Piece]:
-    """Fourteen panels with hinges and stiffeners, and the arm from the drive; turned to where the drive stopped."""
+    """Return fourteen panels with hinges and stiffeners, and the arm from the drive, at the angle at which the drive
+    stopped.
+    """
     pieces: list[Piece] = []
     size = (ARRAY_PITCH_M - ARRAY_GAP_M, 2 * ARRAY_HALF_Y_M)
     hinges, ribs = [], []
@@ -77,7 +79,7 @@ def build_array(detail: Detail) -> list[Piece]:
 
 
 def _arm(detail: Detail) -> list[Piece]:
-    """Drive on the axis of the ring, a mast, and a yoke to the first panel's corners."""
+    """Return the drive on the axis of the ring, a mast, and a yoke to the first panel's corners."""
     n = facets(detail, 32)
     z = -ARRAY_PLATE_M / 2 - 0.03
     drive = cone((0.0, 0, z), (RING_M + 0.22, 0, z), 0.22, 0.20, n)
@@ -96,7 +98,9 @@ def _arm(detail: Detail) -> list[Piece]:
 
 
 def build_asar(detail: Detail) -> list[Piece]:
-    """Five panels of four tiles; slotted waveguides show as stripes, the back carries frames and insulated boxes."""
+    """Return five panels of four tiles; slotted waveguides show as stripes, the back carries frames and insulated
+    boxes.
+    """
     plates, tiles, stripes, frames, boxes = [], [], [], [], []
     length = 2 * ASAR_HALF_Y_M / ASAR_PANELS
     w = ASAR_HALF_WIDTH_M
@@ -140,13 +144,13 @@ def build_asar(detail: Detail) -> list[Piece]:
 
 
 def _stripes(a: float, b: float, low: float, high: float) -> list[Mesh]:
-    """Sixteen waveguides of a tile, a millimetre proud."""
+    """Return the sixteen waveguides of a tile, a millimetre proud."""
     ys = np.linspace(low, high, 17)
     return [box((a + 0.03, y - 0.004, -0.001), (b - 0.03, y + 0.004, 0.001)) for y in (ys[:-1] + ys[1:]) / 2]
 
 
 def _asar_mount(detail: Detail) -> list[Piece]:
-    """Struts from the bus to the middle panel."""
+    """Return the struts from the bus to the middle panel."""
     x, _, z = ASAR_CENTRE
     foot = BUS_HALF_Z_M - 0.03
     top = z - 0.22

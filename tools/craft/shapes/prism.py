@@ -18,25 +18,25 @@ if TYPE_CHECKING:
 
 
 def circle(centre: ArrayLike, radius: float, segments: int = 24) -> FloatArray:
-    """(segments, 2) points of a circle, counter-clockwise."""
+    """Return the (segments, 2) points of a circle, counter-clockwise."""
     t = 2 * np.pi * np.arange(segments) / segments
     return np.asarray(centre, float) + radius * np.column_stack([np.cos(t), np.sin(t)])
 
 
 def rectangle(lo: ArrayLike, hi: ArrayLike) -> FloatArray:
-    """(4, 2) corners of an axis-aligned rectangle, counter-clockwise."""
+    """Return the (4, 2) corners of an axis-aligned rectangle, counter-clockwise."""
     (x0, y0), (x1, y1) = np.asarray(lo, float), np.asarray(hi, float)
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
 def signed_area(polygon: FloatArray) -> float:
-    """Area of a polygon (K, 2), positive when counter-clockwise."""
+    """Return the area of a polygon (K, 2), positive when counter-clockwise."""
     x, y = polygon.T
     return float(0.5 * np.sum(x * following(y) - y * following(x)))
 
 
 def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArray:
-    """Triangles of a polygon with holes, as indices into outline and holes stacked in order.
+    """Return the triangles of a polygon with holes, as indices into outline and holes stacked in order.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArr
 
 
 def _bridge(points: FloatArray, loop: list[int], start: int, rings: list[list[int]]) -> int:
-    """Position in ``loop`` of the nearest vertex that ``start`` sees."""
+    """Return the position in ``loop`` of the nearest vertex that ``start`` sees."""
     edges = [(a, b) for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
     for ring in rings:
         edges += list(zip(ring, ring[1:] + ring[:1], strict=True))
@@ -86,7 +86,7 @@ def _bridge(points: FloatArray, loop: list[int], start: int, rings: list[list[in
 
 
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """Twice the signed area of triangle ``a b c``."""
+    """Return twice the signed area of triangle ``a b c``."""
     return np.asarray(
         (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
     )
@@ -145,7 +145,7 @@ def prism(
     u: ArrayLike = (1, 0, 0),
     v: ArrayLike = (0, 1, 0),
 ) -> Mesh:
-    """A closed plate: a polygon in the plane ``origin + a u + b v``, thickened along ``u x v``.
+    """Return a closed plate: a polygon in the plane ``origin + a u + b v``, thickened along ``u x v``.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def _wall(low: FloatArray, high: FloatArray, ring: FloatArray, axes: FloatArray)
 
 
 def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: str) -> FloatArray:
-    """Corners of a rectangle about the origin with two or four of its corners cut at 45 degrees.
+    """Return the corners of a rectangle about the origin with two or four of its corners cut at 45 degrees.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: s
 def cell_grid(
     centres_x_m: ArrayLike, centres_y_m: ArrayLike, outline: ArrayLike, z_m: float, thickness_m: float
 ) -> Mesh:
-    """Tiles of one outline (K, 2) at every crossing of the two lists of centres, lying at ``z_m``."""
+    """Return the tiles of one outline (K, 2) at every crossing of the two lists of centres, lying at ``z_m``."""
     tile = prism(outline, thickness_m)
     xs, ys = np.asarray(centres_x_m, float), np.asarray(centres_y_m, float)
     return merge([tile.moved((x, y, z_m)) for y in ys for x in xs])

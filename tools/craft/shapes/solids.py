@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def box(lo_m: ArrayLike, hi_m: ArrayLike, bevel_m: float = 0.0) -> Mesh:
-    """An axis-aligned box, its edges chamfered at 45 degrees when ``bevel_m`` is positive.
+    """Return an axis-aligned box, its edges chamfered at 45 degrees when ``bevel_m`` is positive.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def box(lo_m: ArrayLike, hi_m: ArrayLike, bevel_m: float = 0.0) -> Mesh:
 
 
 def bar(a_m: ArrayLike, b_m: ArrayLike, width_m: float, depth_m: float, up: ArrayLike) -> Mesh:
-    """A straight bar of rectangular section from ``a_m`` to ``b_m``.
+    """Return a straight bar of rectangular section from ``a_m`` to ``b_m``.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def bar(a_m: ArrayLike, b_m: ArrayLike, width_m: float, depth_m: float, up: Arra
 
 
 def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: int = 24) -> Mesh:
-    """A body of revolution: smooth round the axis, creased where the profile turns sharply.
+    """Return a body of revolution: smooth round the axis, creased where the profile turns sharply.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: in
 def _band(
     low: np.ndarray, high: np.ndarray, normal: list[np.ndarray], radial: np.ndarray, w: np.ndarray
 ) -> Mesh:
-    """The ring between two points of a lathe's profile."""
+    """Return the ring between two points of a lathe's profile."""
     n = len(radial)
     rings = [r * radial + h * w for r, h in (low, high)]
     normals = [a * radial + b * w for a, b in normal]
@@ -125,28 +125,28 @@ def _band(
 
 
 def cone(a_m: ArrayLike, b_m: ArrayLike, radius_a_m: float, radius_b_m: float, segments: int = 24) -> Mesh:
-    """A closed cone frustum from ``a_m`` to ``b_m``; a cylinder when the radii agree."""
+    """Return a closed cone frustum from ``a_m`` to ``b_m``; a cylinder when the radii agree."""
     a, b = np.asarray(a_m, float), np.asarray(b_m, float)
     length = float(np.linalg.norm(b - a))
     return lathe([(0, 0), (radius_a_m, 0), (radius_b_m, length), (0, length)], a, b - a, segments)
 
 
 def rod(a_m: ArrayLike, b_m: ArrayLike, radius_m: float, segments: int = 8) -> Mesh:
-    """A closed cylinder from ``a_m`` to ``b_m``."""
+    """Return a closed cylinder from ``a_m`` to ``b_m``."""
     return cone(a_m, b_m, radius_m, radius_m, segments)
 
 
 def dome(
     origin_m: ArrayLike, axis: ArrayLike, radius_m: float, height_m: float, segments: int = 32, rings: int = 8
 ) -> Mesh:
-    """A closed cap of an ellipsoid of revolution on a flat base at ``origin_m``."""
+    """Return a closed cap of an ellipsoid of revolution on a flat base at ``origin_m``."""
     t = np.linspace(0, np.pi / 2, rings + 1)
     arc = [(radius_m * np.cos(x), height_m * np.sin(x)) for x in t[:-1]]
     return lathe([(0, 0), *arc, (0, height_m)], origin_m, axis, segments)
 
 
 def truss(nodes_m: ArrayLike, members: Sequence[tuple[int, int]], radius_m: float, segments: int = 8) -> Mesh:
-    """Rods between nodes (N, 3), with a ball of 1.35 radii on every node that a member reaches.
+    """Return the rods between nodes (N, 3), with a ball of 1.35 radii on every node that a member reaches.
 
     Each rod ends inside its balls, every one at its own depth, so that no two caps share an edge.
     """

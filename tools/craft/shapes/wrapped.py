@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def creased(points_m: ArrayLike, triangles: ArrayLike, crease_rad: float = float(CREASE_RAD)) -> Mesh:
-    """A mesh from welded triangles: every corner takes the mean normal of its smooth neighbours.
+    """Return a mesh from welded triangles: every corner takes the mean normal of its smooth neighbours.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def creased(points_m: ArrayLike, triangles: ArrayLike, crease_rad: float = float
 
 
 def slab(top_m: FloatArray, bottom_m: FloatArray) -> Mesh:
-    """A closed body between two grids (I, J, 3); ``top_m`` is seen from outside with I x J right-handed."""
+    """Return a closed body between two grids (I, J, 3); ``top_m`` is seen from outside with I x J right-handed."""
     rows, columns = top_m.shape[:2]
     k = np.arange(rows * columns).reshape(rows, columns)
     cap = _quads(k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:])
@@ -67,7 +67,7 @@ def _quads(a: IntArray, b: IntArray, c: IntArray, d: IntArray) -> IntArray:
 
 
 def copies(mesh: Mesh, rotations: ArrayLike, offsets_m: ArrayLike) -> Mesh:
-    """Copies of a mesh, the k-th turned by ``rotations[k]`` (3, 3) and then moved by ``offsets_m[k]``."""
+    """Return the copies of a mesh, the k-th turned by ``rotations[k]`` (3, 3) and then moved by ``offsets_m[k]``."""
     R, d = np.asarray(rotations, float), np.asarray(offsets_m, float)
     n, size = len(d), len(mesh.positions_m)
     R = np.broadcast_to(R, (n, 3, 3))
@@ -90,34 +90,34 @@ class Revolved:
 
     @classmethod
     def of(cls, profile: ArrayLike) -> Revolved:
-        """The surface of a profile given as any sequence of pairs."""
+        """Return the surface of a profile given as any sequence of pairs."""
         return cls(np.asarray(profile, float))
 
     def radius(self, z_m: ArrayLike) -> FloatArray:
-        """Radius at heights ``z_m`` [m]."""
+        """Return the radius at heights ``z_m`` [m]."""
         return np.interp(np.asarray(z_m, float), self.profile[:, 1], self.profile[:, 0])
 
     def slope(self, z_m: ArrayLike) -> FloatArray:
-        """Growth of the radius with height [1], by differences over 2 cm."""
+        """Return the growth of the radius with height [1], by differences over 2 cm."""
         z = np.asarray(z_m, float)
         lo, hi = self.profile[0, 1], self.profile[-1, 1]
         a, b = np.clip(z - 0.01, lo, hi), np.clip(z + 0.01, lo, hi)
         return np.asarray((self.radius(b) - self.radius(a)) / (b - a))
 
     def point(self, azimuth_rad: ArrayLike, z_m: ArrayLike, lift_m: ArrayLike = 0.0) -> FloatArray:
-        """(..., 3) points ``lift_m`` above the surface, along its normal."""
+        """Return the (..., 3) points ``lift_m`` above the surface, along its normal."""
         az, z = np.broadcast_arrays(np.asarray(azimuth_rad, float), np.asarray(z_m, float))
         r = self.radius(z)
         on = np.stack([r * np.cos(az), r * np.sin(az), z], axis=-1)
         return np.asarray(on + np.asarray(lift_m, float)[..., None] * self.normal(az, z))
 
     def normal(self, azimuth_rad: ArrayLike, z_m: ArrayLike) -> FloatArray:
-        """(..., 3) outward unit normals."""
+        """Return the (..., 3) outward unit normals."""
         az, z = np.broadcast_arrays(np.asarray(azimuth_rad, float), np.asarray(z_m, float))
         return unit(np.stack([np.cos(az), np.sin(az), -self.slope(z)], axis=-1))
 
     def axes(self, azimuth_rad: float, z_m: float) -> FloatArray:
-        """(3, 3) rotation whose columns are eastward, up along the surface, and outward."""
+        """Return the (3, 3) rotation whose columns are eastward, up along the surface, and outward."""
         w = self.normal(azimuth_rad, z_m)
         u = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
         return np.column_stack([u, np.cross(w, u), w])
@@ -131,7 +131,7 @@ def sector(
     sink_m: float,
     columns: int,
 ) -> Mesh:
-    """A plate over a range of azimuths, from ``sink_m`` below the surface to ``lift_m`` above it.
+    """Return a plate over a range of azimuths, from ``sink_m`` below the surface to ``lift_m`` above it.
 
     ``heights_m`` are the rows of vertices, growing; ``columns`` facets lie across the azimuths.
     """
@@ -155,7 +155,7 @@ def pad(
     segments: int = 36,
     rings: int = 3,
 ) -> Mesh:
-    """A rounded plate on the surface: windows, hatches, fairings.
+    """Return a rounded plate on the surface: windows, hatches, fairings.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def pad(
 
 
 def _superellipse(half_m: tuple[float, float], exponent: float, count: int) -> FloatArray:
-    """(count, 2) points of a superellipse, evenly spaced along it, none on its axes."""
+    """Return the (count, 2) points of a superellipse, evenly spaced along it, none on its axes."""
     t = np.linspace(0, 2 * np.pi, 24 * count + 1)
     c, s = np.cos(t), np.sin(t)
     power = 2 / exponent
@@ -205,7 +205,9 @@ def _superellipse(half_m: tuple[float, float], exponent: float, count: int) -> F
 def tiled(
     surface: Revolved, azimuths_rad: ArrayLike, heights_m: ArrayLike, tile: Mesh, lift_m: float
 ) -> Mesh:
-    """Copies of a flat tile (its z outward) at every crossing of azimuths and heights, touching the surface."""
+    """Return the copies of a flat tile (its z outward) at every crossing of azimuths and heights, touching the
+    surface.
+    """
     az, z = (a.ravel() for a in np.meshgrid(np.asarray(azimuths_rad, float), np.asarray(heights_m, float)))
     w = surface.normal(az, z)
     u = np.stack([-np.sin(az), np.cos(az), np.zeros_like(az)], axis=-1)

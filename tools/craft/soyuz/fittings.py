@@ -18,12 +18,12 @@ MAST_TIP_M = (0.0, -1.95, -2.42)
 
 
 def build_fittings(level: Level) -> list[Piece]:
-    """Probe, antennas, both wings."""
+    """Return the probe, antennas, both wings."""
     return [*_probe(level), *WINGS.pieces(level), *(_antennas(level) if level.fittings else [])]
 
 
 def _probe(level: Level) -> list[Piece]:
-    """The probe on its base cone, its head retracted to 0.4 m before the docking plane, with four guide arms."""
+    """Return the probe on its base cone, its head retracted to 0.4 m before the docking plane, with four guide arms."""
     n = level.segments(36)
     base = revolve(
         [(0, 4.30), (0.50, 4.30), (0.50, COLLAR_M - 0.03), (0.30, COLLAR_M), (0.14, 4.64), (0, 4.64)], n
@@ -52,7 +52,7 @@ def _probe(level: Level) -> list[Piece]:
 
 
 def _antennas(level: Level) -> list[Piece]:
-    """Rendezvous dish on its boom, aft mast with a horn, whip antennas, periscope, handrails."""
+    """Return the rendezvous dish on its boom, aft mast with a horn, whip antennas, periscope, handrails."""
     n = level.segments(36)
     foot, hub = np.array(KURS_BOOM_FOOT_M), np.array(KURS_DISH_M)
     look = np.array([0.0, 0.25, 1.0])

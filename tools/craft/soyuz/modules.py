@@ -37,12 +37,12 @@ BLANKET_M = 0.012
 
 
 def build_modules(level: Level) -> list[Piece]:
-    """Shells, blankets, windows, radiators, engines."""
+    """Return the shells, blankets, windows, radiators, engines."""
     return [*_orbital(level), *_descent(level), *_service(level)]
 
 
 def _blanket(level: Level) -> str:
-    """Material of the shells: what shows between blankets, or the blankets' own where they are left out."""
+    """Return the material of the shells: what shows between blankets, or the blankets' own where they are left out."""
     return "blanket-dark" if level.fittings else "blanket-grey-green"
 
 
@@ -52,7 +52,7 @@ def _thinned(profile: tuple[tuple[float, float], ...], level: Level) -> list[tup
 
 
 def quilt(surface: Revolved, rows_m: list[float], count: int, start_deg: float, level: Level) -> list[Mesh]:
-    """Blankets laid edge to edge round a surface, one row between each two heights, each at its own lift."""
+    """Return the blankets laid edge to edge round a surface, one row between each two heights, each at its own lift."""
     blankets = []
     pitch = 2 * np.pi / count
     for row, (a, b) in enumerate(itertools.pairwise(rows_m)):
@@ -152,7 +152,7 @@ def _service(level: Level) -> list[Piece]:
 
 
 def _service_skin(level: Level) -> list[Piece]:
-    """Radiator strips round drum and skirt, blankets between them."""
+    """Return the radiator strips round drum and skirt, blankets between them."""
     n = level.segments(RIM_SEGMENTS)
     drum_rows = [DRUM_LOW_M + 0.04, DRUM_HIGH_M - 0.03]
     blankets = quilt(DRUM, drum_rows, 12, 0.0, level)
@@ -175,7 +175,7 @@ def _service_skin(level: Level) -> list[Piece]:
 
 
 def _engines(level: Level) -> list[Piece]:
-    """Main engine in the middle of the base, attitude thrusters round it and on the skirt."""
+    """Return the main engine in the middle of the base, attitude thrusters round it and on the skirt."""
     n = level.segments(36)
     main = bell((0, 0, BASE_LOW_M + 0.02), (0, 0, -1), 0.30, 0.10, 0.27, n)
     pieces = [Piece("main_engine", "nozzle-alloy", main)]

@@ -35,7 +35,7 @@ PROBE_TIP_M = 4.96
 
 
 def _orbital() -> list[tuple[float, float]]:
-    """The orbital module's profile from its lower collar to the docking collar."""
+    """Return the orbital module's profile from its lower collar to the docking collar."""
     low = [
         (float(ORBITAL_RADIUS_M * np.cos(t)), float(ORBITAL_LOW_M + ORBITAL_RADIUS_M * np.sin(t)))
         for t in np.linspace(np.deg2rad(-60), 0, 9)

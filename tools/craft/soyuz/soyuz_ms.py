@@ -40,7 +40,7 @@ NOTES = (
 
 
 def build_soyuz_ms(detail: Detail = "full") -> Target:
-    """Soyuz MS at a level of detail; labels are the same at all."""
+    """Return Soyuz MS at a level of detail; labels are the same at all."""
     level = Level(detail)
     return assemble(
         "soyuz-ms",
@@ -60,7 +60,7 @@ def build_soyuz_ms(detail: Detail = "full") -> Target:
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """Corners of the wings, quarters of rims, the probe's tip, the mast's end."""
+    """Return the corners of the wings, quarters of rims, the probe's tip, the mast's end."""
     points = WINGS.corners()
     for name, az in QUARTERS:
         points[f"skirt_low_{name}"] = polar(SKIRT_RADIUS_M, az, SKIRT_LOW_M)
@@ -71,7 +71,7 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """Outlines of the wings' panels; rims of skirt, drum and docking collar."""
+    """Return the outlines of the wings' panels; rims of skirt, drum and docking collar."""
     out = np.array([DRUM_LOW_M - SKIRT_EDGE_M, SKIRT_RADIUS_M - DRUM_RADIUS_M])
     flare = (float(out[0]), float(out[1]))
     edges = [
@@ -84,7 +84,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _occluders() -> list[Mesh]:
-    """The modules as one body of ten sides, the skirt's hollow taken as full, and the wings' panels."""
+    """Return the modules as one body of ten sides, the skirt's hollow taken as full, and the wings' panels."""
     r, z = ORBITAL_RADIUS_M, (ORBITAL_LOW_M, ORBITAL_HIGH_M)
     profile = [
         (0, SKIRT_LOW_M + 0.02), (SKIRT_RADIUS_M, SKIRT_LOW_M + 0.02), (SKIRT_RADIUS_M, SKIRT_EDGE_M),

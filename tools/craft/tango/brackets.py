@@ -28,7 +28,7 @@ NODE_TOP_M, NODE_LOW_M = 0.284, 0.211
 
 
 def build_brackets(detail: Detail = "full") -> list[Piece]:
-    """All brackets, by family."""
+    """Return all brackets, by family."""
     return [
         Piece("foot_brackets", "aluminium", merge([*_corner_feet(detail), *_middle_feet(detail)])),
         Piece("corner_trusses", "aluminium", merge(_corner_trusses(detail))),
@@ -48,7 +48,7 @@ def _both_x(mesh: Mesh) -> list[Mesh]:
 
 
 def _boss(at: tuple[float, float], origin: np.ndarray, u: np.ndarray, v: np.ndarray, detail: Detail) -> Mesh:
-    """A bolt head on a bracket's node."""
+    """Return a bolt head on a bracket's node."""
     n = np.cross(u, v)
     p = origin + at[0] * u + at[1] * v
     return rod(p, p + n * (PLATE_M + 0.0025), 0.0042, facets(detail, 12))
@@ -60,7 +60,7 @@ def _v_bracket(
     inward: tuple[int, int, int],
     detail: Detail,
 ) -> Mesh:
-    """A bow-tie plate on an edge of the body: two triangles that meet at the waist.
+    """Return a bow-tie plate on an edge of the body: two triangles that meet at the waist.
 
     ``along`` the edge, ``inward`` on the face; the plate stands out along their cross product.
     """
@@ -75,7 +75,7 @@ def _v_bracket(
 
 
 def _corner_feet(detail: Detail) -> list[Mesh]:
-    """V plates at the four corners, on the bottom and on the +-x faces."""
+    """Return the V plates at the four corners, on the bottom and on the +-x faces."""
     feet = []
     for y, sign in ((BODY_Y_LOW_M, 1), (BODY_Y_HIGH_M, -1)):
         along_x = (sign * -1, 0, 0)
@@ -90,7 +90,7 @@ def _corner_feet(detail: Detail) -> list[Mesh]:
 def _m_bracket(
     depth_m: float, origin: tuple[float, float, float], inward: tuple[int, int, int], detail: Detail
 ) -> Mesh:
-    """A trapezoid plate with three triangular holes on a +-x edge of the bottom."""
+    """Return a trapezoid plate with three triangular holes on a +-x edge of the bottom."""
     s = depth_m / 0.068
     outline = [(-0.0435, -0.009), (0.0435, -0.009), (0.0255, 0.068 * s), (-0.0255, 0.068 * s)]
     holes = [[(-0.0145, 0.058 * s), (0.0145, 0.058 * s), (0.0, 0.019 * s)]]
@@ -103,14 +103,14 @@ def _m_bracket(
 
 
 def _middle_feet(detail: Detail) -> list[Mesh]:
-    """The two M feet at the middle of the +-x edges: one leaf on the side, one on the bottom."""
+    """Return the two M feet at the middle of the +-x edges: one leaf on the side, one on the bottom."""
     side = _m_bracket(0.068, (BODY_X_M, 0.020, 0.0), (0, 0, 1), detail)
     bottom = _m_bracket(0.044, (BODY_X_M, 0.020, 0.0), (-1, 0, 0), detail)
     return [*_both_x(side), *_both_x(bottom)]
 
 
 def _corner_trusses(detail: Detail) -> list[Mesh]:
-    """Thin rods over the +-y faces between the nodes of the corner feet."""
+    """Return the thin rods over the +-y faces between the nodes of the corner feet."""
     meshes = []
     for y in (BODY_Y_LOW_M - 0.006, BODY_Y_HIGH_M + 0.006):
         nodes = [
@@ -122,7 +122,7 @@ def _corner_trusses(detail: Detail) -> list[Mesh]:
 
 
 def _side_triangles(detail: Detail) -> list[Mesh]:
-    """Triangular frames on the +-x faces, one towards each +-y edge."""
+    """Return the triangular frames on the +-x faces, one towards each +-y edge."""
     meshes = []
     for edge, sign in ((BODY_Y_HIGH_M, 1), (BODY_Y_LOW_M, -1)):
         outline = [
@@ -139,7 +139,7 @@ def _side_triangles(detail: Detail) -> list[Mesh]:
 
 
 def _outriggers_low_y() -> list[Mesh]:
-    """Machined plates that reach out under the panel's -y overhang, in the planes of the +-x faces."""
+    """Return the machined plates that reach out under the panel's -y overhang, in the planes of the +-x faces."""
     outline = [
         (-0.2520, 0.2900), (-0.3725, 0.2900), (-0.3725, 0.2790),
         (-0.3470, 0.2630), (-0.3455, 0.2350), (-0.2520, 0.2030),
@@ -154,7 +154,7 @@ def _outriggers_low_y() -> list[Mesh]:
 
 
 def _panel_blocks() -> list[Mesh]:
-    """Blocks between the outriggers and the back of the panel."""
+    """Return the blocks between the outriggers and the back of the panel."""
     low = box((0.294, -0.3725, 0.2850), (0.376, -0.3450, PANEL_BOTTOM_M), bevel_m=0.0015)
     high = box((0.290, 0.3600, 0.2850), (0.350, 0.3820, PANEL_BOTTOM_M), bevel_m=0.0015)
     foot = box((0.250, BODY_Y_LOW_M - 0.004, 0.268), (0.300, BODY_Y_LOW_M + 0.018, 0.276))
@@ -189,7 +189,7 @@ def _antenna_brackets_high_y(detail: Detail) -> list[Mesh]:
 
 
 def _antenna_plate_low_y(detail: Detail) -> Mesh:
-    """The plate that holds the -y antenna's collar, fixed to the +x outrigger."""
+    """Return the plate that holds the -y antenna's collar, fixed to the +x outrigger."""
     root, tip = np.asarray(ANTENNA_ROOTS[2]), np.asarray(ANTENNA_TIPS[2])
     centre = root + unit(tip - root) * (ANTENNA_COLLAR_M - 0.006)
     cx, cz = float(centre[0]), float(centre[2])

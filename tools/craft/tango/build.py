@@ -50,12 +50,12 @@ FINE = frozenset(
 
 
 def build_tango(detail: Detail = "full") -> Target:
-    """Tango with painted plates, as in SPEED's synthetic pictures."""
+    """Return Tango with painted plates, as in SPEED's synthetic images."""
     return _assemble("tango", "Tango (PRISMA), SPEED frame, painted sides", _pieces(detail), MATERIALS)
 
 
 def build_tango_mockup(detail: Detail = "full") -> Target:
-    """Tango as a mock-up in a laboratory."""
+    """Return Tango as a mock-up in a laboratory."""
     pieces = mockup_pieces(_pieces(detail), detail)
     return _assemble(
         "tango-mockup", "Tango (PRISMA), SPEED frame, a laboratory's mock-up", pieces, MOCKUP_MATERIALS
@@ -63,7 +63,7 @@ def build_tango_mockup(detail: Detail = "full") -> Target:
 
 
 def build_tango_mli(detail: Detail = "full") -> Target:
-    """Tango with multi-layer insulation on the sides of its body."""
+    """Return Tango with multi-layer insulation on the sides of its body."""
     wrapped = [
         replace(p, material="mli") if p.name.startswith(("body_side_sheet", "body_cover")) else p
         for p in _pieces(detail)

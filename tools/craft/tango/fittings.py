@@ -37,12 +37,12 @@ CLIP_STRAP_M = 0.0088
 
 
 def build_fittings(detail: Detail = "full") -> list[Piece]:
-    """Everything bolted on that is neither bracket nor instrument."""
+    """Return everything bolted on that is neither bracket nor instrument."""
     return [*_connector(detail), *_side_box(), *_rod(detail), *_plates_high_y(detail)]
 
 
 def _connector(detail: Detail) -> list[Piece]:
-    """An L-shaped white block with three square windows, on a flange, with a second block under the panel."""
+    """Return an L-shaped white block with three square windows, on a flange, with a second block under the panel."""
     z0, z1 = CONNECTOR_BOTTOM_M, CONNECTOR_TOP_M
     white = [
         prism(CONNECTOR_OUTLINE_M, z1 - z0, origin_m=(0, 0, z0)),
@@ -71,7 +71,7 @@ def _connector(detail: Detail) -> list[Piece]:
 
 
 def _side_box() -> list[Piece]:
-    """The small white box on the +x face, and the grey cover beside it."""
+    """Return the small white box on the +x face, and the grey cover beside it."""
     (_, y0, z0), (x1, y1, z1) = SIDE_BOX_LOW_M, SIDE_BOX_HIGH_M
     shell = box(SIDE_BOX_LOW_M, SIDE_BOX_HIGH_M)
     below = [(y0 - 0.003, z0), (y1 + 0.003, z0), (y1 - 0.004, z0 - 0.012), (y0 + 0.004, z0 - 0.012)]
@@ -89,7 +89,7 @@ def _side_box() -> list[Piece]:
 
 
 def _rod(detail: Detail) -> list[Piece]:
-    """The rod along z off the -x face, its two clips, and the small marks beside it."""
+    """Return the rod along z off the -x face, its two clips, and the small marks beside it."""
     face = -BODY_X_M
     bar = rod(
         (ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, facets(detail, 24)
@@ -126,7 +126,7 @@ def _rod(detail: Detail) -> list[Piece]:
 
 
 def _plates_high_y(detail: Detail) -> list[Piece]:
-    """The white plate on standoffs and the grey plate with its pins on the +y face."""
+    """Return the white plate on standoffs and the grey plate with its pins on the +y face."""
     (x0, y0, z0), (x1, y1, z1) = WHITE_PLATE_LOW_M, WHITE_PLATE_HIGH_M
     plate = box(WHITE_PLATE_LOW_M, WHITE_PLATE_HIGH_M)
     standoffs = [

@@ -28,12 +28,12 @@ DOME_Y_M, DOME_Z_M, DOME_RADIUS_M = -0.083, 0.2435, 0.044
 
 
 def build_instruments(detail: Detail = "full") -> list[Piece]:
-    """Everything that looks, listens or transmits, but for the rod antennas."""
+    """Return all sensors and transmitters except the rod antennas."""
     return [*build_bottom_instruments(detail), *_holed_bar(detail), *_side_antennas(detail)]
 
 
 def build_bottom_instruments(detail: Detail = "full") -> list[Piece]:
-    """The instruments of the bottom plate, which both geometries of Tango carry."""
+    """Return the instruments of the bottom plate, which both geometries of Tango carry."""
     dark, bright, grey = _bottom_instruments(detail)
     return [
         Piece("bottom_instruments", "instrument-black", merge(dark)),
@@ -43,7 +43,7 @@ def build_bottom_instruments(detail: Detail = "full") -> list[Piece]:
 
 
 def _bottom_instruments(detail: Detail) -> tuple[list[Mesh], list[Mesh], list[Mesh]]:
-    """Four dark instruments, their bright fittings and the grey covers, all below z = 0."""
+    """Return four dark instruments, their bright fittings and the grey covers, all below z = 0."""
     shield = [
         (-0.0210, 0.0440), (-0.0120, 0.0390), (0.0120, 0.0390), (0.0210, 0.0440), (0.0240, 0.0270),
         (0.0290, 0.0080),
@@ -87,7 +87,7 @@ def _bottom_instruments(detail: Detail) -> tuple[list[Mesh], list[Mesh], list[Me
 
 
 def _holed_bar(detail: Detail) -> list[Piece]:
-    """A white bar with three round holes, five tubes behind it and two brackets up to the bottom plate."""
+    """Return a white bar with three round holes, five tubes behind it and two brackets up to the bottom plate."""
     x0, y0, z0 = BAR_LOW_M
     x1, y1, z1 = BAR_HIGH_M
     holes = [circle((x, BAR_Z_M), 0.0098, facets(detail, 24)) for x in BAR_TUBES_X_M[1:4]]
@@ -119,7 +119,9 @@ def _holed_bar(detail: Detail) -> list[Piece]:
 
 
 def _side_antennas(detail: Detail) -> list[Piece]:
-    """On both +-x faces: a shallow dome with four bolts, a triangular plate with a dark dome, a spike."""
+    """Return the parts on both +-x faces: a shallow dome with four bolts, a triangular plate with a dark dome, a
+    spike.
+    """
     x = BODY_X_M
     t = np.linspace(0, np.pi / 2, 7)[:-1]
     arc = [(DOME_RADIUS_M * np.cos(a), 0.004 + 0.007 * np.sin(a)) for a in t]

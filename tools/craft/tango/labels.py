@@ -53,7 +53,7 @@ CORNERS = (("nx", "ny", -1, -1), ("px", "ny", 1, -1), ("px", "py", 1, 1), ("nx",
 
 
 def build_keypoints() -> dict[str, Vec3]:
-    """The eleven points of SPEED first (panel, bottom, antenna tips), then this model's extras."""
+    """Return the eleven points of SPEED first (panel, bottom, antenna tips), then this model's extras."""
     points: dict[str, Vec3] = {
         f"panel_{a}_{b}": (sx * PANEL_X_M, sy * PANEL_Y_M, PANEL_TOP_M) for a, b, sx, sy in CORNERS
     }
@@ -74,7 +74,7 @@ def build_keypoints() -> dict[str, Vec3]:
 
 
 def build_wireframe() -> list[Edge]:
-    """Straight edges that a camera sees, on the mesh; antennas and rods by their axes."""
+    """Return the straight edges that a camera sees, on the mesh; antennas and rods by their axes."""
     panel = box_edges("panel", (-PANEL_X_M, -PANEL_Y_M, PANEL_BOTTOM_M), (PANEL_X_M, PANEL_Y_M, PANEL_TOP_M))
     body = box_edges("body", (-BODY_X_M, BODY_Y_LOW_M, 0.0), (BODY_X_M, BODY_Y_HIGH_M, BODY_TOP_M))
     # the +-y covers end below the side plates: there is no top edge along x
@@ -83,7 +83,7 @@ def build_wireframe() -> list[Edge]:
 
 
 def _frame_edges() -> list[Edge]:
-    """Inner outlines of the panel's frame: light metal beside dark cells, seen from above only."""
+    """Return the inner outlines of the panel's frame: light metal beside dark cells, seen from above only."""
     x, y, half, z = PANEL_X_M - FRAME_X_M, PANEL_Y_M - FRAME_Y_M, STRIP_M / 2, PANEL_TOP_M
     up = (0, 0, 1)
     lines = {"panel_strip_nx": -half, "panel_strip_px": half, "panel_frame_nx": -x, "panel_frame_px": x}
@@ -95,7 +95,7 @@ def _frame_edges() -> list[Edge]:
 
 
 def _fitting_edges() -> list[Edge]:
-    """Outlines of the white fittings: what stands out brightest after the panel."""
+    """Return the outlines of the white fittings: what stands out brightest after the panel."""
     plate = box_edges("plate", WHITE_PLATE_LOW_M, WHITE_PLATE_HIGH_M)
     side = box_edges("side_box", SIDE_BOX_LOW_M, SIDE_BOX_HIGH_M)
     front = box_edges("bar", BAR_LOW_M, BAR_HIGH_M)
@@ -108,7 +108,7 @@ def _fitting_edges() -> list[Edge]:
 def _prism_edges(
     name: str, outline_m: tuple[tuple[float, float], ...], z0_m: float, z1_m: float
 ) -> list[Edge]:
-    """Top, bottom and upright edges of an upright prism, but for its first wall (against the panel)."""
+    """Return the top, bottom and upright edges of an upright prism, but for its first wall (against the panel)."""
     corners = [(*p, z) for z in (z0_m, z1_m) for p in outline_m]
     n = len(outline_m)
     walls: list[Vec3] = []
@@ -126,7 +126,7 @@ def _prism_edges(
 
 
 def _rod_axes() -> list[Edge]:
-    """Axes of antennas, rod and spikes, with their radii: their outlines depend on the view."""
+    """Return the axes of antennas, rod and spikes, with their radii: their outlines depend on the view."""
     mean = (ANTENNA_RADIUS_COLLAR_M + ANTENNA_RADIUS_TIP_M) / 2
     axes = [
         axis_edge(f"antenna_{k + 1}", collar_point(root, tip), tip, mean)
@@ -149,7 +149,7 @@ def collar_point(root: Vec3, tip: Vec3) -> Vec3:
 
 
 def build_occluders() -> list[Mesh]:
-    """Body, panel, antennas and the larger fittings as coarse closed bodies."""
+    """Return the body, panel, antennas and the larger fittings as coarse closed bodies."""
     inner = BODY_X_M - SIDE_PLATE_M
     bodies = [
         box((-BODY_X_M, BODY_Y_LOW_M, 0), (BODY_X_M, BODY_Y_HIGH_M, CORE_TOP_M)),

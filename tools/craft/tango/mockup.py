@@ -65,7 +65,7 @@ _SURFACES = {
 
 
 def mockup_pieces(pieces: list[Piece], detail: Detail) -> list[Piece]:
-    """The flight model's pieces with other surfaces, the panel's rim, lines where cells are drawn one by one."""
+    """Return the flight model's pieces with other surfaces, the panel's rim, lines where cells are drawn one by one."""
     d = SPEED
     changed = [replace(p, material=_SURFACES.get(p.name, p.material)) for p in pieces]
     outline = rectangle((-d.panel_x_m, -d.panel_y_m), (d.panel_x_m, d.panel_y_m))

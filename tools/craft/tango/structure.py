@@ -36,7 +36,7 @@ TAB_INSET_M = 0.0006
 
 
 def build_panel(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Piece]:
-    """Frame, back sheet, substrate, cells and the interconnect tabs in the gaps of the clipped corners.
+    """Return the frame, back sheet, substrate, cells and the interconnect tabs in the gaps of the clipped corners.
 
     Cells lose their clipped corners at medium detail, and become one sheet per field at low.
     """
@@ -99,7 +99,7 @@ INSET_M = 0.0020
 
 
 def build_body(d: TangoDimensions = SPEED) -> list[Piece]:
-    """Plates, face sheets and covers: boxes, the same at every level of detail."""
+    """Return the plates, face sheets and covers: boxes, the same at every level of detail."""
     x, y0, y1 = d.body_x_m, d.body_y_low_m, d.body_y_high_m
     top, core_top = d.body_top_m, d.core_top_m
     inner = x - SIDE_PLATE_M
@@ -124,7 +124,7 @@ def build_body(d: TangoDimensions = SPEED) -> list[Piece]:
 
 
 def build_antennas(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Piece]:
-    """The rods, one part each, and their collars."""
+    """Return the rods, one part each, and their collars."""
     pieces, collars = [], []
     for k, (root, tip) in enumerate(zip(d.antenna_roots, d.antenna_tips, strict=True)):
         axis = np.subtract(tip, root)

@@ -49,7 +49,7 @@ BAR_LOW_M, BAR_HIGH_M = -0.083, 0.300
 
 
 def _corner_out(sx: int, sy: int, reach_m: float) -> Vec3:
-    """The point ``reach_m`` along the diagonal from a corner of the body at the antennas' height."""
+    """Return the point ``reach_m`` along the diagonal from a corner of the body at the antennas' height."""
     d = reach_m * 0.5**0.5
     return (sx * (BODY_X_M + d), sy * (BODY_Y_M + d), ANTENNA_Z_M)
 
@@ -80,7 +80,7 @@ NOTES = (
 
 
 def build_tango_thesis(detail: Detail = "full") -> Target:
-    """Tango after the thesis."""
+    """Return Tango after the thesis."""
     return assemble(
         "tango-thesis",
         "Tango (PRISMA), dimensions of the thesis",
@@ -108,12 +108,12 @@ def build_tango_thesis(detail: Detail = "full") -> Target:
 
 
 def _bottom(detail: Detail) -> list[Piece]:
-    """The SPEED model's instruments, brought under this shorter body."""
+    """Return the SPEED model's instruments, brought under this shorter body."""
     return [replace(p, mesh=p.mesh.moved((0, -0.0255, 0))) for p in build_bottom_instruments(detail)]
 
 
 def _brackets(detail: Detail) -> list[Piece]:
-    """Posts under the panel, and a plate with two struts behind each antenna."""
+    """Return the posts under the panel, and a plate with two struts behind each antenna."""
     posts = [
         box(
             (sx * 0.24 - 0.02, sy * 0.25 - 0.02, BODY_TOP_M - 0.025),
@@ -137,7 +137,7 @@ def _brackets(detail: Detail) -> list[Piece]:
 
 
 def _bar(detail: Detail) -> list[Piece]:
-    """The one bar, along z off the -x face, in two clips."""
+    """Return the single bar, along z off the -x face, in two clips."""
     bar = rod((BAR_X_M, BAR_Y_M, BAR_LOW_M), (BAR_X_M, BAR_Y_M, BAR_HIGH_M), BAR_RADIUS_M, facets(detail, 24))
     clips = [
         box((BAR_X_M - 0.0115, BAR_Y_M - 0.011, z - 0.008), (-BODY_X_M, BAR_Y_M + 0.011, z + 0.008), 0.003)
@@ -147,7 +147,7 @@ def _bar(detail: Detail) -> list[Piece]:
 
 
 def _screws(detail: Detail) -> list[Piece]:
-    """Button heads round the panel's frame, and along the rims of the side plates."""
+    """Return the button heads round the panel's frame, and along the rims of the side plates."""
     if detail != "full":
         return []
     x, y = PANEL_X_M - FRAME_X_M / 2, PANEL_Y_M - FRAME_Y_M / 2
@@ -161,7 +161,9 @@ def _screws(detail: Detail) -> list[Piece]:
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """In the order of SPEED's: panel corners, bottom corners, antenna tips; then roots and the bar's ends."""
+    """Return the keypoints in the order of SPEED's: panel corners, bottom corners, antenna tips; then roots and the
+    bar's ends.
+    """
     points = {f"panel_{a}_{b}": (sx * PANEL_X_M, sy * PANEL_Y_M, PANEL_TOP_M) for a, b, sx, sy in CORNERS}
     points |= {f"bottom_{a}_{b}": (sx * BODY_X_M, sy * BODY_Y_M, 0.0) for a, b, sx, sy in CORNERS}
     points |= {f"antenna_{k + 1}_tip": p for k, p in enumerate(THESIS.antenna_tips)}
@@ -210,7 +212,7 @@ def _occluders() -> list[Mesh]:
 
 
 def _lumps() -> list[MassElement]:
-    """Tango's 50 kg in the same shares as for the SPEED model (tango_mass.py), on this body."""
+    """Return Tango's 50 kg in the same shares as for the SPEED model (tango_mass.py), on this body."""
     x, y = 2 * BODY_X_M, 2 * BODY_Y_M
     lumps = [
         MassElement("avionics and battery", 30.0, (0, 0, 0.12), size_m=(x - 0.1, y - 0.1, 0.2)),

@@ -17,7 +17,7 @@ RELAY_HUB_M = (0.0, -2.45, 4.75)
 
 
 def _drives(level: Level) -> Piece:
-    """Housings of the wings' rotary drives."""
+    """Return the housings of the wings' rotary drives."""
     n, z = level.segments(24), WINGS.z_m
     housings = [
         rod((s * (DRIVE_RADIUS_M - 0.05), 0, z), (s * (DRIVE_RADIUS_M + 0.12), 0, z), 0.14, n)
@@ -27,12 +27,12 @@ def _drives(level: Level) -> Piece:
 
 
 def build_fittings(level: Level) -> list[Piece]:
-    """Both wings; from the medium level on antennas and sensors."""
+    """Return both wings; from the medium level on antennas and sensors."""
     return [*WINGS.pieces(level), _drives(level), *(_antennas(level) if level.fittings else [])]
 
 
 def _antennas(level: Level) -> list[Piece]:
-    """Relay dish on its boom, rendezvous radar and camera at the docking end, whips."""
+    """Return the relay dish on its boom, rendezvous radar and camera at the docking end, whips."""
     n = level.segments(36)
     hub = np.array(RELAY_HUB_M)
     look = np.array([0.0, -0.8, 0.6])

@@ -37,7 +37,7 @@ BLANKET_M = 0.008
 
 
 def build_modules(level: Level) -> list[Piece]:
-    """Shells, blankets, port, engines."""
+    """Return the shells, blankets, port, engines."""
     return [*_shells(level), *_port(level), *_engines(level), *(_skin(level) if level.fittings else [])]
 
 
@@ -54,7 +54,7 @@ def _shells(level: Level) -> list[Piece]:
 
 
 def _port(level: Level) -> list[Piece]:
-    """Androgynous adapter: tunnel, ring, three guide petals turned inwards."""
+    """Return the androgynous adapter: tunnel, ring, three guide petals turned inwards."""
     n = level.segments(48)
     z = CONE_HIGH_M
     tunnel = [
@@ -89,7 +89,7 @@ def _port(level: Level) -> list[Piece]:
 
 
 def _skin(level: Level) -> list[Piece]:
-    """Blankets in a grid, radiators on the propulsion module, rings, rails, boxes."""
+    """Return the blankets in a grid, radiators on the propulsion module, rings, rails, boxes."""
     n = level.segments(RIM_SEGMENTS)
     rows = np.linspace(CARGO_LOW_M + 0.06, CARGO_HIGH_M - 0.06, 6)
     blankets = _grid(rows, 12, level)
@@ -147,7 +147,7 @@ def _rails() -> list[Mesh]:
 
 
 def _boxes() -> list[Mesh]:
-    """Electronics on the propulsion module's forward end."""
+    """Return the electronics on the propulsion module's forward end."""
     return [
         box((-0.14, -0.20, -0.16), (0.12, 0.20, 0.16), 0.015)
         .moved((DRIVE_RADIUS_M + 0.06, 0, -0.80))
@@ -157,7 +157,7 @@ def _boxes() -> list[Mesh]:
 
 
 def _engines(level: Level) -> list[Piece]:
-    """Four main engines on the base, clusters of attitude thrusters."""
+    """Return four main engines on the base, clusters of attitude thrusters."""
     n = level.segments(36)
     length = DRIVE_LOW_M - NOZZLE_LOW_M + 0.02
     main = [

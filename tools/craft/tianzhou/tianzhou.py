@@ -35,7 +35,7 @@ NOTES = (
 
 
 def build_tianzhou(detail: Detail = "full") -> Target:
-    """Tianzhou at a level of detail; labels are the same at all."""
+    """Return Tianzhou at a level of detail; labels are the same at all."""
     level = Level(detail)
     return assemble(
         "tianzhou",
@@ -55,7 +55,7 @@ def build_tianzhou(detail: Detail = "full") -> Target:
 
 
 def _keypoints() -> dict[str, Vec3]:
-    """Corners of the wings, quarters of the rims of cargo module, propulsion module and port."""
+    """Return the corners of the wings, quarters of the rims of cargo module, propulsion module and port."""
     points = WINGS.corners()
     for name, az in QUARTERS:
         points[f"cargo_high_{name}"] = polar(CARGO_RADIUS_M, az, CARGO_HIGH_M)
@@ -65,7 +65,7 @@ def _keypoints() -> dict[str, Vec3]:
 
 
 def _wireframe() -> list[Edge]:
-    """Rims of both modules, the cone and the port; outlines of the wings' panels."""
+    """Return the rims of both modules, the cone and the port; outlines of the wings' panels."""
     cone = (CONE_HIGH_M - CARGO_HIGH_M, CARGO_RADIUS_M - CONE_RADIUS_M)
     aft = (CARGO_LOW_M - DRIVE_HIGH_M, DRIVE_RADIUS_M - NECK_RADIUS_M)
     edges = [
@@ -79,7 +79,7 @@ def _wireframe() -> list[Edge]:
 
 
 def _occluders() -> list[Mesh]:
-    """Both modules and the port as one body of 16 sides, and the wings' panels."""
+    """Return both modules and the port as one body of 16 sides, and the wings' panels."""
     profile = [
         (0, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_LOW_M), (DRIVE_RADIUS_M, DRIVE_HIGH_M),
         (CARGO_RADIUS_M, CARGO_LOW_M), (CARGO_RADIUS_M, CARGO_HIGH_M), (CONE_RADIUS_M, CONE_HIGH_M),

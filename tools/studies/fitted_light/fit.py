@@ -75,7 +75,7 @@ class FittedLight:
 
 
 def scene_at_pose(reference: Reference, target: Target) -> SceneState:
-    """The laboratory's scene with the craft at a reference's pose, dark, the reference's camera.
+    """Return the laboratory's scene with the craft at a reference's pose, dark, the reference's camera.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def scene_at_pose(reference: Reference, target: Target) -> SceneState:
 
 
 def dn_per_radiance(scene: SceneState) -> float:
-    """Digital numbers above black of a unit of radiance [DN W-1 m2 sr]."""
+    """Return the digital numbers above black of a unit of radiance [DN W-1 m2 sr]."""
     sensor, detector = scene.sensor, scene.sensor.detector
     signal = float(expose(np.ones((9, 9), np.float32), sensor, scene.exposure_s, optics=scene.optics)[4, 4])
     return signal * (2**sensor.bits - 1 if detector is None else sensor.saturation_e / detector.gain_e_per_dn)
@@ -100,7 +100,7 @@ def dn_per_radiance(scene: SceneState) -> float:
 def candidate_lights(
     scene: SceneState, count: int = CANDIDATES, distance_m: float = DISTANCE_M, side_m: float = SIDE_M
 ) -> list[AreaLight]:
-    """Boxes all about the craft, even in solid angle, camera axes."""
+    """Return boxes all around the craft, even in solid angle, camera axes."""
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - np.sqrt(5))
     ring = np.sqrt(1 - z * z)
@@ -147,7 +147,7 @@ def light_basis(
 
 
 def _window(scene: SceneState, target: Target) -> tuple[tuple[int, int, int, int], int]:
-    """The part of the picture about the craft, and how many of its pixels are joined for the fit."""
+    """Return the part of the image around the craft, and the binning for the fit."""
     c = scene.camera
     box = amodal_box(scene, target)
     if box is None:
@@ -162,7 +162,7 @@ def _window(scene: SceneState, target: Target) -> tuple[tuple[int, int, int, int
 
 
 def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = MOST_LIGHTS) -> FittedLight:
-    """The boxes whose light is nearest to the picture.
+    """Return the boxes whose light is closest to the image.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
 
 
 def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
-    """Non-negative weights (K,) of rows (K, P), and a constant, that give what is seen (P,) where it is not clipped."""
+    """Return non-negative weights (K,) of rows (K, P), and a constant, that fit the data (P,) where not clipped."""
     design = np.vstack([drawn, np.ones(len(seen))])
     normal = design @ design.T
     ridge = 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
@@ -202,7 +202,7 @@ def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
 
 
 def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
-    """(M,) factors of the materials' brightness over several pictures, by turns with their light.
+    """Return the (M,) factors of the materials' brightness over several images, alternating with their light.
 
     The material with the most pixels that tell has a factor of one: the light's radiance holds the common scale.
     """
@@ -233,7 +233,7 @@ def _candidate(light: AreaLight) -> AreaLight:
 
 
 def repainted(target: Target, factors: FloatArray) -> Target:
-    """The target with its materials brighter by factors (M,), no colour above 1."""
+    """Return the target with its materials brighter by factors (M,), no colour above 1."""
     materials = tuple(
         replace(m, base_color=vec3(np.minimum(np.asarray(m.base_color) * f, 1.0)))
         for m, f in zip(target.materials, factors, strict=True)

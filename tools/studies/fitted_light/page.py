@@ -58,7 +58,7 @@ def write_fitted(
 
 
 def fit_row(d: Mapping[str, Any]) -> list[str]:
-    """A picture's figures under `HEAD`, from its document."""
+    """Return the results of an image under `HEAD`, from its document."""
     r, o = d["reference"], d["ours"]
     off = "no edge" if d["outline_px"] is None else f"{d['outline_px']:.1f}"
     name = d["picture"] + (" (materials fitted on it)" if d["materials_fitted_on_it"] else "")
@@ -70,7 +70,7 @@ def fit_row(d: Mapping[str, Any]) -> list[str]:
 
 
 def _medians(pairs: Sequence[FittedPair]) -> dict[str, Any]:
-    """Medians over all pictures, and over those on which no material was fitted."""
+    """Return the medians over all images, and over those on which no material was fitted."""
     tested = [p for p in pairs if not p.fitted_on]
     return {
         f"{name}_{key}": round(float(np.median([getattr(p, key) for p in chosen])), 3)

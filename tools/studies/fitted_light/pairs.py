@@ -81,7 +81,7 @@ class FittedPair:
     fitted_on: bool
 
     def document(self) -> dict[str, Any]:
-        """The figures as a JSON-able object."""
+        """Return the figures as a JSON-able object."""
         looks = {
             side: {
                 "dark_dn": round(l.dark_dn, 1),
@@ -204,14 +204,14 @@ def _look(image: ByteArray, hull: BoolArray) -> CraftLook:
 
 
 def correlation(a: ByteArray, b: ByteArray) -> float:
-    """Normalised cross-correlation of two sets of values; 0 where one of them is constant."""
+    """Return the normalised cross-correlation of two sets of values; 0 where one of them is constant."""
     x, y = (np.asarray(v, float).ravel() - np.mean(v) for v in (a, b))
     size = float(np.sqrt((x @ x) * (y @ y)))
     return float(x @ y) / size if size > 0 else 0.0
 
 
 def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.float64]:
-    """(H, W) structural similarity of two 8-bit pictures, Gaussian window of 11 pixels.
+    """Return the (H, W) structural similarity of two 8-bit images, Gaussian window of 11 pixels.
 
     References
     ----------
@@ -230,7 +230,7 @@ def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.fl
 
 
 def _outline_px(theirs: ByteArray, ours: ByteArray, on: BoolArray) -> float | None:
-    """Median distance from the ridges of our gradient along the outline to the nearest of theirs [px]."""
+    """Return the median distance from the ridges of our gradient along the outline to the nearest of theirs [px]."""
     solid, near = np.asarray(on, np.uint8), np.ones((5, 5), np.uint8)
     along = cv2.dilate(solid, near) > cv2.erode(solid, near)
     ridge, edge = _ridges(theirs), _ridges(ours) & along

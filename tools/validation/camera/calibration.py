@@ -93,7 +93,9 @@ def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[
 
 
 def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
-    """Object points (70, 3) and pixels (70, 2) of the chessboard's inner corners; none where it is not found."""
+    """Return the object points (70, 3) and pixels (70, 2) of the chessboard's inner corners; none where it is not
+    found.
+    """
     seen, start = cv2.findChessboardCorners(image, (COLUMNS - 1, ROWS - 1))
     if not seen:
         return np.empty((0, 3)), np.empty((0, 2))
@@ -108,7 +110,7 @@ def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _spacing_px(points: FloatArray, pixels: FloatArray) -> float:
-    """Smallest distance on the image between corners that are neighbours on the board."""
+    """Return the smallest distance on the image between corners that are neighbours on the board."""
     apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
     step = apart[apart > 1e-9].min()
     a, b = np.nonzero((apart > 1e-9) & (apart < 1.01 * step))

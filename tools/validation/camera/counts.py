@@ -24,7 +24,9 @@ _REACH = 9.0  # standard deviations either side that the laws are summed over
 
 
 def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, int, float]:
-    """Statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects at least twenty."""
+    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects at least
+    twenty.
+    """
     ends = []
     total = 0.0
     for k, value in enumerate(expected):
@@ -57,7 +59,7 @@ def reading_chance(sensor: Sensor, mean_e: float, *, seed: int = 3) -> tuple[flo
 
 
 def reading_law(sensor: Sensor, mean_e: float) -> FloatArray:
-    """Chance of each digital number, (2^bits,)."""
+    """Return the chance of each digital number, (2^bits,)."""
     d = sensor.detector
     if d is None:
         raise ValueError(f"sensor {sensor.preset} counts no electrons")

@@ -41,7 +41,7 @@ class Measured:
 
 
 def measure(name: str, *, seed: int = 5) -> list[Measured]:
-    """Gain, read noise, PRNU, DSNU and dark current of a built-in detector."""
+    """Return the gain, read noise, PRNU, DSNU and dark current of a built-in detector."""
     base = sensor_preset(name)
     detector = _detector(base)
     # the standard's measurements are of the array without defects
@@ -71,7 +71,7 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
 
 
 def without_nonuniformity(sensor: Sensor) -> Sensor:
-    """The sensor with equal pixels and lines: noise of photons and of each pixel's read-out alone."""
+    """Return the sensor with equal pixels and lines: noise of photons and of each pixel's read-out alone."""
     d = replace(
         _detector(sensor),
         prnu=0.0,
@@ -86,7 +86,7 @@ def without_nonuniformity(sensor: Sensor) -> Sensor:
 
 
 def photon_transfer(sensor: Sensor, seed: int) -> tuple[float, float]:
-    """System gain [DN e-1] and read noise [e] from pairs of flat pictures (section 6.6 and 6.7).
+    """Return the system gain [DN e-1] and read noise [e] from pairs of flat images (section 6.6 and 6.7).
 
     The temporal variance of a level is half that of a pair's difference; its slope over the mean, up to 70 % of
     saturation, is the gain, its value in the dark the read noise with a twelfth for the rounding.
@@ -107,7 +107,8 @@ READOUT_MODES = ("raw mosaic", "three planes, white balanced", "interpolated mos
 
 
 def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_LEVELS) -> list[Measured]:
-    """System gain of each channel of a built-in detector made a colour one [DN e-1], from pictures of a white plate.
+    """Return the system gain of each channel of a built-in detector made a colour one [DN e-1], from images of a white
+    plate.
 
     Given is the converter's gain times the channel's factor of white balance. Electrons are those that the pixel
     collects: sums of neighbours, as interpolation makes them, have less noise than one pixel of the same mean, so that
@@ -148,7 +149,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
 
 
 def _channel(image: FloatArray, number: int, *, raw: bool) -> FloatArray:
-    """One colour of a picture in three, or of a raw RGGB mosaic."""
+    """Return one channel of a colour image, or of a raw RGGB mosaic."""
     if not raw:
         return image[..., number]
     y, x = ((0, 0), (0, 1), (1, 1))[number]
@@ -161,7 +162,7 @@ def _flat(sensor: Sensor, share: float, seed: int, frame: int, exposure_s: float
 
 
 def _stack(sensor: Sensor, share: float, exposure_s: float, seed: int) -> tuple[float, float, float]:
-    """Mean level, spatial variance of the mean picture, and temporal variance of a picture [DN, DN2, DN2]."""
+    """Return the mean level, spatial variance of the mean image, and temporal variance of an image [DN, DN2, DN2]."""
     total, squares = np.zeros(SHAPE), np.zeros(SHAPE)
     for k in range(FRAMES):
         image = _flat(sensor, share, seed, 100 + k, exposure_s)

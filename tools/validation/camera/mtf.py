@@ -39,7 +39,7 @@ CASES: dict[str, tuple[Sensor, Optics]] = {
 
 
 def edge() -> FloatArray:
-    """A bright half plane whose edge is 5 degrees off the columns: each pixel holds the share that it covers."""
+    """Return a bright half plane whose edge is 5 degrees off the columns: each pixel holds the share that it covers."""
     fine = 64
     y = np.arange(SIZE)[:, None] + ((np.arange(fine) + 0.5) / fine - 0.5)
     position = SIZE / 2 + SLANT * (y - SIZE / 2)  # (H, fine): where the edge crosses each fine row
@@ -48,7 +48,9 @@ def edge() -> FloatArray:
 
 
 def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
-    """The same half plane as the renderer draws it: a sunlit plate that covers the image from there to the right."""
+    """Return the same half plane as the renderer draws it: a sunlit plate that covers the image from there to the
+    right.
+    """
     z_m, focal_px = 10.0, 2.0 * SIZE
     far = SIZE * z_m / focal_px
     plate = flat_plate("plate", (0.0, far), (-far, far), 0.0)

@@ -90,7 +90,7 @@ def _detectors() -> list[str]:
 
 
 def calibration(renderer: Renderer, seed: int) -> Section:
-    """Each lens calibrated from twenty pictures of the chessboard."""
+    """Return the calibration of each lens from twenty images of the chessboard."""
     lines = [
         "## Calibration",
         "",
@@ -118,7 +118,7 @@ def calibration(renderer: Renderer, seed: int) -> Section:
 
 
 def detector(seed: int) -> Section:
-    """The built-in detectors by EMVA 1288."""
+    """Return the characteristics of built-in detectors by EMVA 1288."""
     lines = [
         "## Detector",
         "",
@@ -157,7 +157,7 @@ def detector(seed: int) -> Section:
 
 
 def photons(seed: int) -> Section:
-    """Electron counts against the Poisson law, digital numbers against the detector's."""
+    """Compare electron counts with the Poisson law, and digital numbers with the detector's."""
     lines = [
         "## Photon noise",
         "",
@@ -187,7 +187,7 @@ def photons(seed: int) -> Section:
 
 
 def transfer(renderer: Renderer) -> Section:
-    """The transfer function from a drawn slanted edge."""
+    """Return the transfer function from a rendered slanted edge."""
     lines = [
         "## Sharpness",
         "",

@@ -68,7 +68,7 @@ def _smooth(image: Any) -> Any:  # noqa: ANN401 - an array
 
 
 def _bop(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
-    """By its page, docs/bop_datasets_format.md of bop_toolkit."""
+    """Yield errors in BOP by its page, docs/bop_datasets_format.md of bop_toolkit."""
     for split in _splits(frames):
         scene = root / SHORT[split] / "000000"
         gt, info, cameras = (
@@ -121,7 +121,7 @@ def _coco(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
 
 
 def _yolo(root: Path, frames: Frames) -> Iterator[tuple[int, str]]:
-    """By its page, docs.ultralytics.com/datasets/pose."""
+    """Yield errors in YOLO by its page, docs.ultralytics.com/datasets/pose."""
     for split in _splits(frames):
         for path in sorted((root / "labels" / SHORT[split]).glob("*.txt")):
             frame = frames[int(path.stem)]

@@ -36,7 +36,7 @@ def flyaround(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) -> dict[str, Any]:
-    """Capture a recipe, check it, read it back; what was found."""
+    """Capture a recipe, check it and read it back; return the findings."""
     folder, formats, refused = out / recipe, list(FORMATS), {}
     small = [] if width_px is None else _small_camera(recipe, width_px, out)
     while True:
@@ -73,7 +73,9 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
 
 
 def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
-    """Options that draw a recipe's field of view on fewer pixels; of several data sets none, they differ."""
+    """Return the options that render a recipe's field of view on fewer pixels; none for several data sets, which
+    differ.
+    """
     if load_recipe(recipe).members:
         return []
     camera = plan_recipe(recipe, 1).camera
@@ -88,7 +90,7 @@ def _processor_s() -> float:
 
 
 def main() -> int:
-    """Prove every recipe, or those that are named; 1 if something is wrong."""
+    """Prove all recipes, or those named; return 1 if something is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.captures", description=__doc__)
     parser.add_argument("-n", type=int, default=40, help="images of each recipe")
     parser.add_argument("--recipe", action="append", help="this one alone; may be given again")

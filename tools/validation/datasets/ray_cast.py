@@ -78,13 +78,15 @@ class ExportedMesh:
         self._rays = RayMeshIntersector(self._mesh)
 
     def first_parts(self, truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
-        """Number of the part that the ray through each pixel (K, 2) meets first; 0 for none."""
+        """Return the number of the part that the ray through each pixel (K, 2) meets first; 0 for none."""
         origins, ways = _rays(truth, pixels_px)
         hit = self._rays.intersects_first(origins, ways)
         return np.where(hit >= 0, self._parts[hit], 0)
 
     def near_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Parts that the ray through one pixel meets first, or within a decal's height behind that; 0 for none."""
+        """Return the parts that the ray through one pixel meets first, or within a decal's height behind that; 0 for
+        none.
+        """
         origins, ways = _rays(truth, pixel_px[None])
         places, _, triangles = self._rays.intersects_location(origins, ways, multiple_hits=True)
         if not len(places):
@@ -93,7 +95,9 @@ class ExportedMesh:
         return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
 
     def rounded_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Parts that a raster may show at one pixel's centre, 0 for none; of a lens, from the place without it."""
+        """Return the parts that a raster may show at one pixel's centre, 0 for none; of a lens, from the place
+        without it.
+        """
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
         ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
@@ -130,7 +134,7 @@ def _rotation(truth: Truth) -> NDArray[Any]:
 
 
 def _rays(truth: Truth, pixels_px: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Origins and directions in the model's frame."""
+    """Return origins and directions in the model's frame."""
     R = _rotation(truth)
     ways = np.insert(_without_lens(truth, pixels_px), 2, 1.0, axis=1) @ R  # rows times R: by its transpose
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
@@ -151,7 +155,7 @@ def _without_lens(truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
 def compare(
     truth: Truth, mask: NDArray[np.uint8], parts: NDArray[np.uint16], mesh: ExportedMesh
 ) -> Disagreement:
-    """Every pixel of the image about the craft against the rays."""
+    """Compare every pixel of the image around the craft with the rays."""
     height, width = mask.shape
     near = np.argwhere(cv2.dilate(((mask > 0) | (parts > 0)).astype(np.uint8), np.ones((17, 17), np.uint8)))
     every = np.argwhere(np.ones((height, width), bool))[:: max(height * width // 20_000, 1)]

@@ -32,12 +32,12 @@ _LABELS = ("parts", "amodal", "clean")
 
 
 def recipes() -> list[str]:
-    """Names of the built-in recipes that are one data set."""
+    """Return the names of the built-in recipes that are one data set."""
     return [name for name in list_recipes() if not load_recipe(name).members]
 
 
 def small_plan(name: str, n: int, seed: int, width_px: int, camera: str | None = None) -> RecipePlan:
-    """The recipe's plan, or by another camera, with its field of view on fewer pixels."""
+    """Return the recipe's plan, or by another camera, with its field of view on fewer pixels."""
     plan = plan_recipe(name, n, seed=seed, camera=camera)
     return replace(plan, camera=plan.camera.resized(min(width_px, plan.camera.width_px)))
 
@@ -74,7 +74,7 @@ def _exported(target: Target) -> ExportedMesh:
 
 
 def main() -> int:
-    """Prove as many images as are asked for; 1 if a label is wrong."""
+    """Prove as many images as requested; return 1 if a label is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.datasets", description=__doc__)
     parser.add_argument("-n", type=int, default=400, help="images of each recipe")
     parser.add_argument("--recipe", action="append", help="this one alone; may be given again")
@@ -106,7 +106,7 @@ def main() -> int:
 
 
 def _done(path: Path, seed: int, camera: str | None) -> dict[str, int]:
-    """Images of each recipe that were proven before."""
+    """Return the images of each recipe that were proven before."""
     done: dict[str, int] = defaultdict(int)
     for row in _rows(path):
         if (row["seed"], row.get("camera")) == (seed, camera):

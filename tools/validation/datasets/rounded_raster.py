@@ -33,7 +33,7 @@ def shown_parts(
     *,
     lens: bool = False,
 ) -> set[int]:
-    """Parts that a raster may show at the origin of the image plane; 0 where it may show none.
+    """Return the parts that a raster may show at the origin of the image plane; 0 where it may show none.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _first(
     coplanar_m: float,
     rounding_px: float,
 ) -> set[int]:
-    """Parts of those triangles that are nearest at the origin."""
+    """Return the parts of those triangles that are nearest at the origin."""
     if not len(parts):
         return {0}
     inverse = 1 / depth_m

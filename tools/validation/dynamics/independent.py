@@ -35,7 +35,7 @@ EARTH_ORBIT_S, MOON_ORBIT_S = 6_100.0, 7_700.0
 
 
 def independent(reference: Path) -> list[Row]:
-    """All rows against other programs.
+    """Return all rows of comparisons with other programs.
 
     Raises
     ------
@@ -51,7 +51,9 @@ def independent(reference: Path) -> list[Row]:
 
 
 def against_basilisk(reference: Path) -> list[Row]:
-    """A day of two craft 10 m apart: about the Earth (600 km, EGM96 20x20, Sun, Moon) and about the Moon (200 km)."""
+    """Return a day of two craft 10 m apart: about the Earth (600 km, EGM96 20x20, Sun, Moon) and about the Moon (200
+    km).
+    """
     rows = []
     epoch = Instant.from_utc(EARTH_EPOCH)
     earth = EarthForces(
@@ -101,7 +103,7 @@ def _day(
 
 
 def against_skyfield(reference: Path) -> list[Row]:
-    """Apparent Sun and Moon 2000 to 2050, and the Earth's orientation where UT1 is measured."""
+    """Compare the apparent Sun and Moon 2000 to 2050, and the Earth's orientation where UT1 is measured."""
     table = read_table(reference / "skyfield.csv")
     jd = table[:, 0]
     turned = []
@@ -176,7 +178,7 @@ def _instant_of_utc(utc1: float, utc2: float) -> Instant:
 
 
 def _published(text: str) -> dict[int, list[list[float]]]:
-    """Minutes, position [km] and velocity [km s-1] by satellite."""
+    """Return the minutes, position [km] and velocity [km s-1] by satellite."""
     states: dict[int, list[list[float]]] = {}
     current: list[list[float]] = []
     for line in text.splitlines():

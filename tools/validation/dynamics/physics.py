@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 def physics() -> list[Row]:
-    """All rows."""
+    """Return all rows."""
     return [*conservation(), *tumbles(), *linear_models()]
 
 
 def conservation() -> list[Row]:
-    """Energy and momentum where the model keeps them."""
+    """Check energy and momentum where the model conserves them."""
     r, v = state_from_elements(
         Elements(semi_major_axis_m=6978e3, eccentricity=0.01, inclination_rad=1.7, raan_rad=0.4)
     )
@@ -52,7 +52,7 @@ def conservation() -> list[Row]:
 
 
 def tumbles() -> list[Row]:
-    """A free tumble keeps energy and momentum; an axisymmetric one is Euler's closed solution."""
+    """Check that a free tumble conserves energy and momentum; an axisymmetric one has Euler's closed solution."""
     J = np.diag([2.5, 2.7, 3.9])
     track = propagate_attitude([1, 0, 0, 0], [0.03, -0.02, 0.01], J, DAY_S)
     states = [track(float(t)) for t in np.linspace(0.0, DAY_S, 400)]
@@ -91,7 +91,7 @@ def tumbles() -> list[Row]:
 
 
 def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
-    """Worst error of rate [rad s-1] and attitude [rad] of a body with two equal moments.
+    """Return the worst error of rate [rad s-1] and attitude [rad] of a body with two equal moments.
 
     In the body the rate precesses about its axis; in space the body turns about the momentum at ``L / J1``, and
     about its own axis at what is left.
@@ -119,7 +119,7 @@ def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
 
 
 def _turn(rate_rad_s: FloatArray, t_s: float) -> FloatArray:
-    """(3, 3) rotation at a constant rate for a time (Rodrigues)."""
+    """Return the (3, 3) rotation at a constant rate for a time (Rodrigues)."""
     angle = float(np.linalg.norm(rate_rad_s)) * t_s
     if angle == 0.0:
         return np.eye(3)

@@ -22,7 +22,7 @@ PAGE = Path("docs/validation/dynamics.md")
 
 
 def measure(reference: Path) -> list[Row]:
-    """All rows.
+    """Return all rows.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def measure(reference: Path) -> list[Row]:
 
 
 def page(rows: list[Row]) -> str:
-    """The table as a page."""
+    """Return the table as a page."""
     lines = [
         "# Accuracy of the world",
         "",

@@ -74,14 +74,14 @@ class LatencyResult:
 
 
 def drawn_pictures(n: int, width_px: int, height_px: int, seed: int = 1) -> Pictures:
-    """Pictures of noise with a brighter square that moves: as incompressible as a sensor's."""
+    """Return images of noise with a moving brighter square: as incompressible as a sensor's."""
     rng = np.random.default_rng(seed)
     base = rng.normal(60, 8, (height_px + n, width_px)).clip(0, 255).astype(np.uint8)
     return [np.ascontiguousarray(base[k : k + height_px]) for k in range(n)]
 
 
 def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator[Frame]:
-    """Frames of the pictures, again and again, each with its number and time in its corner."""
+    """Yield frames of the images in a loop, each with its number and time in a corner."""
     scene = plan_recipe("eval-black", 1).scene(0)
     height, width = pictures[0].shape
     camera = replace(scene.camera, width_px=width, height_px=height)

@@ -23,7 +23,7 @@ ENOUGH_PX = 400
 
 
 def inject_fault(kind: str, frame: Frame) -> Frame | None:
-    """A copy of a frame with one wrong label; None where the frame does not have it, or is too small to tell."""
+    """Return a copy of a frame with one wrong label; None where the frame does not have it, or is too small to tell."""
     if frame.mask is None or frame.truth is None or np.count_nonzero(frame.mask) < ENOUGH_PX:
         return None
     return FAULTS[kind](frame)
@@ -50,7 +50,7 @@ def _layer(name: str, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Callabl
 
 
 def _shifted_mask(frame: Frame) -> Frame | None:
-    """Mask, box and hash moved by four pixels, without the layers that would tell at once."""
+    """Return the mask, box and hash moved by four pixels, without the layers that would tell at once."""
     if frame.mask is None or frame.truth is None:
         return None
     mask = np.roll(frame.mask, 4, axis=1)
@@ -133,7 +133,7 @@ def _called_saturated(record: dict[str, Any]) -> bool:
 
 
 def _tilted(normals: NDArray[Any]) -> NDArray[Any]:
-    """By some 17 degrees: a mirror leaves a flat board that faces it as it was."""
+    """Return normals tilted by some 17 degrees: a mirror leaves a flat board that faces it as it was."""
     n = normals.astype(float)
     length = np.linalg.norm(n, axis=-1, keepdims=True)
     n = n + np.array([0.3, 0.0, 0.0]) * length
@@ -141,7 +141,7 @@ def _tilted(normals: NDArray[Any]) -> NDArray[Any]:
 
 
 def _offset(clean: NDArray[Any]) -> NDArray[Any]:
-    """Lighter by a sixth of the scale where that fits, else darker."""
+    """Return the layer lighter by a sixth of the scale where that fits, else darker."""
     step = 40 if clean.dtype == np.uint8 else 640
     return np.where(clean > np.median(clean), clean - np.minimum(clean, step), clean + step).astype(
         clean.dtype

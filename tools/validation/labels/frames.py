@@ -37,12 +37,12 @@ FLOW_S = 1.0
 
 @lru_cache(maxsize=64)
 def cached_target(name: str) -> Target:
-    """A target that many frames ask for."""
+    """Return a target for many frames, cached."""
     return load_target(name)
 
 
 def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
-    """Scene and request of frame k."""
+    """Return the scene and request of frame k."""
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(k, 0x7AB))))
     names = list_targets()
     # nearly all at the lowest level of detail: their triangles are fewer, their labels made in the same way
@@ -85,7 +85,9 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
 
 
 def _camera(rng: Generator) -> Camera:
-    """A small image through a lens of 8 to 70 degrees, bent or not, its axis off centre, its pixels not square."""
+    """Return a small image through a lens of 8 to 70 degrees, bent or not, its axis off centre, its pixels not
+    square.
+    """
     for _ in range(100):
         width, height = int(rng.integers(64, 161)), int(rng.integers(48, 129))
         f = width / 2 / np.tan(np.radians(rng.uniform(8, 70)) / 2)
@@ -121,7 +123,7 @@ def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, flo
 
 
 def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
-    """Every third craft is moved across the image's edge."""
+    """Return every third scene with the craft moved across the image's edge."""
     if rng.random() > 1 / 3:
         return scene
     c, t = scene.camera, np.asarray(scene.t_camera_from_target_m)
@@ -137,7 +139,7 @@ def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
-    """Every tenth craft has the Sun anywhere, also behind the Earth."""
+    """Return every tenth scene with the Sun in any direction, also behind the Earth."""
     if rng.random() > 0.1:
         return scene
     d = rng.standard_normal(3)
@@ -147,7 +149,7 @@ def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _moving(rng: Generator, scene: SceneState) -> SceneState:
-    """A tumble of up to 5 deg s-1 and a drift of up to 5 cm s-1."""
+    """Return a tumble of up to 5 deg s-1 and a drift of up to 5 cm s-1."""
     spin = rng.standard_normal(3)
     spin *= np.radians(rng.uniform(0, 5)) / np.linalg.norm(spin)
     drift = rng.standard_normal(3)
@@ -161,7 +163,9 @@ def _moving(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndarray:
-    """Velocity of the model's origin, camera frame: that of the centre of mass and the turn about it [m s-1]."""
+    """Return the velocity of the model's origin, camera frame: that of the centre of mass and the turn about it [m
+    s-1].
+    """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ct = matrix_from_quat(scene.q_camera_from_target_wxyz)
     com = R_ce @ np.subtract(scene.r_target_eci_m, scene.r_camera_eci_m)
@@ -170,7 +174,7 @@ def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndar
 
 
 def _shutter(rng: Generator) -> Shutter:
-    """Mostly global; one in thirty rolls."""
+    """Return shutters, mostly global; one in thirty rolls."""
     if rng.random() < 1 / 30:
         return Shutter(kind="rolling", readout_s=float(rng.uniform(0.01, 0.5)))
     return Shutter()

@@ -88,7 +88,7 @@ def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
 
 
 def _through_files(folder: Path, frame: Frame) -> Frame:
-    """The frame as a reader finds it on the disk."""
+    """Return the frame as a reader finds it on the disk."""
     (folder / "images").mkdir()
     k = frame.scene.frame_index
     write_frame(folder, k, frame)
@@ -107,7 +107,7 @@ def _through_files(folder: Path, frame: Frame) -> Frame:
 
 
 def dataset_card(renderer: Renderer, frame: Frame, seed: int) -> DatasetCard:
-    """The card that a data set of such frames would have."""
+    """Return the card that a data set of such frames would have."""
     target, info = cached_target(frame.scene.target.name), renderer.info
     return DatasetCard(
         scenario_name="random frames",
@@ -138,7 +138,7 @@ def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str,
 
 
 def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
-    """Results of frames as they come.
+    """Yield results of frames as they come.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
 
 
 def _commit() -> str:
-    """The commit of this checkout, with a + where files differ from it."""
+    """Return the commit of this checkout, with a + where files differ from it."""
     try:
         run_git = partial(
             subprocess.run, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
@@ -181,7 +181,7 @@ def _commit() -> str:
 
 
 def newest(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The last result of each frame, with ``mended`` where an earlier one was wrong."""
+    """Return the last result of each frame, with ``mended`` where an earlier one was wrong."""
     by_frame: dict[int, dict[str, Any]] = {}
     for line in lines:
         before = by_frame.get(line["k"])
@@ -213,7 +213,7 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def page(found: dict[str, Any], seed: int) -> str:
-    """The summary as a page."""
+    """Return the summary as a page."""
     command = f"python -m tools.validation.labels -n {found['frames']} --seed {seed} --page"
     spoilt, missed = found["spoilt"], sum(found["spoilt_and_missed"].values())
     lines = [

@@ -92,7 +92,7 @@ def our_light() -> Light:
 def _light(
     air: Atmosphere, table: MultipleScattering, ground: float, sun_deg: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Upward and downward radiance (views, azimuths, n), irradiance of the ground (n,)."""
+    """Return the upward and downward radiance (views, azimuths, n), irradiance of the ground (n,)."""
     sun = np.array([-np.sin(np.radians(sun_deg)), 0.0, np.cos(np.radians(sun_deg))])
     view, azimuth = np.meshgrid(np.radians(VIEWS_DEG), np.radians(AZIMUTHS_DEG), indexing="ij")
     up = np.stack([np.sin(view) * np.cos(azimuth), np.sin(view) * np.sin(azimuth), np.cos(view)], axis=-1)
@@ -114,14 +114,14 @@ def _light(
 def _seen(
     air: Atmosphere, table: MultipleScattering, start: FloatArray, ray: FloatArray, sun: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Radiance (n,) of the air along a ray over the Sun's irradiance, and transmittance (n,)."""
+    """Return the radiance (n,) of the air along a ray over the Sun's irradiance, and transmittance (n,)."""
     path, cosine = path_light(air, start, ray[None], sun, steps=32, multiple=table), np.asarray(ray @ sun)
     light = path.rayleigh * rayleigh_phase(cosine) + path.mie * mie_phase(cosine, air.mie_g) + path.multiple
     return light[0], path.transmittance[0]
 
 
 def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physics; that pictures have it is another row
-    """Every comparison, measured now."""
+    """Return every comparison, measured now."""
     ours, solver = our_light(), solver_light()
     up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [

@@ -24,12 +24,12 @@ _SAMPLES = 1500
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Both comparisons."""
+    """Return both comparisons."""
     return [sphere_row(renderer), furnace_row(renderer)]
 
 
 def sphere_row(renderer: Renderer) -> Row:
-    """Largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
+    """Return the largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
     # so many pixels that the middle of one, which is compared, has the mean radiance of its area, which is drawn
     drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
@@ -52,7 +52,8 @@ def sphere_row(renderer: Renderer) -> Row:
 
 
 def furnace_row(renderer: Renderer) -> Row:
-    """Largest departure from one of the sunlight that a white brushed plate returns, summed over the Sun's places.
+    """Return the largest departure from one of the sunlight that a white brushed plate returns, summed over the Sun's
+    places.
 
     What a plate sends one way, over every direction of the Sun, is by reciprocity what it returns of a beam from there.
     """
@@ -79,13 +80,15 @@ def furnace_row(renderer: Renderer) -> Row:
 
 
 def _widths() -> tuple[float, float]:
-    """Alpha across the grain and along it: KHR_materials_anisotropy."""
+    """Return the alpha across the grain and along it: KHR_materials_anisotropy."""
     alpha = BRUSHED.roughness**2
     return alpha + (1 - alpha) * BRUSHED.anisotropy**2, alpha
 
 
 def _once(v: FloatArray, light: FloatArray, f0: float) -> FloatArray:
-    """(K,) radiance over irradiance of the single bounce; directions in the face's axes (across, along, normal)."""
+    """Return the (K,) radiance over irradiance of the single bounce; directions in the face's axes (across, along,
+    normal).
+    """
     a, b = _widths()
     h = v + light
     h = h / np.linalg.norm(h, axis=1, keepdims=True)
@@ -96,7 +99,7 @@ def _once(v: FloatArray, light: FloatArray, f0: float) -> FloatArray:
 
 
 def _masking(v: FloatArray, light: FloatArray) -> FloatArray:
-    """(...,) height-correlated masking and shadowing, Heitz (2014), eqs. 72, 99."""
+    """Return the (...,) height-correlated masking and shadowing, Heitz (2014), eqs. 72, 99."""
     a, b = _widths()
     lam = [
         0.5
@@ -110,7 +113,9 @@ def _masking(v: FloatArray, light: FloatArray) -> FloatArray:
 
 
 def _single_albedo(v: FloatArray) -> FloatArray:
-    """(K,) share of light from everywhere that a white brushed mirror returns once, by sampling its normals."""
+    """Return the (K,) share of light from everywhere that a white brushed mirror returns once, by sampling its
+    normals.
+    """
     a, b = _widths()
     i = np.arange(_SAMPLES) + 0.5
     u, turn = i / _SAMPLES, 2 * np.pi * ((i * 0.6180339887498949) % 1)

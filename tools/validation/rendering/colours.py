@@ -114,7 +114,7 @@ class Colours:
 
 
 def limbs(air: Atmosphere) -> FloatArray:
-    """(Suns * heights, n) radiance of the limb over the Sun's irradiance [sr-1]."""
+    """Return the (Suns * heights, n) radiance of the limb over the Sun's irradiance [sr-1]."""
     table = multiple_scattering(air)
     camera = np.array([-np.sqrt((air.radius_m + 400e3) ** 2 - air.radius_m**2), 0.0, air.radius_m])
     rays = np.stack([0 * HEIGHTS_M, 0 * HEIGHTS_M, air.radius_m + HEIGHTS_M], axis=1) - camera
@@ -168,7 +168,7 @@ def fitted(light: Colours) -> FloatArray:
 
 
 def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colour; that pictures have it is another row
-    """Every comparison, measured now."""
+    """Return every comparison, measured now."""
     light = colours()
     brightness = light.exact.sum(axis=1, keepdims=True)
     bright = brightness[:, 0] > 0.02

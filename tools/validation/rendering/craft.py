@@ -76,7 +76,7 @@ preset made for fifteen pictures a second; every other row is asked of both.
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Every comparison, measured now.
+    """Return every comparison, measured now.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def rows(renderer: Renderer) -> list[Row]:
 
 
 def quick_rows(renderer: Renderer) -> list[Row]:
-    """Surfaces, penumbra, furnace, Earth-shine, brushed metal and the chaser's lamp."""
+    """Return the surfaces, penumbra, furnace, Earth-shine, brushed metal and the chaser's lamp."""
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     metal = Material(name="m", base_color=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.3)
     return [
@@ -103,12 +103,14 @@ def quick_rows(renderer: Renderer) -> list[Row]:
 
 
 def edge_rows(renderer: Renderer) -> list[Row]:
-    """Edges of every slope by both presets."""
+    """Return the edges of every slope by both presets."""
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
-    """Largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by point."""
+    """Return the largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by
+    point.
+    """
     drawn = draw_lit_ball(renderer, material, 128, 100)
     exact = np.mean([_gltf(material, drawn.normals, drawn.views, d) for d in drawn.sun], axis=0)
     exact *= drawn.irradiance_w_m2
@@ -123,7 +125,7 @@ def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
 
 
 def _gltf(material: Material, n: FloatArray, v: FloatArray, light: FloatArray) -> FloatArray:
-    """(N,) reflected radiance over irradiance: glTF 2.0, appendix B, with multiple scattering put back."""
+    """Return the (N,) reflected radiance over irradiance: glTF 2.0, appendix B, with multiple scattering put back."""
     base, alpha2 = material.base_color[0], material.roughness**4
     h = v + light
     h = h / np.linalg.norm(h, axis=1, keepdims=True)
@@ -141,7 +143,9 @@ def _gltf(material: Material, n: FloatArray, v: FloatArray, light: FloatArray) -
 
 
 def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
-    """(N,) share of light from everywhere that a white rough mirror reflects once; by sampling its normals."""
+    """Return the (N,) share of light from everywhere that a white rough mirror reflects once; by sampling its
+    normals.
+    """
     nodes, count = np.linspace(0.02, 1, 40), 20_000
     i = np.arange(count) + 0.5
     u, turn, alpha2 = i / count, 2 * np.pi * ((i * 0.6180339887498949) % 1), roughness**4
@@ -162,7 +166,7 @@ def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
 
 
 def penumbra_row(renderer: Renderer) -> Row:
-    """Light across the shadow of a straight edge 0.4 m above a wall, rms error over the penumbra."""
+    """Return the light across the shadow of a straight edge 0.4 m above a wall, rms error over the penumbra."""
     height, size = 0.4, 96
     target = bare_target(
         [
@@ -205,7 +209,7 @@ def penumbra_row(renderer: Renderer) -> Row:
 
 
 def _furnace(renderer: Renderer) -> Row:
-    """Largest departure from the sky's radiance of white spheres under an even sky."""
+    """Return the largest departure from the sky's radiance of white spheres under an even sky."""
     worst = 0.0
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
@@ -217,7 +221,9 @@ def _furnace(renderer: Renderer) -> Row:
 
 
 def _even_earth() -> Row:
-    """Largest error of irradiance on plates of every direction 500 km over an evenly bright Earth, of the highest."""
+    """Return the largest error of irradiance on plates of every direction 500 km over an evenly bright Earth, of the
+    highest.
+    """
     rim = float(np.sqrt(1 - (6371.0 / 6871.0) ** 2))
     directions = spherical_fibonacci(50_000, rim)
     angle = 2 * np.pi * (1 - rim) / len(directions)
@@ -240,7 +246,9 @@ def edge_errors(
     angles_deg: ArrayLike = EDGE_ANGLES_DEG,
     camera: Camera = EDGE_CAMERA,
 ) -> FloatArray:
-    """Position by coverage of a plate's edge in every row (or column) it crosses, less OpenCV's projection [px]."""
+    """Return the position by coverage of a plate's edge in every row (or column) it crosses, less OpenCV's
+    projection [px].
+    """
     size = EDGE_CAMERA.fx_px / camera.fx_px  # of the plate: about as large in the image
     middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
     place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
@@ -297,7 +305,7 @@ def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: floa
 
 
 def _beside_steps(depth_m: FloatArray) -> BoolArray:
-    """(H, W) pixels on either side of a step of depth."""
+    """Return the (H, W) pixels on either side of a step of depth."""
     bend = np.zeros(depth_m.shape)
     for axis in (0, 1):
         across = np.abs(np.roll(depth_m, 1, axis) - 2 * depth_m + np.roll(depth_m, -1, axis))
@@ -306,7 +314,7 @@ def _beside_steps(depth_m: FloatArray) -> BoolArray:
 
 
 def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
-    """Tango at 6 m in three views by two presets; the worst of the views, and the reference's own noise.
+    """Compare Tango at 6 m in three views by two presets; return the worst of the views, and the reference's own noise.
 
     Parameters
     ----------

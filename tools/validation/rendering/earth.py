@@ -52,7 +52,7 @@ Moon's rows are means of the waxing and the waning Moon. "Twin": the same physic
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Every comparison, measured now."""
+    """Return every comparison, measured now."""
     return [*_earth(renderer), *_air(renderer), *_moon(renderer), *_sun_and_stars(renderer)]
 
 
@@ -77,7 +77,9 @@ def _error(measured: float, published: float) -> float:
 
 
 def earth_disc(renderer: Renderer, phase_deg: float) -> float:
-    """Light of the whole Earth over that of a white Lambert disc facing the Sun, mean of six views at an equinox."""
+    """Return the light of the whole Earth over that of a white Lambert disc facing the Sun, mean of six views at an
+    equinox.
+    """
     camera, world = _square(FIELD_RAD), Environment(moon=False, stars=False, planets=False, sun=False)
     shares = []
     for hour in (1, 9, 17):
@@ -157,7 +159,9 @@ def _air(renderer: Renderer) -> list[Row]:
 
 
 def _limb_profile() -> tuple[FloatArray, FloatArray]:
-    """Blue radiance over irradiance by tangent height [m], the Sun 60 deg from the zenith of the tangent point."""
+    """Return the blue radiance over irradiance by tangent height [m], the Sun 60 deg from the zenith of the tangent
+    point.
+    """
     air = earth_atmosphere("rgb")
     table = MultipleScattering(np.asarray(air_tables("rgb", 100e3).multiple, float), 100e3)
     height = np.linspace(1e3, 80e3, 159)
@@ -244,7 +248,7 @@ def _moon(renderer: Renderer) -> list[Row]:
 
 
 def _moon_irradiance(renderer: Renderer, phase_rad: float, world: Environment, field_rad: float) -> float:
-    """From the Earth's centre at the mean distance [W m-2]."""
+    """Return the irradiance by the Moon at the mean distance from the Earth's centre [W m-2]."""
     distance = 384_400e3
     scene = _empty("2026-03-20T12:00:00Z", (0.0, 0.0, 400.0), _square(field_rad), "mono", world)
     sun = np.array([distance, 0, 0]) + AU_M * np.array([-np.cos(phase_rad), np.sin(phase_rad), 0])

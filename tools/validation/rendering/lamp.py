@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Largest error of the irradiance on a slanted Lambert plate, of the highest, over beams and an offset lamp."""
+    """Return the largest error of the irradiance on a slanted Lambert plate, of the highest, over beams and an
+    offset lamp.
+    """
     # a metal without light would be black: base colour alone, no specular part, is roughness 1 less its gloss
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     black = replace(matt, base_color=(0.0, 0.0, 0.0))

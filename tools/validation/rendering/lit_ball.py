@@ -44,7 +44,7 @@ class LitBall:
 def draw_lit_ball(
     renderer: Renderer, material: Material, size_px: int, points_of_sun: int, *, quality: Quality = "default"
 ) -> LitBall:
-    """A ball of one material, ``size_px`` a side of the picture."""
+    """Return a ball of one material, ``size_px`` a side of the image."""
     target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
     scene = bare_scene(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
     seen = renderer.render(scene, target, labels=True)

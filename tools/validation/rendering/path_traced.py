@@ -57,7 +57,7 @@ class Difference:
 
 
 def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Difference:
-    """Compare two pictures.
+    """Compare two images.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def _flip(ours: FloatArray, theirs: FloatArray) -> float:
 
 
 def load() -> Any:  # noqa: ANN401 - a module without types
-    """Mitsuba with its LLVM back end; ``DRJIT_LIBLLVM_PATH`` is set to the newest libLLVM where it is not set.
+    """Return Mitsuba with its LLVM back end; ``DRJIT_LIBLLVM_PATH`` is set to the newest libLLVM if it is not set.
 
     Raises
     ------
@@ -129,7 +129,7 @@ class Traced:
 
 
 def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: int, sky_spp: int) -> Traced:
-    """Radiance under the scene's Sun and the same sky from everywhere.
+    """Return the radiance under the scene's Sun and the same sky from everywhere.
 
     Sun and sky are traced apart and added: one sampler that had to choose between 33 lights would be noisier. What was
     traced is kept in the cache folder: it takes a minute of a processor for 1000 samples of a picture of 320 pixels.
@@ -153,7 +153,7 @@ def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: i
 
 
 def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> str:
-    """File name of what is traced of one light."""
+    """Return the file name of the path-traced image of one light."""
     camera = scene.camera
     place = (scene.q_camera_from_target_wxyz, scene.t_camera_from_target_m, camera.width_px, camera.fx_px)
     samples = DEPTH, SAMPLES_PER_PASS
@@ -161,7 +161,7 @@ def _key(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> 
 
 
 def _traced(scene: SceneState, target: Target, light: dict[str, Any], spp: int) -> FloatArray:
-    """(2, H, W) radiance under one light, and the variance of it from the spread of its passes."""
+    """Return the (2, H, W) radiance under one light, and its variance from the spread of its passes."""
     mi = load()
     _register(mi)
     passes = max(2, -(-spp // SAMPLES_PER_PASS))  # all samples of a pass are in memory at once
@@ -202,7 +202,7 @@ def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[str, Any]:  # noqa: ANN401
-    """The craft along the camera's axes about its own origin, one mesh a material."""
+    """Return the craft along the camera's axes about its own origin, one mesh a material."""
     R = matrix_from_quat(scene.q_camera_from_target_wxyz)
     meshes: dict[str, Any] = {}
     for material in target.materials:
@@ -217,7 +217,7 @@ def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[st
 
 
 def _suns(scene: SceneState) -> dict[str, Any]:
-    """The Sun's disc as points even over it."""
+    """Return the Sun's disc as points distributed evenly over it."""
     sun = np.asarray(scene.sun_direction_camera)
     x = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.9 else [1.0, 0.0, 0.0])
     x = x / np.linalg.norm(x)
@@ -260,7 +260,7 @@ def _write_ply(mi: Any, path: Path, pieces: list[tuple[Any, Any, Any]]) -> None:
 
 
 def _register(mi: Any) -> None:  # noqa: ANN401
-    """Materials of glTF 2.0 with KHR_materials_clearcoat, written again from their specifications."""
+    """Register materials of glTF 2.0 with KHR_materials_clearcoat, written from their specifications."""
     import drjit as dr  # noqa: PLC0415 - comes with Mitsuba
 
     class Gltf(mi.BSDF):  # type: ignore[misc]
@@ -295,7 +295,9 @@ def _register(mi: Any) -> None:  # noqa: ANN401
             return dr.select((wi.z > 1e-4) & (wo.z > 1e-4), value * wo.z, 0)
 
         def _shares(self, wi: Any) -> Any:  # noqa: ANN401
-            """Samples of the matt, glossy and coat lobes, where the light goes: by their reflectance for this view."""
+            """Return the samples of the matt, glossy and coat lobes, where the light goes: by their reflectance for
+            this view.
+            """
             fifth = dr.clip(1 - wi.z, 0, 1) ** 5
             gloss, coat = self.f0 + (1 - self.f0) * fifth, self.coat * (0.04 + 0.96 * fifth)
             # a rough lobe meets flatter facets than the mean one, so that it is never left out

@@ -53,7 +53,7 @@ PARTS: tuple[Part, ...] = (
 
 
 def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
-    """The tables as a page."""
+    """Return the tables as a page."""
     lines = [
         "# Radiance of the picture",
         "",

@@ -60,12 +60,12 @@ class LimbError:
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Every comparison, measured now."""
+    """Return every comparison, measured now."""
     return [*limb_rows(renderer), *light_rows(renderer)]
 
 
 def limb_rows(renderer: Renderer) -> list[Row]:
-    """The Earth's limb, in three directions of the image."""
+    """Return the Earth's limb, in three directions of the image."""
     limbs = np.concatenate([limb_error(renderer, roll).columns_px for roll in (0.0, 17.0, 45.0)])
     return [
         Row(
@@ -83,7 +83,7 @@ def limb_rows(renderer: Renderer) -> list[Row]:
 
 
 def light_rows(renderer: Renderer) -> list[Row]:
-    """A star's photons, the Sun's penumbra and the Moon's light on the ground."""
+    """Return a star's photons, the Sun's penumbra and the Moon's light on the ground."""
     drawn, counted = star_electrons(renderer)
     return [
         Row(
@@ -119,7 +119,7 @@ def _empty(
     off_nadir_deg: float = 0.0,
     look_at: str = "earth",
 ) -> SceneState:
-    """A scene in one band without spacecraft; parameters as of `scene_above`."""
+    """Return a scene in one band without spacecraft; parameters as of `scene_above`."""
     return scene_above(
         epoch,
         place,
@@ -140,7 +140,7 @@ def _draw(renderer: Renderer, scene: SceneState, **changes: bool) -> FloatArray:
 
 
 def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: float = 9000.0) -> LimbError:
-    """The Sun half down behind the limb of 700 km over 40 N, against the area counted ray by ray."""
+    """Return the Sun half down behind the limb of 700 km over 40 N, against the area counted ray by ray."""
     low, high = 60.0, 170.0
     for _ in range(24):  # the evening's longitude by bisection
         longitude = (low + high) / 2
@@ -170,7 +170,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
 
 
 def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48) -> FloatArray:
-    """(size, size) share of each pixel's rays that meet the ellipsoid."""
+    """Return the (size, size) share of each pixel's rays that meet the ellipsoid."""
     R_ie = scene.body("earth").R_fixed_from_eci
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz) @ R_ie.T
     c = R_ie @ scene.r_camera_eci_m
@@ -194,7 +194,7 @@ def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48)
 
 
 def star_electrons(renderer: Renderer) -> tuple[float, float]:
-    """Electrons of Vega in a drawn picture, and its photons counted by hand."""
+    """Return the electrons of Vega in a drawn image, and its photons counted by hand."""
     pitch, focal, number, exposure, efficiency = 5.86e-6, 17.6e-3, 2.0, 0.5, 0.5
     scene = _empty("2026-03-20T12:00:00Z", (0.0, 0.0, 700.0), square_camera(96, focal / pitch))
     field = stars(scene.epoch_utc, "mono")
@@ -222,7 +222,9 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
 
 
 def penumbra_difference(points: int = 400) -> float:
-    """Largest difference of the Sun's visible share over eleven places of the penumbra at the equator and the poles."""
+    """Return the largest difference of the Sun's visible share over eleven places of the penumbra at the equator and
+    the poles.
+    """
     grid = (np.arange(points) + 0.5) / points * 2 - 1
     y, z = (v.ravel() for v in np.meshgrid(grid, grid))
     disc = np.stack([np.zeros_like(y), y, z], axis=-1)[y * y + z * z < 1] * SUN_RADIUS_M
@@ -241,7 +243,9 @@ def penumbra_difference(points: int = 400) -> float:
 
 
 def moonlight_difference(renderer: Renderer) -> float:
-    """Largest relative difference of a moonlit night from the same ground by day, in the Moon's share of the light."""
+    """Return the largest relative difference of a moonlit night from the same ground by day, in the Moon's share of
+    the light.
+    """
     world = msgspec.structs.replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
     camera = square_camera(96, 140.0)
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)

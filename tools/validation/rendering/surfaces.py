@@ -74,7 +74,7 @@ CITIES = {
 
 
 def camera(width_km: float, size_px: int = SIZE_PX) -> Camera:
-    """A square camera that sees ``width_km`` of the ground below it."""
+    """Return a square camera that sees ``width_km`` of the ground below it."""
     f, middle = size_px * _HEIGHT_KM / width_km, (size_px - 1) / 2
     return Camera(width_px=size_px, height_px=size_px, fx_px=f, fy_px=f, cx_px=middle, cy_px=middle)
 
@@ -125,7 +125,7 @@ def city_radiance(
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Every comparison, measured now."""
+    """Return every comparison, measured now."""
     out = []
     for kind in KINDS:
         for sun_deg, published in zip(SUN_DEG, kind.published, strict=True):
