@@ -146,7 +146,7 @@ def zig() -> tuple[str, ...]:
 
 
 def c_compiler() -> tuple[str, ...]:
-    """The C compiler that is installed, ``cc`` or what CC names; empty if there is none."""
+    """Return the installed C compiler, ``cc`` or that named by CC; empty if there is none."""
     found = shutil.which(os.environ.get("CC") or "cc")
     return (found,) if found else ()
 
@@ -195,7 +195,7 @@ def compile_library(native: Path, variant: Variant, compiler: tuple[str, ...]) -
 
 
 def compiler_flags(variant: Variant, compiler: tuple[str, ...]) -> tuple[str, ...]:
-    """Flags of one library."""
+    """Return the flags of one library."""
     target = ("-target", variant.target) if compiler == zig() else ()
     cpu = (f"-mcpu={variant.cpu}",) if target and variant.cpu else ()
     return (*FLAGS, *target, *cpu, *variant.flags)

@@ -59,7 +59,7 @@ class Line:
         self.say(ERROR, struct.pack("<HHI", code, len(said), frame_id) + said)
 
     def hear(self) -> tuple[int, int, bytes] | None:
-        """The next packet's type, session id and payload; None for a damaged one."""
+        """Return the next packet's type, session id and payload; None for a damaged one."""
         while True:
             while len(self.buffer) >= 4 + HEADER.size:
                 length = struct.unpack_from("<I", self.buffer)[0]
@@ -156,13 +156,13 @@ class Board:
                 self.take_chunk(payload, at_ns)
 
     def lose(self) -> None:
-        """The frame that is coming in will not become whole."""
+        """Abandon the incoming frame, which cannot be completed."""
         if self.frame is not None:
             self.line.say_error(INCOMPLETE, self.frame[0], "a packet of the frame was lost")
         self.frame = None
 
     def take_header(self, payload: bytes) -> None:
-        """A frame begins; ids grow, so that one not above the last is a packet that came twice."""
+        """Begin a frame; ids increase, so one not above the last is a repeated packet."""
         frame_id, width, height, pixel_format, _, encoding, _, _, total, chunks = struct.unpack_from(
             "<IHHIBBBBII", payload
         )
@@ -178,7 +178,7 @@ class Board:
         self.frame = frame_id, chunks, bytearray()
 
     def take_chunk(self, payload: bytes, at_ns: int) -> None:
-        """A part of it; they come in order."""
+        """Add a part of the frame; parts come in order."""
         frame_id, index, offset, _ = struct.unpack_from("<IIII", payload)
         if self.frame is None or frame_id != self.frame[0]:
             return  # the rest of one that was lost

@@ -157,7 +157,7 @@ def _shown(factor: Factor, environment: dict[str, str]) -> str:
 
 
 def run(factor: Factor) -> str:
-    """``passed``, or what failed; the tests' own output goes to the terminal."""
+    """Return ``passed`` or the failures; the tests' own output goes to the terminal."""
     environment = {**os.environ, **factor.environment}
     if why := _shown(factor, environment):
         return f"does not act: {why}"

@@ -6,5 +6,5 @@ import flyaround as fa
 
 
 def build() -> fa.Target:
-    """The target, called as its entry point is."""
+    """Return the target; named like its entry point."""
     return replace(fa.load_target("cubesat-1u"), name="example-cube", title="The example's cube")

@@ -38,7 +38,7 @@ def formats() -> dict[str, DatasetFormat]:
 
 
 def _added(plugin: Plugin) -> DatasetFormat:
-    """A format of another package.
+    """Return a format of another package.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def writable() -> tuple[str, ...]:
 
 
 def find_format(name: str) -> DatasetFormat:
-    """A format by its name.
+    """Return a format by its name.
 
     Raises
     ------

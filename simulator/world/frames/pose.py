@@ -50,7 +50,7 @@ class Pose:
 
     @staticmethod
     def of(to: str, frm: str, q_wxyz: ArrayLike, t_m: ArrayLike) -> Pose:
-        """A pose from any array-like; the quaternion is normalised.
+        """Make a pose from any array-like; the quaternion is normalised.
 
         Raises
         ------
