@@ -50,7 +50,8 @@ class Line:
         )
         packet += struct.pack("<I", zlib.crc32(packet))
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
-        with suppress(OSError):  # gone: its last word may have come already, and the next hear() tells
+        # the connection is gone; its last message may have arrived, which the next hear() returns
+        with suppress(OSError):
             self.socket.sendall(struct.pack("<I", len(packet)) + packet)
 
     def say_error(self, code: int, frame_id: int, text: str) -> None:
@@ -71,7 +72,7 @@ class Line:
                     break
                 packet = bytes(self.buffer[4 : 4 + length])
                 if zlib.crc32(packet[:-4]) != struct.unpack("<I", packet[-4:])[0]:
-                    del self.buffer[:5]  # its length may be what is damaged: others may lie inside
+                    del self.buffer[:5]  # the damage may be in its length, so later packets may start inside
                     return None
                 del self.buffer[: 4 + length]
                 if version != VERSION:
@@ -144,7 +145,7 @@ class Board:
             if kind == ERROR and struct.unpack_from("<H", payload)[0] != CORRUPT:
                 raise Ended(1, f"the host ended the session: {payload[8:].decode()}")
             if session_id != self.line.session_id:
-                continue  # of an earlier session
+                continue  # from an earlier session
             if kind == BYE:
                 raise Ended(0, f"the host ended the session: {payload[4:].decode()}")
             if kind == TIME_SYNC_REQUEST:

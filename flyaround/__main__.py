@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.urls import without_secrets
 
 DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
 """Commands that open the graphics driver, which aborts the process if memory is short."""
-INTERRUPTED, TERMINATED = 130, 143  # 128 and the signal's number, as shells have it
+INTERRUPTED, TERMINATED = 130, 143  # 128 plus the signal's number, as shells do
 
 
 class Terminated(KeyboardInterrupt):
@@ -26,7 +26,7 @@ class Terminated(KeyboardInterrupt):
 
 
 def _terminate(number: int, _frame: object) -> None:
-    # what ends a program often sends the signal twice: the second would break off what the first began
+    # a second signal often follows the first: ignore it, or it would interrupt the cleanup
     signal.signal(number, signal.SIG_IGN)
     raise Terminated
 

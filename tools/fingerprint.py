@@ -62,7 +62,7 @@ POSES = {"tango": ("eval-earth", 64), "soyuz-ms": ("eval-black", 32), "dragon": 
 ANSWER = ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence")
 NOT_HASHED = ("software", "machine", "run")
 """Sections of a card or record that tell who made it, and how."""
-STEP_MS = 40  # of the console's clock
+STEP_MS = 40  # step of the console's clock
 
 
 def run(*arguments: str | Path) -> str:

@@ -28,7 +28,7 @@ COMMANDS = (
     "check data",
     "doctor",
 )
-# a mount namespace of its own: the machine's /dev/shm stays as it is
+# a separate mount namespace: the machine's /dev/shm stays as it is
 _AS_NOBODY = (
     f"mount -t tmpfs -o size={SHARED_MEMORY},mode=1777 tmpfs /dev/shm && exec setpriv --reuid {NOBODY} "
     f'--regid {NOBODY} --clear-groups env PATH=/nowhere "$@"'

@@ -78,7 +78,7 @@ class Factor:
 
 
 def _blas(core: str, *needs: str) -> Factor:
-    # of the cores that are one on 64 bits it tells the oldest
+    # of cores that are the same on 64 bits it reports the oldest
     told = "Katmai" if core == "Prescott" else core
     return Factor(
         f"blas-{core.lower()}",
@@ -99,7 +99,7 @@ def _numpy(name: str, features: tuple[str, ...], *needs: str) -> Factor:
 
 def _threads(number: int) -> Factor:
     names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "LP_NUM_THREADS")
-    # the library takes no more than there are processors
+    # the library uses no more threads than there are processors
     most = min(number, os.cpu_count() or 1)
     return Factor(
         f"threads-{number}",

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parents[1] / "assets" / "prebuilt"
 TARGET = "tango"
-_LEVEL = 22  # of zstd: the smallest
+_LEVEL = 22  # zstd level of the smallest files
 
 
 def made() -> Iterator[tuple[str, bytes]]:
@@ -95,7 +95,7 @@ def _arrays(node: object) -> Iterator[NDArray[np.generic]]:
 def main() -> None:
     """Write what is missing or has changed, and remove what is no longer asked for."""
     FOLDER.mkdir(exist_ok=True)
-    # the checksum tells who reads it of a flipped bit
+    # the checksum detects a flipped bit
     compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
     # a name is a kind and a hash of inputs and sources
     old = {file.name.rpartition("-")[0]: file for file in FOLDER.glob(f"*{SUFFIX}")}

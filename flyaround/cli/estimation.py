@@ -135,7 +135,7 @@ def evaluate(
     choices = _choices(run)
     try:
         given = None if run.model is None else BoardModel.read(run.model)
-        read_card(folder)  # what is no data set leaves no report behind
+        read_card(folder)  # check before a report is written
         write_run(empty_folder(output, resume=run.resume), run)
         with progress_bar("evaluate", quiet=as_json) as progress:
             metrics = evaluate_dataset(

@@ -18,7 +18,7 @@ from flyaround.runs.campaign import CampaignRun, DelayMapRun
 from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
 
-# a board's side on this machine, as hil board has it
+# command of a local board, like hil board
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
 MOST_REASONS = 10
 MOST_LEVELS = 100
@@ -42,7 +42,7 @@ def campaign(
             board_command=BOARD_COMMAND,
             workers=run.workers,
             progress=progress,
-            # where it goes and how many fly at a time change no result: the same file gives the same bytes
+            # output folder and number of workers do not change the result, so the bytes must not depend on them
             command=("flyaround", "hil", "campaign", run.file),
             say=lambda sentence: say(sentence, stderr=True),
         )

@@ -33,7 +33,7 @@ def measure(folder: Path, every_s: float) -> dict[str, Any]:
     model = BoardModel.read(str(folder / "model.json"))
     camera = CameraIntrinsics.from_dict(json.loads((folder / "camera.json").read_bytes()))
     first, track = make_estimator(model, camera), make_estimator(model, camera, HYBRID_TRACK)
-    # one picture at a time, as from a link: what is mapped counts as memory
+    # one image at a time, as from a link: mapped memory counts as used
     single, sequence = (np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("single", "sequence"))
     alone = [first.estimate(np.array(image)) for image in single]
     followed = [track.estimate(np.array(image), None, k * every_s) for k, image in enumerate(sequence)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SCENARIO = "tango-flyaround"
-N_SINGLE = 26  # of fewer one slow frame is the 95th percentile
+N_SINGLE = 26  # with fewer, a single slow frame would be the 95th percentile
 
 # Frames of the tracking bench, half a second apart.
 N_TRACKED, EVERY_S = 42, 0.5
@@ -59,7 +59,7 @@ def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
         text=True,
     )
     figures = json.loads(answer.stdout)
-    # the first frame pays for what is made once
+    # the first frame includes one-time setup
     costs = [cost("initialisation, one thread", figures["single"][1:])]
     if figures["tracked"]:
         costs.append(cost("tracking, one thread", figures["tracked"]))

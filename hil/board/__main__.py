@@ -130,7 +130,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
     try:
         before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: whoever runs it there sees to signals
+    except ValueError:  # not the main thread: its caller handles signals
         yield
         return
     try:

@@ -188,7 +188,7 @@ class BoardAgent:
         try:
             repeat_s = 1.0 if self._url.startswith("serial") else math.inf
             terms = greet_host(link, self._hello, self._timeout_s, repeat_s=repeat_s)
-            # what the estimator is under test for is not even decoded here
+            # ground truth is not even decoded on the board
             link.accepts = link.accepts - {PacketType.TRUTH}
             estimator = self._estimator(terms, link)
             logger.info("session with %s: %d x %d px", self._url, terms.width_px, terms.height_px)

@@ -39,13 +39,13 @@ MAX_LOGGED = 100
 # an estimator that is at work when its session ends has this long to come back, and each thread [s]
 LAST_WAIT_S = 1.0
 
-# how often the board asks for the host's clock: to be heard, and to hear, while its estimator works [s]
+# interval of clock requests, which show that the board is alive while its estimator works [s]
 BEAT_S = 0.4
 
 # until the host has answered that, it is waited for so many times as long: a line may take seconds
 UNMET_FACTOR = 5.0
 
-# how often the line is looked at for a stop, and the estimator for its time, at least [s]
+# longest interval between checks for a stop and of the estimator's time [s]
 LOOK_S = 0.5
 
 
@@ -100,7 +100,7 @@ class FrameServer:
     ) -> None:
         self._link, self._terms, self._estimator = link, terms, estimator
         self._watchdog_s, self._silence_s = watchdog_s, silence_s
-        # whole frames that wait: no more than this board said it can hold, whatever the host makes of it
+        # queue length: no more than this board announced, whatever the host sends
         self._room = max(1, min(window, terms.window))
         self._arrivals: queue.Queue[Optional[_Arrival]] = queue.Queue()
         self._assembler = FrameAssembler(terms)
@@ -112,7 +112,7 @@ class FrameServer:
         self._ended = "the host went away"
         self._watchdog_said = f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
         self._stop, self._over = threading.Event(), threading.Event()
-        # the frame in work and since when; whoever takes it out under the lock answers it
+        # the frame in progress and its start; whoever removes it under the lock answers it
         self._answering = threading.Lock()
         self._in_work: Optional[_Arrival] = None
         self._begun_ns = 0
@@ -190,7 +190,7 @@ class FrameServer:
                 pose = self._answer(arrival, self._begun_ns)
                 with self._answering:
                     if self._in_work is not arrival or self._stop.is_set():
-                        return  # the watchdog was faster, or the session is over: nobody waits for this any more
+                        return  # the watchdog was faster, or the session is over
                     self._in_work = None
                 self._send(pose)
         except LinkClosed:

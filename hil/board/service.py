@@ -11,7 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Callable, List
 
-# a service manager that watches is told this often in the time that it gives
+# notifications within a service manager's watchdog time
 BEATS = 3.0
 
 # an estimator that takes longer is stuck, where the unit's writer says nothing else [s]
@@ -49,7 +49,7 @@ class ServiceManager:
         if not self._address:
             return
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
-            line.setblocking(False)  # a manager that does not read holds nobody up
+            line.setblocking(False)  # a manager that does not read must not block the agent
             line.sendto(state.encode(), self._address)
 
     def beat_while(self, is_well: Callable[[], bool]) -> None:

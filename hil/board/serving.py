@@ -11,7 +11,7 @@ from flyaround.hil.board.frame_server import BoardSummary
 from flyaround.hil.board.service import ExitCode, ServiceManager
 from flyaround.hil.link.errors import LinkError
 
-# of a line in which the agent says that it is started anew by itself
+# end of the log line before the agent restarts itself
 RESTARTS = "; the agent starts anew"
 
 

@@ -66,7 +66,7 @@ def _grow(
         return me
     chosen, n, d = _best_plane(big, small)
     s = big @ n - d
-    # a face of four corners is not quite flat: in its own plane it lies all the same, or it would be cut for ever
+    # a quadrilateral is not quite flat: count it as in its own plane, or it would be cut endlessly
     s[chosen] = 0.0
     front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
     on = ~front & ~behind

@@ -159,7 +159,7 @@ def _view(
     x, y = np.rint(xy).astype(int).T
     kept = np.flatnonzero(border[y, x])
     owner, share, xy = owner[kept], share[kept], xy[kept]
-    # of the points near a place of the outline the outermost
+    # the outermost of the points near a place of the outline
     found = cKDTree(xy).query(places, k=min(12, len(xy)))
     distance, near = (np.asarray(x).reshape(count, -1) for x in found)
     depth = np.einsum("ijk,ik->ij", xy[near] - places[:, None], inward)
@@ -227,7 +227,7 @@ def _shape(
     nearer = np.where(front[faces[:, 0]], faces[:, 0], faces[:, 1])
     along = s.positions_m[s.ends[edge, 1]] - s.positions_m[s.ends[edge, 0]]
     sharp = np.cross(along, sight)
-    # the face that is seen lies inside the outline
+    # the visible face is inside the outline
     inside = s.positions_m[s.triangles[nearer]].mean(axis=1) - point
     sharp *= -np.sign(np.einsum("ij,ij->i", sharp, inside))[:, None]
     smooth = s.smooth[edge]

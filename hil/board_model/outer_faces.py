@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Visible area below which a triangle, and a part that a coarser level leaves out, is not worth drawing [m2].
 LEAST_TRIANGLE_M2, LEAST_PART_M2 = 2e-6, 2.5e-3
 
-# Directions looked from, and the pitch of the points that stand for the surface [share of the craft's size].
+# View directions, and the spacing of the points that sample the surface [share of the craft's size].
 DIRECTIONS, PITCH = 32, 0.0022
 
 # Share of a hidden face's points that seem visible where the cover of one in front has a gap.
@@ -28,12 +28,12 @@ LEAK = 0.015
 # More triangles than this no board can draw in time.
 MOST_TRIANGLES = 9000
 
-# Of a craft that has more, so many that can be seen are kept, the parts first that show most for each of theirs. What
-# lies within this of the coarse craft's surface and is of its material shows nothing new [share of the craft's size].
-# A triangle, and a part, must show this much of itself [share of the size, squared].
+# Largest number of visible triangles, those of the parts with the largest visible area per triangle first. Triangles
+# within NEW of the coarse craft's surface and of its material add no information [share of the craft's size]. Least
+# visible area of a triangle and of a part [share of the size, squared].
 MOST_SEEN, NEW, LEAST_TRIANGLE, LEAST_PART = 4200, 0.006, 1e-7, 1e-4
 
-# What stands off the craft is seen on the outline too, and casts shadows: what its area counts.
+# Weight of the area of parts that stand off the craft: they shape the outline and cast shadows.
 ALOFT = 3.0
 
 
@@ -136,7 +136,7 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
         if not kept[k] and shown[k] > LEAST_PART * size**2 and count + number[k] <= MOST_SEEN:
             kept[k] = True
             count += number[k]
-    # what only left-out parts hid is seen again
+    # faces hidden only by omitted parts become visible
     some = np.flatnonzero(kept[owner])
     some = some[visible_area(triangles[some]) > least]
     return triangles[some], [parts[k].material for k in owner[some]]
@@ -159,7 +159,7 @@ def _distinctiveness(
     """
     names = sorted({p.material for p in parts})
     material = np.array([names.index(p.material) for p in parts])[owner]
-    # points all over the surface, no farther apart than half of what is asked
+    # points all over the surface, no farther apart than half of ``within_m``
     points, of = [], []
     for k in np.flatnonzero(surface):
         a, b, c = triangles_m[k]

@@ -137,7 +137,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
         step_m=step,
         corners=base64.b64encode(places_packed).decode(),
         material=tuple(names.index(of[k]) for k in tree.source),
-        # a micrometre: what lies in a plane is told by twenty
+        # micrometres: one plane may be described by twenty faces
         plane=tuple((round(a, n), round(b, n), round(c, n), round(d, n)) for a, b, c, d in tree.plane),
         children=tuple(tree.children),
         members=tuple(tuple(m) for m in tree.members),

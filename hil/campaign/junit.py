@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.hil.campaign.definitions import Campaign, ReadyCase
     from flyaround.hil.campaign.verdicts import RunVerdict
 
-# what XML 1.0 has no way to write
+# characters that XML 1.0 cannot represent
 _UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.ledger.summary import ClosedLoopFigures
     from flyaround.simulator.scenario.plan import Plan
 
-# of an approach that succeeded: the limits of docs/hil_closed_loop.md
+# limits of a successful approach, see docs/hil_closed_loop.md
 WITHIN_M, WITHIN_DEG = 0.2, 2.0
 MOST_BYTES = 1 << 28
 COLUMNS = (
@@ -79,7 +79,7 @@ class MapFlight:
 
 def fly(task: MapFlight) -> list[str]:
     """Fly an approach and return its row of the table."""
-    # only what is drawn depends on the plan's seed
+    # only rendering depends on the plan's seed
     plan = _plan(task.scenario, 0 if task.board_command is None else task.seed)
     told = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
     cell = task.cell

@@ -83,7 +83,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
         levels = [r.latency_s for r in row]
         fit = isotonic_regression([r.share for r in row], weights=[r.flights for r in row], increasing=False)
         shares = np.asarray(fit.x)
-        # the first level at which no more than a half succeeds
+        # the first level at which at most half succeed
         k = next((k for k, share in enumerate(shares) if share <= 0.5), len(levels))
         above = max((r.latency_s for r in row[:k] if r.low > 0.5), default=None)
         below = min((r.latency_s for r in row[k:] if r.high < 0.5), default=None)

@@ -192,7 +192,7 @@ def _decode(
             )
         above = ((grabs[name] - dark) > swing / 2).astype(int) ^ above
         half |= above << bit
-    # a half period misread at its border is told by the phase, which is near 0 or a whole turn there
+    # a half period misread at its border has a phase near 0 or a full turn there
     near_start, near_end = phase < np.pi / 2, phase > 3 * np.pi / 2
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
     at = (period + phase / (2 * np.pi)) * PERIOD_PX

@@ -57,7 +57,7 @@ KEY = element(
     class_="dim key",
 )
 
-# What stands where there is no number, and between the ends of an interval.
+# Placeholder for a missing number, and separator of an interval.
 NONE = "\N{EN DASH}"
 
 STYLE = ".key b{color:#009e73}.key i{color:#e69f00;font-style:normal;font-weight:700}"
@@ -123,7 +123,7 @@ def _small(low: str, high: str) -> Markup:
     return element("small", f"{low}{NONE}{high}")
 
 
-# Where a unit's numbers grow long, the next one and how many of the first it holds.
+# Larger unit of long numbers, and the factor between both.
 LARGER = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
 
 

@@ -36,7 +36,7 @@ HALO = [withStroke(linewidth=4, foreground="white")]
 
 AXES = ("x, right", "y, down", "z, forward")
 
-# What the thesis reports over its own images.
+# Results of the thesis on its own images.
 THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
 
 CAPTIONS = {
@@ -153,7 +153,7 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
                 colour = COLOURS[k % len(COLOURS)]
                 inside = np.abs(values) <= top
                 ax.scatter(x[inside], values[inside], s=size, color=colour, lw=0, alpha=0.45)
-                # what lies beyond is drawn at the edge it left by
+                # values outside are drawn at the edge
                 for beyond, marker in ((values > top, "^"), (values < -top, "v")):
                     edge = np.full(int(beyond.sum()), top if marker == "^" else -top)
                     ax.scatter(x[beyond], edge, s=1.5 * size, color=colour, marker=marker, lw=0)

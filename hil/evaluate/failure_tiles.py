@@ -19,7 +19,7 @@ TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
 
 WIDTH, HEIGHT = 360, 260
 
-# What lies beyond the picture's edge: space is black.
+# Grey level outside the image, since space is black.
 BEYOND = 70
 
 # From where to where the arrow of an estimate beyond the tile goes, of the way from its middle to its side.

@@ -32,7 +32,7 @@ class MethodChoice(msgspec.Struct, frozen=True):
     def label(self) -> str:
         """Name in tables."""
         extra = [*([self.solver] if self.solver else []), *(self.streams or ())]
-        # of a network the file alone: names of files are made of this
+        # for a network the file name alone, since file names are made of this
         method = self.method
         if method.startswith(NETWORK):
             method = NETWORK + Path(method.removeprefix(NETWORK)).name

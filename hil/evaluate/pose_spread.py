@@ -18,7 +18,7 @@ WRONG_AT = 5.0
 # From a median of absolute values to a normal's standard deviation.
 NORMAL = 1.4826
 
-# Fewer poses have no spread worth telling, and none is told as smaller than this.
+# Least number of poses for a spread, and the smallest standard deviation reported.
 LEAST_POSES, LEAST = 10, 1e-6
 
 

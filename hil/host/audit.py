@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 
 IMAGES_TOPIC = "/camera/image_raw"
-# of each kind of disagreement that are told one by one
+# disagreements of each kind that are listed one by one
 MOST_TOLD = 20
 
 

@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 # realtime: the first exposure begins this long after its picture is ready
 LEAD_NS = 20_000_000
 
-# what a board is told in the end
+# reason of the goodbye by the way in which the run ended
 GOODBYES: dict[Ended, str] = {
     "completed": "the run is over",
     "board_lost": "the run is over: the board was not back in time",
@@ -136,7 +136,7 @@ class BoardSink:
         try:
             write_terms(config.log_dir, self._terms)
         except BaseException:
-            # a ledger without its terms would stand in the way of the next try
+            # a ledger without terms would block the next attempt
             self._writer.discard()
             self._writer = None
             raise

@@ -72,7 +72,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     yield "flyaround/__init__.py", b""  # the package itself is for newer Pythons
     root = Path(flyaround.hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
-        # pictures of stages are for people: no estimate asks for them
+        # debug images are for people: no estimate needs them
         if source.parent.name != "debug":
             yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
     names = {KIN.get(target.name, target.name) for target in targets}

@@ -13,7 +13,7 @@ from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_dee
 
 MOST_BYTES = 10_000_000
 
-# A sine or a share beyond these is no accuracy, and below them none that a filter could be told.
+# Limits of a sine or a share: outside of them a value is no plausible accuracy.
 LEAST, MOST = 1e-7, 3.2
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
-# of summary.json: thousands of times what it takes
+# largest summary.json: thousands of times the usual size
 MOST_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
@@ -277,7 +277,7 @@ def _page(
     if steps:
         files.append(link(STEPS_CSV))
     if s.ended == "killed":
-        # what the summary would have said; this machine need not be the run's
+        # unknown without a summary; this machine need not be the run's
         board = host = line = "not recorded"
     else:
         files.append(link(SUMMARY_JSON))

@@ -87,7 +87,7 @@ def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Fig
     answered = [row for row in rows if row.e2e_ms is not None]
     dropped = [row for row in rows if row.e2e_ms is None]
     if not answered and not all(row.outcome.startswith(DROPPED) for row in rows):
-        # nobody kept the times
+        # no times were recorded
         return None
     if not rows:
         return None
@@ -211,7 +211,7 @@ def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
         _title(
             ax, f"Median of accepted: {np.median(accepted):.3g} {unit}" if accepted else "No pose accepted"
         )
-    # a wrong pose lies at the top, where a legend inside would hide it
+    # wrong poses are at the top, where a legend inside would hide them
     figure.legend(
         *axes[0].get_legend_handles_labels(), fontsize=9, frameon=False, ncols=3, loc="outside lower center"
     )

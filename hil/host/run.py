@@ -162,7 +162,7 @@ def signals_held() -> Iterator[None]:
     ends the run as well.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread is told of signals
+        yield  # only the main thread receives signals
         return
     came: list[int] = []
     before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in ENDING}

@@ -81,7 +81,7 @@ def is_loopback(host: str, port: int) -> bool:
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError:
-        return False  # listening there will say what is wrong with it
+        return False  # listen() reports the error
     addresses = {str(address[0]).partition("%")[0] for *_, address in found}
     return bool(addresses) and all(ipaddress.ip_address(a).is_loopback for a in addresses)
 

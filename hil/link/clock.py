@@ -63,7 +63,7 @@ class ClockFilter:
         self._samples: Deque[ClockSample] = deque()  # the shortest round trip of each second
         self._count = 0
         self._line: Optional[ClockLine] = None
-        self._stale = False  # whether the line is older than the samples
+        self._stale = False  # True if the line is older than the samples
 
     def add(self, asked_ns: int, received_ns: int, answered_ns: int, back_ns: int) -> None:
         """Add one exchange; a negative round trip means a broken clock and is ignored."""
@@ -147,7 +147,7 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     middle = float(at.mean())
     rest = offset - slope * (at - middle)
     centre = float(np.median(rest))
-    # no better than an eighth of the shortest round trip, which may lie all on one side now and not then
+    # at least an eighth of the shortest round trip, whose asymmetry may change
     scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(rest - centre))), float(trips.min()) / 8)
     sigma = scatter / float(np.sqrt(np.sum((at - middle) ** 2)))
     # the median of slopes is 0.95 as efficient as least squares

@@ -38,7 +38,7 @@ from flyaround.hil.link.transports.base import Transport
 
 logger = logging.getLogger(__name__)
 
-# what each side may hear, by the state of its session; the payload of anything else is not looked at
+# packet types accepted by each side, by the state of its session; other payloads are not parsed
 HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})
 HOST_IN_SESSION: FrozenSet[PacketType] = frozenset(
     {
@@ -182,7 +182,7 @@ class Link:
         opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
         if not opening and packet.session_id != self.session_id:
             if self._heard_session != self.session_id:
-                self.stats.stale += 1  # of an earlier session on the same serial line
+                self.stats.stale += 1  # from an earlier session on the same serial line
             else:
                 about = f"{packet.type.name} of session {packet.session_id:#x}"
                 self.stats.add_mistake("a packet of a session that was never opened", about)

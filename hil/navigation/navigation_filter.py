@@ -170,7 +170,7 @@ class NavigationFilter:
         last = self._foretold
         if last is None or last.t_s > t_s:
             last = self._track[-1].after
-        # the next is asked for from here on: what was foretold once is not again
+        # cache the prediction: callers ask for increasing times
         self._foretold = self.motion.propagated(last, t_s, self._thrust)
         return self._foretold
 
@@ -225,7 +225,7 @@ class NavigationFilter:
         left = np.eye(18) - K @ H
         covariance = left @ C @ left.T + K @ R @ K.T
         after = estimate.corrected(K @ innovation, (covariance + covariance.T) / 2)
-        # what the pose's new errors were, by the estimate after it, over those of a factor of 1
+        # the pose's new errors by the estimate after it, relative to those of a factor of 1
         H = self._sensitivity(after, pose, factors)
         whiten = np.linalg.inv(pose.new_errors())
         residual = whiten @ self._residual(after, pose, factors)
@@ -275,7 +275,7 @@ class NavigationFilter:
         of_new = M @ pose.new_errors(scale.factors)
         covariance = np.zeros((18, 18))
         covariance[:12, :12] = of_new @ of_new.T + of_bias @ of_bias.T
-        # the pose's error is added to the estimate, so that what is missing has the other sign
+        # the pose's error adds to the estimate, so the remaining error has the other sign
         covariance[:12, B], covariance[B, :12] = -of_bias, -of_bias.T
         covariance[B, B] = np.eye(6)
         covariance[V, V] += self.settings.start_speed_m_s**2 * np.eye(3)

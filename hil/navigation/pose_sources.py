@@ -47,7 +47,7 @@ class PoseErrors:
         A wrong one is turned by any angle, and a tenth of the range away.
         """
         q, t = snapshot.pose()
-        # the same numbers are drawn whatever becomes of them, so that runs differ by their seed alone
+        # always draw the same numbers, so that runs differ by their seed alone
         fresh, other = self._rng.standard_normal((2, 6))
         is_there, is_wrong = self._rng.random(2) < (self._noise.available, self._noise.wrong)
         anywhere = self._rng.standard_normal(6)

@@ -166,7 +166,7 @@ def _make(merged: MergedParts, parts: Sequence[Part], numbers: Mapping[str, int]
     )
 
 
-_ROUNDING = 1e-9  # of a hull's extent, by which one inside of it may stand out
+_ROUNDING = 1e-9  # rounding tolerance of a point inside a hull, as a share of the hull's extent
 
 
 def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.ray_cast import Int32Array, RayCaster
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet that stands for a round face
-# of the craft's radius: rays start so far off their face, which then does not hide them; and those of a place that is
-# covered by a decal start above it: of a sheet under cells or blankets only the gaps between them show
+GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a curved face
+# shares of the craft's radius: distance of a ray's origin from its face, so that the face does not hide it; and from
+# a face covered by a decal, so that of a sheet under cells or blankets only the gaps between them are visible
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
-_COVERED = 0.4  # of what a place sees
-_PROBE = 4  # every fourth direction tells whether a place is covered
+_COVERED = 0.4  # share of the directions that a decal covers
+_PROBE = 4  # every fourth direction tests if a place is covered
 _MOST_THREADS = 8
 
 _T = TypeVar("_T")

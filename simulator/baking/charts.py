@@ -20,12 +20,12 @@ from flyaround.simulator.geometry.triangles import face_vectors
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-TEXEL = 0.032  # of the craft's radius
+TEXEL = 0.032  # share of the craft's radius
 MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
 _FLAT = 0.9999  # cosine of a corner's normal with the face's
 _NEAREST = 8  # triangles that a place off all of them may be nearest to
-_PAIRS = 500_000  # of a node and a triangle that are looked at together: 0.1 GB
-_MARGIN = 0.1  # of a texel: nodes at a border are sampled so far inside
+_PAIRS = 500_000  # pairs of a node and a triangle processed together: 0.1 GB
+_MARGIN = 0.1  # share of a texel: distance inside at which nodes at a border are sampled
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def make_charts(
     steps = np.stack([i, j], axis=1)
     wanted = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
     wanted = low[of_node] + np.clip(wanted, inside, np.maximum(extent[of_node] - inside, inside))
-    # a plane on which no chart lies over another
+    # a plane on which no two charts overlap
     shift = corner * texel_m - low
     xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
     triangle, shares = _nearest_on_charts(wanted + shift[of_node], of_node, xy, chart, nodes, area)
@@ -217,7 +217,7 @@ def _nearest_on_charts(
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
-    # of small faces the middle of the largest triangle
+    # for small faces the centroid of the largest triangle
     triangle, shares = largest[of_node], np.full((len(wanted), 3), 1 / 3)
     candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
     asking = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
 FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette
 _PLACE_M = 1e-6  # corners nearer than this are one
-_FARTHEST = 0.004  # of the mesh's extent: what lies farther apart is not looked for
+_FARTHEST = 0.004  # largest distance of two edges compared, as a share of the mesh's extent
 _PLACES = 3, 12  # along an edge that are looked around from: at least, at most
-_APART = 0.02  # of the mesh's extent, between those of a long edge
+_APART = 0.02  # spacing of the places along a long edge, as a share of the mesh's extent
 _LOOKED_AT = 6  # nearest places of other edges
 _SAME_PLANE, _PARALLEL = 0.999, 0.95  # cosines
-_BEYOND = 0.02  # of its length, by which an edge may end before the other's place
-_SHORTEST = 0.003  # of the mesh's extent: shorter edges cost little
-_MOST_EDGES = 200_000  # of a finer mesh no pairs are looked for
+_BEYOND = 0.02  # share of its length by which an edge may end before the other's place
+_SHORTEST = 0.003  # share of the mesh's extent: shorter edges cost little
+_MOST_EDGES = 200_000  # pairs are not searched in finer meshes
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     row = np.asarray(tree.query(place, k=_LOOKED_AT, distance_upper_bound=reach)[1])
     asking, column = np.nonzero(row < len(of))
     other, own = of[row[asking, column]], asked[asking]
-    # beside it, not before its ends; about parallel; another edge
+    # next to it, not beyond its ends; nearly parallel; another edge
     to = place[asking] - start[other]
     step = np.einsum("ij,ij->i", to, along[other])
     good = (step >= -_BEYOND * length[other]) & (step <= (1 + _BEYOND) * length[other]) & (other != own)

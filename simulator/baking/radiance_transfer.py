@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T", bound=np.generic)
 DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
-LARGEST_SLOPE = 0.8  # of b, in the eight bits that hold it; a hemisphere has 0.75
+LARGEST_SLOPE = 0.8  # largest value of b, stored in eight bits; a hemisphere has 0.75
 BOUNCES = 4
-INTERREFLECTION_STEP = 2.0**-16  # parts can return no more than the sunlight
+INTERREFLECTION_STEP = 2.0**-16  # the parts return no more than the sunlight
 PATCH = 4  # nodes along each side of a patch that returns light as one
 _BLOCK = 1 << 17  # products
-_INSIDE = 0.3  # of what a node sees; more from within another part is no place to stand
+_INSIDE = 0.3  # share of back faces in view above which a node is inside another part
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,7 @@ def solve_radiosity(
     whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
     good = within < _INSIDE * whole
     visibility = _visibility(charts, seen, good)
-    # who gives to whom: nodes from patches
+    # transfer from patches to nodes
     patch, count = _patches(charts, side)
     # light is known of fronts: the back of an open shell hides, and returns nothing
     front = np.flatnonzero(~seen.hit_back)

@@ -37,7 +37,7 @@ STEP_S = 0.1
 PICTURE_SHAPE = (1200, 1920)
 EXPOSURE_S = 1e-3
 SENSOR_LAPS, SENSOR_WARM_UP = 12, 2
-AHEAD_S = 0.03  # of the renderer's work
+AHEAD_S = 0.03  # share of the renderer's work submitted ahead
 
 
 @dataclass(frozen=True, kw_only=True)

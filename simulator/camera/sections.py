@@ -74,7 +74,9 @@ class DetectorSection(Section, frozen=True, kw_only=True):
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
         if "quantum_efficiency" in changes:
             changes["quantum_efficiency"] = tuple(changes["quantum_efficiency"])
-            changes.setdefault("quantum_efficiency_curve", ())  # of the preset: the number given replaces it
+            changes.setdefault(
+                "quantum_efficiency_curve", ()
+            )  # drop the preset's curve: the given number replaces it
         if "quantum_efficiency_curve" in changes:
             changes["quantum_efficiency_curve"] = _in_metres(changes["quantum_efficiency_curve"])
         return replace(base or Detector(), **changes)
@@ -167,7 +169,7 @@ def _read_kernel(path: Path) -> NDArray[Any]:
             raise ValueError("it is black all over")
         return picture / picture.sum(dtype=float)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # an empty file is told of by its shape
+        warnings.simplefilter("ignore", UserWarning)  # an empty file is detected by its shape
         return np.loadtxt(io.StringIO(decode_text(data, str(path))), delimiter=_delimiter(path), ndmin=2)
 
 

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 GRADIENT_BINS = 128
-GRADIENT_LARGEST_DN = 128.0  # of the gradient's histogram: a step of full scale gives 128 DN per pixel
-EDGE_BLUR_PX = 1.5  # so that binary edges show the scene and not its noise
-BORDER_SHARE = 0.02  # of the height: the frame from whose darkness the background is told
+GRADIENT_LARGEST_DN = (
+    128.0  # largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
+)
+EDGE_BLUR_PX = 1.5  # blur that keeps noise out of binary edges
+BORDER_SHARE = 0.02  # width of the border whose darkness indicates the background, as a share of the height
 DARK_DN = 15.0  # above the black level
-SPACE_SHARE = 0.9  # of the border that is dark when the craft is before space
+SPACE_SHARE = 0.9  # share of dark border pixels above which the background is space
 HALF_NOISE = 0.56  # mean second difference of white noise clipped at its middle, over that of the whole
 # Immerkaer (1996, Computer Vision and Image Understanding 64): blind to planes and straight edges along the axes
 _NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.compare.image_statistics import ImageStatistics
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-SOBEL_GAIN = 4.0  # of the gradient images: 64 DN per pixel is white
+SOBEL_GAIN = 4.0  # gain of the gradient images: 64 DN per pixel is white
 SHOWN_PX = 960
 JPEG_QUALITY = 85
 PLOT = (320, 200)
-DECADES = 5  # of the histograms' axis, from 1 down
+DECADES = 5  # range of the histograms' axis, down from 1
 STYLE = "table{width:auto}"
 
 

@@ -36,7 +36,7 @@ CANDIDATES = 24
 RECIPES = {True: "eval-black", False: "eval-earth"}  # by whether the background is space
 HISTOGRAM_DN = 32.0  # a histogram moved by this weighs as much as a craft that looks nothing like it
 BRIGHT_PERCENT = 99.0  # this percentile is exposed to the reference's
-CLIPPED_DN = 250.0  # where that is clipped it tells no more than this
+CLIPPED_DN = 250.0  # clipped values carry no more information than this
 OTHER_VIEW = 0.5  # likeness that an uncertain pose must reach to win over another view
 SHORTEST_S, LONGEST_S = 1e-6, 10.0
 

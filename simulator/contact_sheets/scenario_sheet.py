@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 COLUMNS, ROWS = 3, 2
-WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # of one frame, of one sample
+WIDTH_PX, SAMPLE_WIDTH_PX = 480, 256  # width of a frame and of a sample
 _AXIS = 0.6
 """Length of an arrow relative to the distance of the mesh's farthest vertex."""
 

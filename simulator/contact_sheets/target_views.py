@@ -43,7 +43,7 @@ FOCAL_WIDTHS = 3.0
 """Focal length in image widths, long so that sides look square."""
 FILL = 0.9
 ORBIT_M = 7e6
-# RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
+# RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
 PIECES = 60

@@ -169,7 +169,7 @@ def _capture(
     labels, formats = planned.labels, planned.formats
     if not (
         resume and store.exists(CARD_NAME)
-    ):  # what is there is counted once it is known to be the same plan
+    ):  # count existing frames once the plan is known to be the same
         _refuse_without_room(store, plan, labels, formats, plan.n_frames)
     with drawing(plan, planned) as producer:
         info = producer.info
@@ -220,7 +220,7 @@ def _open_producer(
         stage = CheckAndEncode(card, plan.target)
         return RayFrames(stage, cluster, first=first, target=plan.target, n_frames=plan.n_frames)
     return open_frames(
-        # other processes here are told the target's name alone
+        # other local processes get the target's name alone
         CheckAndEncode(card, plan.target if workers == 1 else None),
         # one draws here; more have each a renderer of their own
         processes=workers if workers > 1 else 0,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 CARD_NAME = "dataset.json"
-MOST_BYTES = 64_000_000  # of a card: with every frame of a large set in quarantine
+MOST_BYTES = 64_000_000  # largest card: with every frame of a large set in quarantine
 
 CONVENTIONS = {
     "quaternions": "Hamilton, scalar first; q_a_from_b rotates a vector given in b into a",

@@ -24,7 +24,7 @@ _DARK = 5.0
 # Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.
 _KEPT, _BELOW = 0.98, 0.9
 
-# Where frames want exposures further apart than this, one number does not serve them all.
+# Ratio of the frames' exposures above which one number cannot serve all.
 _FAR_APART = 4.0
 
 
@@ -73,11 +73,11 @@ def measure_clipping(frame: Frame) -> Clipping:
     radiance = frame.radiance[frame.mask > 0] if frame.mask is not None else frame.radiance[:0].ravel()
     if not len(radiance):
         return Clipping(0, 0, scene.exposure_s, 0.0)
-    # an even picture of unit radiance, exposed for a second, tells the scale of each band
+    # a uniform image of unit radiance, exposed for a second, gives the scale of each band
     even = np.ones((9, 9, *radiance.shape[1:]), np.float32)
     scale = expose(even, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
     signal_1s = radiance * scale
-    # of a colour pixel the band that is full first
+    # for a colour pixel the band that saturates first
     brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
     clipped = int(np.count_nonzero(brightest * scene.exposure_s >= 1.0))
     high = float(np.quantile(brightest, _KEPT))

@@ -40,7 +40,10 @@ if TYPE_CHECKING:
 
 MOST_PICTURE_BYTES = 500_000_000
 LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it
-COLOURED_SHARE, COLOURED_DN = 0.01, 16  # of the pixels, and how far bands of a coloured one are apart, of 255
+COLOURED_SHARE, COLOURED_DN = (
+    0.01,
+    16,
+)  # an image is coloured if this share of pixels has bands this far apart, of 255
 SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 

@@ -247,7 +247,7 @@ class RayFrames(FrameProducer[Taken]):
 
 
 def _import_ray() -> Any:  # noqa: ANN401 - a package without types
-    # a simulator tells nobody that it is used; and a task that asks for no GPU sees those that there are
+    # no usage statistics; and a task that requests no GPU still sees the existing ones
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
     try:

@@ -86,7 +86,7 @@ def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
     if plan.second_camera is None:
         return None
     second = SecondCameraPlan.of(plan, plan.second_camera)
-    second.scene(0)  # what is impossible is said before anything is written
+    second.scene(0)  # raise for an impossible scene before anything is written
     return second
 
 

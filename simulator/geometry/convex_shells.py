@@ -27,14 +27,14 @@ CLOSEST_M = 0.15
 it."""
 BOX = 0.05
 """Size of a box of triangles or edges, as a share of the radius."""
-_PLACE = 2e-6  # of the radius: corners nearer than this are one
+_PLACE = 2e-6  # share of the radius: closer corners are one
 _MOST = 4  # shells of one craft: each takes time, and the largest hide most
-_LEAST_SHARE = 0.1  # of the largest shell's area
-_APART = 0.05  # of the radius: a shell that stands out of a larger one by less hides little more
+_LEAST_SHARE = 0.1  # share of the largest shell's area
+_APART = 0.05  # share of the radius: a shell that protrudes less from a larger one hides little more
 _MOST_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
-_MOST_BODIES = 160  # of a part that are looked at
-_LEAST_BODY = 0.003  # of the largest body's area
-_BULGE = 1e-5  # of the radius, by which corners may stand out of a convex shell's planes
+_MOST_BODIES = 160  # bodies of a part that are considered
+_LEAST_BODY = 0.003  # share of the largest body's area
+_BULGE = 1e-5  # share of the radius by which corners may be outside a convex shell's planes
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class ConvexShell:
         left, right = front.take(self.faces.T)
         edges = (left != right).nonzero()[0]
         normals = self.turns.take(edges, axis=0) @ place
-        # of the two faces the one on the left has the shell on the inner side of that plane when it looks at the place
+        # seen from the place, the left one of the two faces has the shell on the inner side of that plane
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         normals *= (np.where(left.take(edges), 1.0, -1.0) / np.maximum(lengths, 1e-12))[:, None]
         distances = np.einsum("ij,ij->i", normals, self.ends_m[:, 0].take(edges, axis=0))

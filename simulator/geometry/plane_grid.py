@@ -81,7 +81,7 @@ class PlaneGrid:
             enters, leaves = (np.clip((row + k - a[:, 1]) / rise, 0, 1) for k in (0, 1))
         enters, leaves = np.where(level, 0.0, enters), np.where(level, 1.0, leaves)
         x = [a[:, 0] + share * (b[:, 0] - a[:, 0]) for share in (enters, leaves)]
-        slack = 1e-6  # of a cell: rounding must not lose what begins where a row ends
+        slack = 1e-6  # share of a cell: rounding must not lose an entry that begins at the end of a row
         left, right = _cells(np.minimum(*x) - slack, self.side), _cells(np.maximum(*x) + slack, self.side)
         below = _cells(np.minimum(a[:, 1], b[:, 1]) - slack, self.side)
         above = _cells(np.maximum(a[:, 1], b[:, 1]) + slack, self.side)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-NEAR_M = 1e-3  # near plane: what lies closer to the camera's plane, or behind it, has no projection
+NEAR_M = 1e-3  # near plane: closer points and those behind the camera have no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
 SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
@@ -150,7 +150,7 @@ def _ahead_of_lens(corners: FloatArray) -> FloatArray:
     pieces = [corners[:, :, count == 3]]
     for alone, n in ((True, 1), (False, 2)):
         which = np.flatnonzero(count == n)
-        # the corner that lies by itself on its side comes first
+        # the single corner on its side comes first
         order = (np.argmax(ahead[:, which] == alone, axis=0) + np.arange(3)[:, None]) % 3
         a, b, c = corners[:, order, which].transpose(1, 0, 2)
         ab, ac = (a + (NEAR_M - a[2]) / (other[2] - a[2]) * (other - a) for other in (b, c))

@@ -126,7 +126,7 @@ def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bo
     p = positions_m.astype(float)[triangles]
     if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
         return False
-    # corners that share a place are one, whatever their normals; slivers may lose an edge in the rounding
+    # corners at one place are one, whatever their normals; slivers may lose an edge by rounding
     _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
     edges = edge_table(place.ravel()[triangles])
     return not edges.balance[edges.ends[:, 0] != edges.ends[:, 1]].any()

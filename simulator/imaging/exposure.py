@@ -149,7 +149,7 @@ def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | No
     ends = [background_px(scene, then, places) for then in (early, late)]
     way = float(np.abs(ends[1] - ends[0]).max())
     bend = float(np.abs((ends[0] + ends[1]) / 2 - places).max())
-    # written so that what is not a number is refused
+    # negated, so that NaN is refused
     if not (way <= LONGEST_BLUR_PX and bend <= STRAIGHT_PX):
         return 0
     return 1 if way <= ONCE_PX else max(int(np.ceil(way / DRAWN_PX)), 2)

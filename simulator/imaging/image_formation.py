@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _PERFECT_LENS = Optics()
-_PIECE_VALUES = 3 << 18  # of two threads: shorter ones would wait for Python's lock
-_SHORT_VALUES = 3 << 16  # of more threads
+_PIECE_VALUES = 3 << 18  # piece of work for two threads: shorter ones would wait for Python's lock
+_SHORT_VALUES = 3 << 16  # piece of work for more threads
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,7 @@ def meter_points(target: Target) -> MeterPoints:
     for part in target.parts:
         material = base[part.material]
         corners.append(part.positions_m[part.triangles].astype(float))
-        # what a metal reflects is a mirror's and mostly misses the camera
+        # a metal reflects like a mirror and mostly misses the camera
         diffuse = float(reflectance("mono", np.asarray(material.base_color))[0]) * (
             1 - 0.7 * material.metallic
         )
@@ -125,6 +125,6 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
 
 def wanted_exposure_s(auto: AutoExposure, scene: SceneState, target: Target) -> float:
     """Return the meter's exposure for a scene [s]."""
-    # an even grey picture, exposed for a second, tells how bright the sensor takes a unit of radiance to be
+    # a uniform grey image, exposed for a second, gives the sensor's response to unit radiance
     signal = float(expose(np.ones((9, 9), np.float32), scene.sensor, 1.0, optics=scene.optics)[4, 4])
     return auto.wanted_s(metered_radiance_w_m2_sr(scene, target, auto.share), 1 / signal)

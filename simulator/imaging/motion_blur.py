@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 _STEPS_PER_PX = 6
 _CUBIC_REACH = 2
-_SAME_WAY_PX = (
-    0.15  # what a way may differ by across a tile: its ends then lie within 0.04 px of where they should
-)
+_SAME_WAY_PX = 0.15  # largest difference of motion across a tile: its ends are then within 0.04 px
 _TILE_PX = (32, 256)
 
 
@@ -85,10 +83,10 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
         for i, (x0, x1) in enumerate(itertools.pairwise(columns.tolist())):
             top, left = max(y0 - ry, 0), max(x0 - rx, 0)
             around = picture[top : y1 + ry, left : x1 + rx]
-            # what it makes up beyond the piece's edges is cut off with them
+            # the padding beyond the piece's edges is cut off
             done = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
             y, x = y0 - top, x0 - left
-            # a cubic dips below zero beside a sharp light
+            # a cubic undershoots below zero next to a sharp light
             np.maximum(done[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
     return out
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-NEAREST_M = 1e-3  # what is closer than this to the lens's plane, or behind it, has no projection
+NEAREST_M = 1e-3  # points closer to the lens's plane, or behind it, have no projection
 
 
 def craft_window(mask: ByteArray) -> tuple[slice, slice]:

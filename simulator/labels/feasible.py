@@ -23,7 +23,7 @@ SILHOUETTE_SHARE = 0.9
 STEP_SHARE = 0.4
 SAMPLE_SPACING_PX = 4.0
 STEP_REACH_PX = 2.0
-ALONG_PX = 0.5  # how far along a bent edge its direction is looked for
+ALONG_PX = 0.5  # step along a curved edge to find its direction
 TOO_FAR_PX = 40.0
 
 
@@ -55,7 +55,7 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
     way /= np.hypot(*way.T)[:, None]
     lens = views[0].lens
     if lens is not None:
-        # far from the image its ends tell nothing of how a bent edge runs on it
+        # far outside the image, the ends do not give the direction of a curved edge inside
         before, after = (bent(lens, pixels + along * way) for along in (-ALONG_PX, ALONG_PX))
         pixels, way = bent(lens, pixels), after - before
         way /= np.hypot(*way.T)[:, None]
@@ -81,7 +81,7 @@ def wireframe_step_share(
     if len(pixels) == 0:
         return 0.0
     reach = STEP_REACH_PX * normals
-    # only about the samples is the signal looked at, in pixels of its own
+    # the signal is needed around the samples only, in their own pixel coordinates
     height, width = signal.shape
     low = np.clip(np.floor(pixels.min(axis=0)) - 4, 0, [width - 1, height - 1]).astype(int)
     high = np.clip(np.ceil(pixels.max(axis=0)) + 5, low + 1, [width, height]).astype(int)

@@ -116,7 +116,7 @@ def geometric_states(
             states.append("out_of_frame")
         elif occluded[k]:
             states.append("self_occluded")
-        elif scene.has_lamps:  # what the camera sees, its lamp lights; of a room's lights some do
+        elif scene.has_lamps:  # a lamp at the camera lights all that the camera sees; in a room some lamps do
             states.append(None)
         elif scene.sunlit_fraction < ECLIPSED_BELOW:
             states.append("eclipsed")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ON_CRAFT = frozenset({"depth", "parts", "normals", "flow"})
 STRIP_ROWS = 32
-AMODAL_REACH = 1.0  # how far beyond the image the amodal mask goes, in its larger side
+AMODAL_REACH = 1.0  # extent of the amodal mask beyond the image, in units of its larger side
 
 
 @dataclass(frozen=True, eq=False)

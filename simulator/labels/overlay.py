@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
 
-# RGB. Colours that a colour-blind reader tells apart (Okabe and Ito).
+# RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 GREEN, ORANGE, BLUE, GREY = (0, 158, 115), (230, 159, 0), (86, 180, 233), (150, 150, 150)
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 AXIS_LENGTH_M = 0.5

@@ -18,7 +18,7 @@ from flyaround.simulator.scene.record import SceneRecord
 if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
-MOST_BYTES = 64_000_000  # of a record: its wireframe and row poses take the most
+MOST_BYTES = 64_000_000  # largest record: its wireframe and row poses take the most
 
 KeypointState = Literal[
     "out_of_frame", "self_occluded", "eclipsed", "shadowed", "saturated", "below_noise", "visible"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.world.frames.pose import Pose
 
-# A keypoint lies on the surface to well below this, and no two parts of a craft are closer on purpose.
+# Keypoints are on the surface to well below this, and no two parts of a craft are closer by design.
 SURFACE_TOLERANCE_M = 2e-3
 
 
@@ -43,7 +43,7 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
-    # a hider lies nearer along the ray by the tolerance
+    # an occluder is closer along the ray by the tolerance
     shrink = 1 - SURFACE_TOLERANCE_M / np.maximum(distance, 1e-9)
     projected = seen_from_camera(mesh, camera_from_target)
     return projected.hides(points[:, :2] / points[:, 2:], 1 / (points[:, 2] * shrink))

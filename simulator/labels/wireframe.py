@@ -90,7 +90,7 @@ def view_edges(
     in_camera = camera_from_target.apply(wires.ends_m)
     ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= NEAR_M)
     in_camera = in_camera[ahead]
-    # what hides what is a matter of rays: a lens that bends them does not change it, and lines stay straight without
+    # occlusion depends on rays only, so distortion does not change it, and lines stay straight without a lens
     bends = not camera.distortion.is_none
     straight = replace(camera, distortion=Distortion()) if bends else camera
     pixels = straight.project(in_camera)
@@ -151,7 +151,7 @@ def _wires(target: Target) -> _Wires:
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
     normals = np.array([normal for edge in edges for normal in edge.normals], float).reshape(-1, 3)
     ends = np.array([(edge.a_m, edge.b_m) for edge in edges], float).reshape(-1, 2, 3)
-    # any point of the edge: it lies in both faces' planes
+    # any point of the edge, since it is in both faces' planes
     distance = (normals * ends[owner, 0]).sum(axis=1)
     radius = np.array([edge.radius_m for edge in edges], float)
     return _Wires(ends, radius, np.column_stack([normals, -distance]), owner)

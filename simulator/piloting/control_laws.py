@@ -137,7 +137,7 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> F
     los_rate = -R_camera_from_eci @ np.array(chaser.velocity_eci_m_s)
     distance = float(np.linalg.norm(los))
     seen = los / distance
-    # in a long step no more than the error itself
+    # in a long step at most the error itself
     gain_1_s = min(TRACK_GAIN_1_S, 1 / dt_s)
     return np.cross(seen, los_rate) / distance + gain_1_s * np.cross(np.array(aim_camera), seen)
 

@@ -323,7 +323,7 @@ def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
     """Return True if the docking point crossed the plane of the port from outside, near its centre."""
     if not before.axial_m > 0.0 >= after.axial_m:
         return False
-    # where the straight line between the two meets the plane
+    # the intersection of the line between the two with the plane
     share = before.axial_m / (before.axial_m - after.axial_m)
     right = before.right_m + share * (after.right_m - before.right_m)
     down = before.down_m + share * (after.down_m - before.down_m)

@@ -66,7 +66,7 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
     if FRAME in target.frames:
         origin, axis = (np.array(x, float) for x in target.frames[FRAME])
         axis /= np.linalg.norm(axis)
-        # a probe stands out of its port: what is met first is its tip
+        # a probe protrudes from its port, so its tip is met first
         reach = 2 * radius_m(target)
         way = way_to_surface_m(target, origin + reach * axis, -axis)
         tip = 0.0 if way is None else max(reach - way, 0.0)

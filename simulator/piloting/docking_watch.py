@@ -144,7 +144,7 @@ class Docking:
         if not at_port:
             if not self._strikes(before, after, flight):
                 return after, ()
-            # guides and latches stand out about a port
+            # guides and latches protrude around a port
             at_port = was.lateral_m <= CAPTURE_M and 0.0 < was.axial_m <= CAPTURE_M
         contact = judge_contact(was, self.limits, at_port=at_port)
         news: tuple[News, ...] = ()

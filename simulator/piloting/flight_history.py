@@ -154,7 +154,7 @@ class Timeline:
 
     def _pack(self, controls: object) -> int:
         plain = pickle.dumps(controls, protocol=5)
-        # all are much alike: what is told of each is how it differs from the first
+        # states are much alike: store the difference from the first
         self._first = self._first or plain
         packer = zlib.compressobj(1, zdict=self._first)
         packed = packer.compress(plain) + packer.flush()
@@ -199,7 +199,7 @@ class Timeline:
         """Return a sample."""
         t_s, *numbers, packed = self._rows.rows(k)
         plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
-        # what was packed here, not what came from outside
+        # only data packed here, none from outside
         controls = pickle.loads(plain)  # noqa: S301
         return FlownPlace(t_s, _chaser(t_s, numbers), controls)
 

@@ -78,7 +78,7 @@ class FollowGuidance(Order):
                 craft.take_over()
 
 
-# --- by hand
+# --- manual
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, tar
     distance = float(np.linalg.norm(los))
     if distance - target_radius_m > PLUME_RANGE_M:
         return False
-    # the cone reaches whatever of the sphere it meets
+    # the part of the sphere inside the cone
     seen = np.arcsin(min(target_radius_m / distance, 1.0))
     widest = min(np.radians(PLUME_HALF_ANGLE_DEG) + seen, np.pi)
     pushed = np.abs(acceleration_camera_m_s2) > 0

@@ -251,7 +251,7 @@ def plan_recipe(
     if camera is not None:
         recipe = msgspec.structs.replace(recipe, camera=read_camera_file(camera))
     craft = load_target(target or recipe.target)
-    # the range and the target that were drawn from stand in the data set's card
+    # the data set's card records the range and target that were drawn
     recipe = msgspec.structs.replace(
         recipe, target=craft.name if target is None else target, range=resolved_range(recipe.range, craft)
     )
@@ -267,7 +267,7 @@ def plan_recipe(
         vary=recipe.vary,
     )
     _check_range(recipe, craft)
-    plan.scene(0)  # what is impossible is said before anything is written
+    plan.scene(0)  # raise for an impossible scene before anything is written
     return plan
 
 

@@ -118,7 +118,7 @@ def _translation_m(
 ) -> FloatArray:
     """Draw the model's origin at depth z, camera axes."""
     if isinstance(kind, BoundsPlacement):
-        # equation 1 of the data-set paper: what is seen grows in proportion to the depth
+        # equation 1 of the data-set paper: the field of view grows in proportion to the depth
         x_max, y_max = kind.x_m / kind.at_m * z, kind.y_m / kind.at_m * z
         x, y_up = rng.uniform(-x_max, x_max), rng.uniform(-y_max, y_max)
         return np.asarray(to_left_handed(np.array([x, y_up, z])), float)

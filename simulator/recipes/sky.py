@@ -119,7 +119,7 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
     centre, v_centre = body.geocentric_state(now)
     to_sun = r_sun - centre
     to_sun /= np.linalg.norm(to_sun)
-    # the target's zenith stands at the drawn angle from the Sun, at a random azimuth about it
+    # the target's zenith is at the drawn angle from the Sun, at a random azimuth about it
     side = np.cross(to_sun, uniform_direction(rng))
     side /= np.linalg.norm(side)
     cosine = float(-nadir @ sun)

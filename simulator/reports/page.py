@@ -45,7 +45,7 @@ table.fold{font-size:13px}table.fold td,table.fold th{padding:6px 8px;white-spac
 """
 
 
-# A wide letter of a folding table, what a cell has beside its text, and the page beside the table.
+# Width of a wide letter in a folding table, padding of a cell, and margin of the page.
 LETTER_PX, CELL_PX, MARGIN_PX = 8.4, 16, 64
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 INK, DIM, GRID = "#1f2933", "#7b8794", "#e4e7eb"
 DARK_INK, DARK_GRID, DARK_PAPER = "#d7dde5", "#2b3440", "#12171e"
 
-# Okabe and Ito: told apart by everybody.
+# Colours distinguishable by everybody (Okabe and Ito).
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 
 

@@ -209,7 +209,7 @@ def _unit(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 
-MOST_BYTES = 100_000_000  # of a message: years of states, a minute apart
+MOST_BYTES = 100_000_000  # largest message: years of states, a minute apart
 
 
 def read_message(path: Path, key: str) -> bytes:

@@ -254,7 +254,7 @@ def plan_flight(
     auto = scenario.auto_exposure
     if auto is None:
         return plan
-    # the meter looks through the plan as it is: its own exposure plays no part in what it wants
+    # the meter uses the plan's own view; the plan's exposure has no influence
     return replace(
         plan, exposures=ExposureTrack(auto, lambda t: plan.scene_of(plan.flight.state(t), 0).exposure_s)
     )

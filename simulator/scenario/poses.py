@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-MOST_BYTES = 200_000_000  # of a list: a million poses
+MOST_BYTES = 200_000_000  # largest list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 _BEYOND = "cells beyond the header"

@@ -19,8 +19,8 @@ from flyaround.simulator.scenario.scenario import Scenario
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-WIDTH = 100  # of a comment's lines
-_VALUES_AT = 44  # column that what is allowed stands in
+WIDTH = 100  # width of comment lines
+_VALUES_AT = 44  # column of the allowed values
 _LISTS = (mi.ListType, mi.VarTupleType)
 _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
@@ -101,7 +101,7 @@ def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict
     for step in path.split(".") if path else ():
         table = table[step]
         field = next(f for f in kind.fields if f.encode_name == step)
-        # of a list of tables the first stands for all
+        # the first of a list of tables represents all
         many = isinstance(table, list)
         table = table[0] if many else table
         kind = _struct_type(_item(field.type) if many else field.type, table)
@@ -188,7 +188,7 @@ def _sections_to_add(
         elif there is None:
             section = _struct_type(_item(field.type) if many else field.type, {})
             found.append((at, section, many))
-            # what lies within a section that may be added may be added with it
+            # sections inside a section that can be added can be added with it
             found += _sections_to_add({}, section, at)
     return found
 

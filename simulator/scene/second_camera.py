@@ -87,7 +87,7 @@ def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
         lamp=lamp,
         q_camera_from_target_wxyz=q_target,
         t_camera_from_target_m=t_target,
-        # of a point that moves by itself, the fixed offset has no part in its velocity in the camera's axes
+        # the target moves by itself, so the fixed offset does not enter its velocity in the camera's axes
         v_target_camera_m_s=vec3(R @ np.asarray(scene.v_target_camera_m_s)),
         r_camera_eci_m=vec3(np.asarray(scene.r_camera_eci_m) + arm),
         v_camera_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + rate),

@@ -44,7 +44,7 @@ def box_3d_m(target: Target) -> FloatArray:
     """Return the (8, 3) corners of the mesh's box, model axes, read only; corner k is high in x, y, z by bits 4, 2,
     1.
     """
-    # of the parts as they are: every picture asks, and the joined mesh serves labels alone
+    # from the parts themselves, since every image needs it and the joined mesh serves labels only
     corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])
     corners.flags.writeable = False
     return corners

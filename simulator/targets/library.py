@@ -24,7 +24,7 @@ from flyaround.simulator.targets.model import DETAILS, Detail, level_name, split
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
-# Of the built-in targets' files, which are compressed: plain, they take 51 MB.
+# Suffix of the built-in targets' files, which are compressed (51 MB without).
 SUFFIX = ".glb.zst"
 _MOST_IN_USE = 4  # targets that one process keeps: megabytes each
 

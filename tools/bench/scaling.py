@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 TRIANGLES = (20_000, 80_000, 320_000, 1_000_000)
-SCALES = (0.25, 0.5, 1.0)  # of the width: 480 to 1920 pixels
+SCALES = (0.25, 0.5, 1.0)  # share of the width: 480 to 1920 pixels
 FRAMES = 4
 PIXEL_SCENE, TRIANGLE_SCENE = "tango-earth-10m", "tango-space-10m"
 

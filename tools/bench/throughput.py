@@ -32,7 +32,7 @@ THROUGHPUT_SCENES = (
     "tango-earth-10m-1024+blur",
 )
 SECONDS = 5.0
-_DIFFERENT = 30  # scenes, drawn in turn
+_DIFFERENT = 30  # number of scenes, rendered in rotation
 _WARM_UP = 3
 _REFERENCE_LAPS = 5
 _START_TIMEOUT_S = 240.0
@@ -149,7 +149,7 @@ def _take_frames(
         for scene in scenes[:_WARM_UP]:
             take_frame(renderer, scene, plan.target, labels=False)
         told.put(0.0)
-        if not begin.wait(_START_TIMEOUT_S):  # nobody is left who would give the sign
+        if not begin.wait(_START_TIMEOUT_S):  # the starting process is gone
             return
         start, spent, taken = time.perf_counter(), 0.0, 0
         while spent < seconds:

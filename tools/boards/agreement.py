@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-# what a board must reach: of the frames the same decision, of the poses that both accept so near each other
+# what a board must reach: share of frames with the same decision, and distance of poses that both accept
 SHARE, NEAR_DEG, NEAR_M = 0.95, 0.1, 0.010
 
 

@@ -36,7 +36,7 @@ PACKAGES = (
     "busybox-static",
     "linux-image-cloud-arm64",
 )
-# what an installed kernel needs, an unpacked one does not
+# packages needed by an installed kernel only
 LEFT_OUT = ("linux-image", "linux-base", "initramfs-tools", "klibc-utils", "libklibc")
 
 # the very versions that the host's estimator runs with
@@ -53,7 +53,7 @@ PROGRAMS = {
     "wget": "wget",
 }
 
-DISK_BYTES = 2 << 30  # sparse: what is in it is about half
+DISK_BYTES = 2 << 30  # sparse: about half is used
 
 NETWORK = "[Match]\nType=ether\n[Network]\nDHCP=ipv4\n"
 
@@ -180,7 +180,7 @@ def missing_programs() -> None:
 
 
 def _found(program: str) -> str | None:
-    # where users that are not root do not look
+    # directory outside the PATH of ordinary users
     return shutil.which(program) or shutil.which(program, path="/usr/sbin:/sbin")
 
 

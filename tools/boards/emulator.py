@@ -107,7 +107,7 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
             entry.size = len(content)
             archive.addfile(entry, io.BytesIO(content))
     with console.open("wb") as out:
-        # whoever works on this machine goes first
+        # lowest priority
         process = subprocess.Popen(
             ["nice", *qemu_command(image, job)],
             stdin=subprocess.DEVNULL,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-# of QEMU's `virt` machine; what they need comes along
+# drivers of QEMU's `virt` machine; their dependencies are added
 DRIVERS = ("virtio_pci", "virtio_blk", "virtio_net", "virtio_console", "virtio_rng", "autofs4")
 
 INIT = """\

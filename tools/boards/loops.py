@@ -37,7 +37,7 @@ SILENT_S = 120.0
 
 READY = "the board is ready"
 
-# the unit as it is shipped, as its first lines say
+# the unit as shipped, by its first lines
 RUN = """\
 set -eu
 useradd --system --no-create-home --shell /usr/sbin/nologin flyaround

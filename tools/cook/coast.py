@@ -34,8 +34,8 @@ SUBPIXELS = 4
 """Rows and columns of the filled grid per pixel of the map."""
 COUNTS_PER_PIXEL = 16  # eight per forty-eighth of a degree
 _REACH_PX = 9  # farther from the coast the map is saturated
-_BAND_ROWS = 120  # of the map, worked out at once
-_SHORE_PX = 2.0  # of the day map: nearer to its shore a lake is mixed with land
+_BAND_ROWS = 120  # rows of the map processed at once
+_SHORE_PX = 2.0  # pixels of the day map: closer to its shore a lake is mixed with land
 _FLAT_RED, _FLAT_RED_TO_GREEN = 100, 1.1  # counts of 255 of a dry salt lake; muddy ones are darker or greener
 _POLYGON = 5  # shape type (ESRI Shapefile Technical Description, 1998)
 
@@ -107,7 +107,7 @@ def signed_distance(land: NDArray[np.bool_]) -> NDArray[np.float32]:
         cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         for side in (land, ~land)
     )
-    # the coast lies half a pixel before the nearest centre of the other side
+    # the coast is half a pixel before the nearest centre of the other side
     return np.asarray(np.where(land, within - 0.5, 0.5 - without), np.float32)
 
 

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     Sources = tuple[ByteArray, ByteArray]
 
-_POWER = 1.2  # of the map's 8 bits: nearly straight, where the land's darker values are pressed together
-_DEEP = (2.0, 5.0, 20.0)  # what the map paints the open ocean with: red, green, blue
+_POWER = 1.2  # power of the map's 8 bits: nearly linear, where the land's darker values are compressed
+_DEEP = (2.0, 5.0, 20.0)  # colour of the open ocean in the map: red, green, blue
 _NOTHING = 2.5  # counts over it that are only the picture's compression
 _ICE = 60.0  # counts in every channel: floating ice, not water
 _OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtures with land
-_ASHORE = 7  # texels over which what is offshore is carried to the shore
+_ASHORE = 7  # texels over which offshore values are extended to the shore
 _NOTICED = 0.01  # reflectance for which a cell of the screen looks
 
 
@@ -57,7 +57,7 @@ def _excess_over_open_ocean(day: ByteArray, coast: ByteArray) -> Float32Array:
     over *= np.float32(1 / (255 - _NOTHING))
     red, green, blue = cv2.split(bright)
     sea = ((coast < 128 - _OFFSHORE) & (cv2.min(cv2.min(red, green), blue) < _ICE)).astype(np.float32)
-    # beside the shore, and under ice, the water is as it is further out
+    # at the shore, and under ice, use the water further out
     known = cv2.blur(sea, (_ASHORE, _ASHORE))
     carried = cv2.blur(over * sea[..., None], (_ASHORE, _ASHORE))
     carried *= ((known > 0) / np.maximum(known, 1e-3))[..., None].astype(np.float32)

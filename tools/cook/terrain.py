@@ -48,10 +48,10 @@ def make_terrain_detail() -> ByteArray:
     height = _blurred(height, 1.1)
     slopes = [0.5 * (np.roll(height, -1, axis) - np.roll(height, 1, axis)) for axis in (1, 0)]
     steep = _SLOPE / np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2))
-    # gravel and sand lie as wide as the stream is large
+    # gravel and sand are as wide as the stream is large
     floor = sum(_blurred(np.clip(np.log(area) - k, 0.0, 1.0), 0.6 * 1.5**k) for k in (3, 4, 5, 6))
     floor = np.clip(floor + _blurred(_upsampled(plains.astype(float)), 1.5), 0.0, 1.0)
-    # what stands over its surroundings is bare and dark, what washes down is pale; units of rock differ
+    # ridges are bare and dark, washed-down material is pale; rock units differ
     crest = _blurred(height, 10.0) - _blurred(height, 1.5)
     units = _steps(rng, 1.6 * _spectral_noise(rng, SIZE, 2.0, -1.8))
     rock = crest / crest.std() + 0.45 * units / units.std() + 0.3 * _spectral_noise(rng, SIZE, 20.0, -0.9)

@@ -73,7 +73,7 @@ def main() -> None:
     names = parser.parse_args().names or list(BUILDERS)
     if unknown := set(names) - set(BUILDERS):
         parser.error(f"no craft is called {', '.join(sorted(unknown))}: choose from {', '.join(BUILDERS)}")
-    # the checksum tells a reader of a damaged name or mass, which the target's own hash does not cover
+    # the checksum detects a damaged name or mass, which the target's own hash does not cover
     compressor = zstandard.ZstdCompressor(level=_ZSTD_LEVEL, write_checksum=True)
     FOLDER.mkdir(exist_ok=True)
     for name in names:

@@ -98,7 +98,7 @@ def squares(*, dark: bool) -> list[Mesh]:
     tiles = []
     for row in range(ROWS):
         # squares of one colour meet at their corners: in every other row they are thinner, so that
-        # two of them never share an upright edge and each stays a closed body of its own
+        # two of them never share an upright edge and each stays a separate closed body
         low = -COAT_M * (1.0 if row % 2 else 0.9)
         tiles += [
             box((xs[column], ys[row + 1], low), (xs[column + 1], ys[row], 0.0))

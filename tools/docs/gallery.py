@@ -133,7 +133,7 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
     now = Instant.from_utc(epoch)
     sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
-    # where the Sun's ray passes 16 km above the ground; in the afternoon, so that it sets in the west
+    # the Sun's ray passes 16 km above the ground here; in the afternoon, so that it sets in the west
     dip = -np.arccos((6371.0 + 16.0) / (6371.0 + height_km))
     longitudes = np.arange(60.0, 150.0, 0.02)
     heights = np.array(
@@ -160,7 +160,7 @@ def moonrise(renderer: fa.Renderer) -> np.ndarray:
     now = Instant.from_utc(epoch)
     moon = matrix_from_quat(q_itrs_from_eci(now)) @ moon_eci_m(now.tt1, now.tt2).reshape(3)
     best, place = 9.0, (0.0, 0.0, 420.0)
-    # where it stands a little above the horizon, 19.8 degrees below the level
+    # at this longitude it is a little above the horizon, 19.8 degrees below the level
     for longitude in np.arange(-180.0, 180.0, 0.25):
         r, enu = place_itrs_m(15.0, float(longitude), 420.0)
         to_moon = (moon - r) / np.linalg.norm(moon - r)
@@ -205,10 +205,10 @@ def earthrise(renderer: fa.Renderer) -> np.ndarray:
     side = np.cross(to_earth, np.cross(sun, to_earth))
     side = -np.cross(to_earth, np.array([0.0, 0.0, 1.0])) if np.linalg.norm(side) < 0.1 else side
     up = side / np.linalg.norm(side)
-    # up is towards the Sun's side; the Earth stands 3 degrees above the Moon's horizon, 19.9 below the level
+    # up is towards the Sun's side; the Earth is 3 degrees above the Moon's horizon, 19.9 below the level
     up = up - (up @ to_earth) * to_earth
     up /= np.linalg.norm(up)
-    # where the Sun is low, so that the craters have shadows
+    # a low Sun, so that the craters have shadows
     turn = np.radians(72.0)
     up = np.cos(turn) * up + np.sin(turn) * np.cross(to_earth, up)
     tilt = np.radians(-16.5)

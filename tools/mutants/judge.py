@@ -244,7 +244,7 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, 
                     say(f"{verdict.word:11s} {verdict.seconds:5.0f} s  {case.name}  {verdict.test}")
             time.sleep(0.1)
     finally:
-        # a session of its own hears nothing of Ctrl-C
+        # a separate session does not receive Ctrl-C
         for _, _, run in busy:
             run.stop()
 

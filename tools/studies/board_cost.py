@@ -75,7 +75,7 @@ def main() -> None:
             text=True,
         )
     figures = json.loads(answer.stdout)
-    rows = figures["rows"][1:]  # the first frame pays for what is made once
+    rows = figures["rows"][1:]  # the first frame includes one-time setup
     for what, some in (
         ("all", rows),
         ("accepted", [r for r in rows if r["accepted"]]),

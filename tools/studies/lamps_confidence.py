@@ -59,7 +59,7 @@ Array = np.ndarray[Any, Any]
 # One wrong among so many accepted is what the rule allows.
 ONE_IN = 40
 
-# What a bent model is bent by [m].
+# Standard deviation of a deformed model's vertices [m].
 BENT_M = 0.008
 
 # Biases that are tried, from today's on.

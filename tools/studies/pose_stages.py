@@ -59,7 +59,7 @@ Array = np.ndarray[Any, Any]
 # Edges serve from this share, hypotheses within these of the truth, places within these of its place and size.
 EDGES, NEAR_DEG, NEAR_SHARE, OFF, RATIO = 0.3, 10.0, 0.1, 0.15, 1.2
 
-# A start beside the truth: a turn [rad] about an axis across the line of sight, and what the range is multiplied by.
+# A start next to the truth: rotation [rad] about an axis across the line of sight, and factor of the range.
 TURN_RAD, FARTHER = float(np.radians(3.0)), 1.04
 
 EDGES_PX = 360

@@ -77,7 +77,7 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
     if faces is not None:
         corners = moved(faces.corners)
         normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        # three corners: the last stands twice
+        # three corners: the last one is repeated
         flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = np.where((normals * faces.normals).sum(axis=1, keepdims=True) > 0, normals, flat)
         size = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -109,7 +109,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
             frame = take_frame(renderer, scene, target)
             if frame.truth is None:
                 raise RuntimeError("a labelled frame needs its truth")
-            # whether a frame can be solved is a matter of the right exposure
+            # a frame counts as feasible by the right exposure
             same = msgspec.structs.replace(
                 frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
             )

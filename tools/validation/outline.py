@@ -192,7 +192,7 @@ def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shri
     values = cv2.remap(
         signed, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )[0]
-    # the reference's contour runs through its outermost pixels: their centres lie half a pixel inside
+    # the reference's contour passes through its outermost pixels, whose centres are half a pixel inside
     return np.asarray(values.astype(float) * shrink - 0.5)
 
 

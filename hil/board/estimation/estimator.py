@@ -25,10 +25,10 @@ class Estimator:
 
     method = ""
 
-    # Whether a frame's answer depends on the frames before it.
+    # True if the answer depends on earlier frames.
     keeps_state = False
 
-    # Whether it makes use of the direction to the Sun.
+    # True if it uses the direction to the Sun.
     takes_sun = False
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:

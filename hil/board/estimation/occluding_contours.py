@@ -75,7 +75,7 @@ class Outlines:
         and sharp edges (Cipolla and Giblin 2000, Visual Motion of Curves and Surfaces, section 3).
         """
         p, n, radius = self.points_m[view], self.normals[view], self.radius_m[view][:, None]
-        middle = p - radius * n  # of the circle of curvature
+        middle = p - radius * n  # centre of curvature
         turned = n
         for _ in range(3):  # the point's own line of sight differs a little from its middle's
             sight = _unit(C_m - (middle + radius * turned))

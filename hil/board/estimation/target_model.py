@@ -20,7 +20,7 @@ Array = np.ndarray
 SCHEMA = "flyaround.board_model"
 VERSION = 1
 
-# What a board model may hold: far more than any craft has.
+# Largest size of a board model's file: far more than any craft needs.
 MOST_BYTES = 100_000_000
 
 

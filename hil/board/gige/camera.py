@@ -16,7 +16,7 @@ from flyaround.hil.link.packets.enums import PixelFormat
 from flyaround.hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
 
 SCHEME = "gige://"
-# of the naming convention's codes those that lie as one of the link's formats does: numbers in words of two bytes
+# codes of the naming convention whose layout is that of a link format with two bytes per value
 WORDS = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY = (*(int(f) for f in PixelFormat if f.channels == 1), *WORDS)
 N_BUFFERS = 8
@@ -96,7 +96,7 @@ class GigeCamera:
         self._newest: Optional[CameraFrame] = None
         self._arrived = 0
         self._deaf_starts = 0
-        self._heard = False  # whether the stream has brought a whole picture
+        self._heard = False  # True once a complete image has arrived
         self._count = _BlockCount()
         self.damaged = 0
         """Number of frames with missing packets, which are not used."""

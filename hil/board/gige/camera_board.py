@@ -20,13 +20,13 @@ from flyaround.hil.link.packets.messages import Hello
 
 logger = logging.getLogger(__name__)
 
-# of a camera file: thousands of times what one takes
+# largest camera file: thousands of times the usual size
 MOST_CAMERA_BYTES = 10_000_000
 _CAMERA_KEYS = {
     *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion", "encoding"),
     *("pixel_pitch_um", "name", "notes"),
 }
-# how often the answer line is looked at while no picture comes [s]
+# interval of checks of the answer line while no image arrives [s]
 LOOK_S = 0.5
 # a stream that brings nothing is begun anew so often before the camera counts as gone
 MOST_RESTARTS = 3

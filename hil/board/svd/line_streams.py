@@ -26,7 +26,7 @@ Array = np.ndarray
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
 
-# Blur before both gradients [px]: the published sigma is not given; noise of 5 % of full scale asks for this.
+# Blur before both gradients [px]: the published sigma is not given; noise of 5 % of full scale requires this.
 BLUR_PX = 1.5
 
 # Lines kept after merging, the longest.

@@ -38,8 +38,8 @@ Array = np.ndarray
 # Blur before weak gradient elimination [px], and the smallest region that is searched: its diagonal [px].
 BLUR_PX, SMALLEST_PX = 1.5, 24.0
 
-# The papers decide by reprojection error: a pose stands if this share of the image's corners is met, and the next
-# distinct pose has at least this much larger an error.
+# The papers decide by reprojection error: a pose is accepted if it explains this share of the image's corners, and the
+# error of the next distinct pose is larger by at least this factor.
 LEAST_INLIERS, ERROR_RATIO = 0.5, 1.15
 
 # Corners that a decision takes at least: four points are any plane figure's.

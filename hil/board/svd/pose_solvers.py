@@ -96,7 +96,7 @@ def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array
     x = np.asarray(object_m, float)
     y = np.concatenate([rays, np.ones((len(x), 3, 1))], axis=2)
     y = y / np.linalg.norm(y, axis=2, keepdims=True)
-    # degenerate triples divide by zero on the way, and are sorted out by what is finite
+    # degenerate triples divide by zero; non-finite results are dropped later
     with np.errstate(all="ignore"):
         depths, of = _depths(x, y)
         x, P = x[of], depths[..., None] * y[of]

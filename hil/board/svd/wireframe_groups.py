@@ -26,7 +26,7 @@ def model_point_groups(model: BoardModel) -> PointGroups:
     """
     chains = model_triads(model)
     chains = _large(chains, LEAST_SIZE * model.radius_m)
-    # a closed face stands in the chains once for each side as the middle one and each sense: all its orders
+    # a closed face occurs once for each side as the middle one and each direction: all its orders
     closed = chains.points[chains.closed]
     plain = [e for e in model.wireframe if e.radius_m == 0]
     ends = np.array([[e.a_m, e.b_m] for e in plain]).reshape(-1, 2, 3)

@@ -130,7 +130,7 @@ class Acquisition:
         if registers[Place.TRIGGER_MODE]:
             self.next_s = now_s
         else:
-            # the pace is kept where it can be, and what is missed is not made up for
+            # keep the pace if possible; missed frames are not made up for
             self.next_s = max(self.next_s + self._interval_s, now_s)
         self.triggered = False
         self._request_id += 1
@@ -157,7 +157,7 @@ class Acquisition:
     def take(self, taken: FrameTaken) -> None:
         """Receive a requested image."""
         if self._due is None or taken.request_id != self._due.request_id:
-            self._tell_unsent(taken)  # of an acquisition that was stopped
+            self._tell_unsent(taken)  # from a stopped acquisition
         else:
             self._exposed = taken
 

@@ -200,7 +200,7 @@ class CameraEndpoint:
                 try:
                     self._control.sendto(answer, peer)
                 except OSError:
-                    return  # nobody there any more
+                    return  # the receiver is gone
 
     def answer(self, datagram: bytes, peer: Peer) -> bytes | None:
         """Return the acknowledgement of a datagram, or None if it must not be answered."""

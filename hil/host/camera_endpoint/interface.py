@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from flyaround.simulator.errors import UserError
 
-# of Linux's <linux/sockios.h> and <linux/in.h>, which Python's socket does not name
+# from Linux's <linux/sockios.h> and <linux/in.h>; Python's socket does not define them
 _ADDRESS, _BROADCAST, _MASK, _MTU, _MAC = 0x8915, 0x8919, 0x891B, 0x8921, 0x8927
 MTU_DISCOVER, MTU_DO, MTU_DONT = 10, 2, 0
 

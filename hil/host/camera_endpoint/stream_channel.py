@@ -129,7 +129,7 @@ class StreamChannel:
             self._send(unavailable(request.block_id, request.first), to)
             return
         last = min(request.last, block.n_packets - 1, request.first + MOST_RESENT - 1)
-        if block is self._block:  # what has not gone out yet is on its way
+        if block is self._block:  # packets not sent yet are still to come
             last = min(last, self._number - 1)
         spent = self._resent.get(request.block_id, 0)
         left = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)

@@ -105,7 +105,7 @@ def _changed(
     image: Pixels, fault: CameraFault, key: tuple[int, int], number: int, white: int
 ) -> Pixels | None:
     """Return the image with one fault applied; None if it did not act or does not affect pixels."""
-    camera = np.random.default_rng(key)  # what stays the same from frame to frame
+    camera = np.random.default_rng(key)  # random numbers that stay the same from frame to frame
     frame = np.random.default_rng((*key, number))
     height, width = image.shape[:2]
     if isinstance(fault, StuckPixels):

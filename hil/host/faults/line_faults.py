@@ -152,7 +152,7 @@ class _Pump:
         self._over = (
             over  # a serial port is not closed with its session: the next one's packets are not for this pump
         )
-        self._due: list[tuple[int, Packet, bool]] = []  # in order of time, as it is never turned round
+        self._due: list[tuple[int, Packet, bool]] = []  # in order of time, since packets never overtake here
         self._last_due_ns = 0
         self._line_free_ns = 0
         self._jitter_ns = 0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
-MOST_BYTES = 1 << 24  # of run.json: ten times a scenario's largest file
+MOST_BYTES = 1 << 24  # largest run.json: ten times the largest scenario file
 
 
 class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-# what the host wishes, in order; a board that takes none of them gets raw frames
+# encodings by the host's option, in order of preference; raw if the board takes none
 ENCODINGS: dict[str, tuple[Encoding, ...]] = {
     "raw": (),
     "png": (Encoding.PNG,),
@@ -65,7 +65,7 @@ SYNC_BURST = 8
 SYNC_EVERY_NS = 250_000_000
 # before a frame the line is free: a request that will be due soon is sent then, and waits behind nothing
 SYNC_EARLY_NS = 200_000_000
-# while frames wait for a board that says nothing it is asked whether it has what it was sent, once it should have
+# delay before a silent board is asked for its newest frame, and the interval of repetitions
 ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
 # round trips that are remembered: an hour and more; a longer one is another board's doing
 MOST_TRIPS, MOST_TRIP_NS = 20_000, 10**12
@@ -100,7 +100,9 @@ class BoardSession:
         self._clock = ClockFilter()
         self._trips_ns: deque[int] = deque(maxlen=MOST_TRIPS)
         self._heard_ns = 0
-        self._beats = False  # whether the board asks for the time itself, and so is heard from while it works
+        self._beats = (
+            False  # True if the board requests the time itself, which shows that it is alive while it works
+        )
 
     def begin(self, link: Link, hello: Hello) -> bool:
         """Answer a HELLO; return True if the board may stay, as ``link`` from now on."""

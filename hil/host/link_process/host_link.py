@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
-# for the last word of a link process that is told to end, or of one whose run is broken off
+# time-out for the last message of a link process that was told to end, or of an interrupted run
 QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0

@@ -43,11 +43,11 @@ class FramesInFlight:
         self._report = report
         self._timeout_s = timeout_s
         self._flying: dict[int, FrameInFlight] = {}
-        self._held: dict[int, int] = {}  # when the sending of each ended
+        self._held: dict[int, int] = {}  # end of sending by frame
         self._history: dict[int, bool] = {}  # frames that were begun, and whether each was answered
         self.misses = 0
         """Frames timed out since the last message of the board about one."""
-        self._missed_ns = 0  # when the last of them did
+        self._missed_ns = 0  # time of the last one
 
     def is_flying(self, frame_id: int) -> bool:
         """Return True if a frame was begun and has no outcome yet."""

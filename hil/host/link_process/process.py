@@ -87,7 +87,7 @@ class LinkServer:
 
     def run(self) -> None:
         """Serve until the run sends Close or is gone."""
-        # a run that was killed may be missed first by what is said to it
+        # a killed run may first show as a broken pipe
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._pipe.send(
                 Listening(self._listener.url, self._truth.url if self._truth is not None else None)

@@ -37,7 +37,7 @@ def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
     ]
     clock_us = 0.0
     for row in rows:
-        # in lockstep frames follow each other whatever the flight's pace
+        # in lockstep frames follow each other independently of the flight's pace
         at = max(clock_us, 1e6 * row.t_s)
         about = {"frame": row.frame_id, "outcome": row.outcome, "reason": row.reason}
         at = _span(events, HOST, LINE_OUT, f"frame {row.frame_id}", at, row.uplink_ms, about)

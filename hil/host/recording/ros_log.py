@@ -82,7 +82,7 @@ class _FileToWrite:
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
-        self._end = 0  # where the writer believes to be, once something went wrong
+        self._end = 0  # the writer's position in the file, after an error
         self.error: OSError | None = None
 
     def write(self, data: bytes) -> int:
@@ -117,7 +117,7 @@ class _FileToWrite:
     def close(self) -> None:
         """Close like a file."""
         self.flush()
-        with contextlib.suppress(OSError):  # of what is still to be written
+        with contextlib.suppress(OSError):  # raised for data still to be written
             self._file.close()
 
     def _fail(self, error: OSError) -> None:

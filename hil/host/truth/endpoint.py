@@ -22,7 +22,7 @@ MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
 # a logger has this long to prove that it has the key
 PROOF_NS = 10_000_000_000
-# the goodbye and what is queued, to all loggers together
+# time-out for the goodbye and the queue, over all loggers
 CLOSE_S = 2.0
 
 

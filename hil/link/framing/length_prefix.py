@@ -37,7 +37,7 @@ class LengthFraming:
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._in_garbage = False
-        self._failed_until = 0  # bytes of the buffer that belong to packets whose failure was told
+        self._failed_until = 0  # end of the bytes of packets whose failure was reported
         self._credit = self.REREAD * MAX_PACKET_BYTES  # bytes of failed packets that may be read again
 
     def encode(self, packet: Packet) -> bytes:

@@ -17,7 +17,7 @@ E = TypeVar("E", bound="IntEnum")
 
 HASH_BYTES = 32
 
-# what a receiver takes: a camera is a few hundred bytes of JSON, a truth record some ten thousand
+# limits of a receiver: a camera is a few hundred bytes of JSON, a truth record some ten thousand
 MAX_CAMERA_JSON_BYTES = 1 << 16
 MAX_TRUTH_JSON_BYTES = 1 << 20
 # objects and arrays inside each other; a truth record has six

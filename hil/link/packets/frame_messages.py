@@ -34,9 +34,9 @@ from flyaround.hil.link.packets.typed_fields import (
 
 MAX_STAGES = 64
 
-# how far the length of a quaternion may be from 1: single precision and four printed digits pass, a scaled one does not
+# tolerance of a quaternion's length: passes single precision and four printed digits, not a scaled one
 QUATERNION_TOLERANCE = 1e-3
-# further off than the Moon, and longer than a week: squares and sums of what is smaller stay finite
+# beyond the Moon, and longer than a week; squares and sums below these stay finite
 MAX_POSITION_M = 1e9
 MAX_STAGE_MS = 1e9
 

@@ -17,7 +17,7 @@ try:
 except ImportError:
     zstandard = None  # type: ignore[assignment]
 
-# 16 bits, 8192 x 8192: no larger image is taken, whatever a host proposes
+# 16 bits, 8192 x 8192: larger images are refused, whatever a host proposes
 MAX_FRAME_BYTES = 1 << 27
 
 
@@ -198,7 +198,7 @@ class FrameAssembler:
         self._data = bytearray()
         self._seen = bytearray()  # one for each chunk that came
         self._missing = 0  # chunks that have not come
-        self._chunk_bytes = 0  # of all but the last; 0 until the first has come
+        self._chunk_bytes = 0  # size of all chunks but the last; 0 before the first
         self._last_lost: Optional[int] = None
         self._last_whole: Optional[int] = None
         self._lost: List[int] = []
@@ -213,7 +213,7 @@ class FrameAssembler:
         if header == self._header or header.frame_id == self._last_whole:
             return
         self.abandon()
-        self._last_lost = header.frame_id  # a refused header is told by its exception, its chunks say no more
+        self._last_lost = header.frame_id  # the exception reports a refused header; its chunks are ignored
         self._check(header)
         self._last_lost = None
         self._header = header
@@ -239,7 +239,7 @@ class FrameAssembler:
             self._lose(chunk.frame_id)  # its header never came
             return None
         if not self._fits(chunk, header):
-            # told by its exception: what still comes of this frame says no more
+            # the exception reports it; the rest of this frame is ignored
             self._last_lost, self._header, self._data = header.frame_id, None, bytearray()
             raise ProtocolMistake(
                 f"frame {header.frame_id}: chunk {chunk.index} of {header.chunk_count} has {len(chunk.data)} bytes at"
@@ -266,7 +266,7 @@ class FrameAssembler:
         if chunk.index > last:
             return False
         if not self._chunk_bytes:
-            # the last one alone may be shorter, and tells by where it lies how long the others are
+            # only the last chunk may be shorter; its offset gives the length of the others
             at_end = chunk.offset // last if last else header.total_bytes
             self._chunk_bytes = len(chunk.data) if chunk.index < last else at_end
         size = self._chunk_bytes

@@ -122,7 +122,7 @@ def _chunks(data: memoryview) -> Iterator[Tuple[bytes, memoryview]]:
         end = begin + size
         if end + _CRC.size > len(data):
             break
-        # the packet's own CRC has been checked: this one tells a writer that made a mistake
+        # the packet's own CRC was checked: a mismatch here is an error of the writer
         if zlib.crc32(data[at + 4 : end]) != _CRC.unpack_from(data, end)[0]:
             raise PacketError("a PNG has a wrong CRC")
         yield kind, data[begin:end]

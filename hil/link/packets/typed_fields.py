@@ -13,7 +13,7 @@ from flyaround.hil.link.packets.fields import known_value
 MAX_FIELDS_BYTES = 1024
 """Largest total size of one packet's fields, unknown ones included."""
 
-# how far the length of a direction may be from 1, as of a quaternion
+# tolerance of a direction's length, as for a quaternion
 DIRECTION_TOLERANCE = 1e-3
 COVARIANCE_NUMBERS = 21
 

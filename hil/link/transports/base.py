@@ -114,7 +114,7 @@ class StreamTransport(ABC):
             if data:
                 self._framing.feed(data)
             if left <= 0:
-                # also while bytes keep coming: a line of endless garbage holds nobody here
+                # also while bytes keep coming: endless garbage must not block the caller
                 return self._framing.next_packet()
 
     @abstractmethod

@@ -41,7 +41,7 @@ class SerialTransport(StreamTransport):
         super().__init__(f"serial://{device}?baud={baud}" + ("&rtscts=1" if rtscts else ""), CobsFraming())
         self._bytes_per_s = baud / BITS_PER_BYTE
         self.chunk_bytes = max(LEAST_CHUNK_BYTES, min(self.chunk_bytes, int(CHUNK_S * self._bytes_per_s)))
-        self._free_s = 0.0  # when the line has carried what was written
+        self._free_s = 0.0  # time at which the line has sent what was written
         if serial is None:
             raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")
         try:

@@ -23,7 +23,7 @@ LONGEST_S = 86_400.0
 SEND_PACKET_S = 60.0
 # a peer whose machine vanished is noticed after about half a minute in which nothing is sent to it
 KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
-# nobody can be let in while files, or the memory for them, run out; this pause keeps the processor free for the rest
+# pause when file descriptors or memory run out and no connection can be accepted; it keeps the processor free
 EXHAUSTED_PAUSE_S = 0.01
 # read at once: a frame is taken apart while the rest of it comes
 READ_BYTES = 1 << 18
@@ -166,7 +166,7 @@ class TcpListener:
         try:
             family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
             sock = socket.socket(family, kind, proto)
-            # a port in TIME_WAIT after the last run is free; one that somebody listens on is not
+            # reuse a port in TIME_WAIT after the last run, but not one with a listener
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
             sock.listen(64)  # a shorter queue makes a board wait seconds behind a burst of others
@@ -195,7 +195,7 @@ class TcpListener:
             return None  # it came and went
         except OSError as error:
             if error.errno not in EXHAUSTED:
-                return None  # the network's trouble with that one connection, as accept(2) has it
+                return None  # a network error of that one connection, see accept(2)
             self._turn_away()
             return None
 

@@ -54,7 +54,7 @@ def fixed_pattern(detector: Detector, height: int, width: int) -> FixedPattern:
     Each physical row has random numbers of its own, so that a region of interest sees the pixels that the whole
     image would.
     """
-    # the frame's own terms have no part in the pattern: one table serves whatever they are
+    # the frame's own terms do not affect the pattern, so one table serves all
     return _pattern(
         replace(detector, gain_e_per_dn=1.0, black_level_dn=0.0, read_noise_e=0.0, full_well_e=1.0),
         height,
@@ -170,7 +170,7 @@ class Exposure:
         self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
     ) -> Float32Array:
         """Draw the charge in whole electrons, without a full well; overwrites ``mean``."""
-        # a thousand wells are as good as any more; the Sun's disc would overflow what is counted
+        # a thousand wells are enough; the Sun's disc would overflow the counters
         np.minimum(mean, np.float32(1000 * self.well_e), out=mean)
         electrons = poisson(mean, source) if self.detector.shot_noise else mean
         if particles is not None:
@@ -224,7 +224,7 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
     moved, taken = np.empty(width, np.float32), np.empty(width, np.float32)
     first, last = int(rows[0]), int(rows[-1])
     for order in (range(first, height), range(last, -1, -1)):
-        # what is carried on is what waits in a queue: Lindley (1952), The theory of queues with a single server
+        # the carry is the waiting time of a single-server queue: Lindley (1952)
         waiting = np.zeros(width, np.float32)
         for row in order:
             if row % _LOOKED_EVERY == 0 and not first <= row <= last and not waiting.any():

@@ -34,7 +34,7 @@ _WIDEST_DISC_PX = 2.0
 _SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
 _CHECKED = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
-_ONE_THREAD_VALUES = 1 << 19  # so few OpenCV does not share out
+_ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
 _PIECE_VALUES = 1 << 18  # stay in a processor's cache
 _WORTH_TWO = 3 << 19
 

@@ -164,7 +164,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
         wide = 4 * (2**level - 1)
         for y, x in np.ndindex(2 * n + 1, 2 * n + 1):
             y_px, x_px = (y - n) * 2**level, (x - n) * 2**level
-            # what reaches beyond what is compared would cost nothing there
+            # taps outside the compared area would be free of cost
             if abs(y_px) + wide <= reach_y and abs(x_px) + wide <= reach_x:
                 columns.append(np.outer(_base(level, at_y - y_px), _base(level, at_x - x_px)).ravel())
                 places.append((level, y, x))

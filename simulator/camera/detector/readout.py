@@ -167,8 +167,8 @@ def read_out(
         for_each_band(height, read_band)
         return out
 
-    # what runs over runs along whole columns: those are filled first, and read afterwards; in the others every well is
-    # so far from its brim that they are read at once
+    # blooming spreads along whole columns: fill those with wells near saturation first and read them afterwards; read
+    # the others at once
     means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
     brim = well - np.float32(BRIM_SIGMAS) * np.sqrt(well)
@@ -192,9 +192,7 @@ def read_out(
     def read_charge(k: int, rows: slice) -> None:
         volts = means[rows]
         if others:
-            np.minimum(
-                volts, brim, out=volts
-            )  # what is read of the full columns here is put in their place below
+            np.minimum(volts, brim, out=volts)  # the columns with blooming are overwritten below
             volts = e.charge(volts, rows, sources[k], particles_too=False)
         if full_columns.size:
             part = charge[rows]

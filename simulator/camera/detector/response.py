@@ -113,6 +113,6 @@ def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatA
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
     wanted = np.asarray(sunlight, float)
     electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
-    seen = electrons > 0  # what sees nothing cannot be balanced
+    seen = electrons > 0  # channels without signal cannot be balanced
     gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
     return np.where(seen, gain / gain.min(), 1.0)

@@ -22,7 +22,7 @@ _GLOW_STEP_PX = 4  # pixels joined before so wide a blur: its error is far below
 # The tail is two Gaussians of half the light each, the second so much wider: nearer to a tail's power law than one.
 _WIDER = 3.0
 _SCATTER_TAPS = 2
-_SCATTER_POWER = 2.5  # of the distance, by which the wings of the PSF fall
+_SCATTER_POWER = 2.5  # power of the distance by which the wings of the PSF fall
 
 
 @lru_cache(maxsize=4)

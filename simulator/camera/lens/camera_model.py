@@ -34,7 +34,10 @@ LARGEST_IMAGE_PX = 16384
 FOCAL_PX = (1.0, 1e7)
 CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
-_NODES, _STEP_RAD = 25, 1e-3  # where a lens's bending is looked at, and over which angle
+_NODES, _STEP_RAD = (
+    25,
+    1e-3,
+)  # number of angles at which a lens's distortion is tested, and the step of the derivative
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,7 +243,7 @@ def _domain(camera: Camera) -> LensDomain:
 
 
 def _border_xy(camera: Camera) -> FloatArray:
-    with np.errstate(over="ignore"):  # of a focal length next to nothing
+    with np.errstate(over="ignore"):  # raised for a focal length near zero
         return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
 
 

@@ -20,7 +20,7 @@ __all__ = [
     "parse_camera",
     "read_camera_file",
 ]
-MOST_BYTES = 4_000_000  # of a camera file: a calibration may have its points with it
+MOST_BYTES = 4_000_000  # largest camera file: a calibration may include its points
 
 
 def list_cameras() -> tuple[str, ...]:

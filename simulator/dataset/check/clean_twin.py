@@ -110,7 +110,7 @@ def _check_band(
         spread = float(np.minimum(np.abs(residual[noisy] / sigma[noisy]), 10).mean())
         if not spread_limits[0] < spread < spread_limits[1] or _is_off(residual, sigma, noisy, rounding):
             return f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
-    # a cut-off below zero does not move the median of what is above it
+    # clipping below zero does not move the median of larger values
     dark = ~inside & (signal_of < 0.5)[twin]
     if np.count_nonzero(dark) >= FEWEST and _is_off(residual, sigma, dark, rounding):
         return "the clean twin is not as dark as the image where there is little light"

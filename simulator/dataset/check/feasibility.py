@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
 LABEL_PX = 512  # and of one half as fine as the label counts on: antennas along its rows err together
 SHARE = 0.002
-# How many pixels more or less a raster finds on an outline, over the root of its length: half of one at random, so four
-# standard deviations. Of 900 pictures of a CubeSat with antennas a pixel wide one needs 1.65.
+# Tolerance of a raster's pixel count on an outline, over the root of its length: four standard deviations of a random
+# error of half a pixel. Of 900 images of a CubeSat with antennas a pixel wide one needs 1.65.
 OUTLINE = 2.0
-# Of what reaches nearer, what lies within an image's size beside the image counts (docs/labels.md).
+# Limit for near targets: of their surface, the part within one image size beside the image counts (docs/labels.md).
 NEAREST_M = 0.01
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
 )  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
-ALONG = 1e-4  # how far along an edge its direction is looked for, of x / z
+ALONG = 1e-4  # step along an edge to find its direction, in x / z
 ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
 ROUNDING = 1e-5
 
@@ -57,7 +57,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         and box[2] <= camera.width_px - 1
         and box[3] <= camera.height_px - 1
     ):
-        # which is checked by itself
+        # the mask is checked elsewhere
         return (
             []
             if truth.silhouette_inside == 1
@@ -73,7 +73,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     q = truth.q_camera_from_target_wxyz
     if camera.distortion.is_none:
         corners_px = project_with_opencv(camera, mesh.positions_m, q, t)[mesh.triangles]
-        # of a closed shell what faces the camera covers all that the shell does
+        # in a closed shell, faces towards the camera cover all that the shell does
         corners_px = corners_px[shown_triangles(mesh, corners_px)]
     else:
         points = cut_for_the_lens(camera, mesh.positions_m[mesh.triangles], R, t).reshape(-1, 3)
@@ -158,10 +158,10 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
     """Yield pixels (S, 2) of each visible stretch in the image, and the normal (S, 2) at each."""
     camera, pose = truth.camera, truth.scene.camera_from_target
     still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
-    # what is seen of each edge is checked by rays elsewhere
+    # the visibility of edges is checked by rays elsewhere
     for view in view_edges(camera, pose, target, mesh_of(target)):
         ends_m = pose.apply(np.array([view.edge.a_m, view.edge.b_m]))
-        # an end further out than OpenCV's series is good for is where the label's own lens goes on
+        # beyond the range of OpenCV's series the label's own lens continues
         known = in_lens(camera, ends_m).all()
         ends_px = project_with_opencv(camera, ends_m, *still) if known else camera.project(ends_m)
         length = float(np.hypot(*(ends_px[1] - ends_px[0])))

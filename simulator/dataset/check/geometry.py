@@ -31,7 +31,7 @@ POSE_TOLERANCE_RELATIVE = 1e-6
 # The outline filled on the CPU and the raster's may differ by one pixel, never two.
 OUTLINE_TOLERANCE_PX = 1
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
-BENT_PX = 0.1  # how far beside the line between its ends the middle of an edge may lie
+BENT_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 
@@ -85,7 +85,7 @@ def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
         return wrong
     points = np.array([k.target_m for k in ahead])
     pixels = np.array([k.pixel_px for k in ahead])
-    # what a rolling shutter adds by the time of each row is taken off: the pose is that of mid-exposure
+    # remove the motion during a rolling shutter: the pose is that of mid-exposure
     at_rows = _projected(truth, points, pose_at_rows(truth.scene, points))
     at_middle = _projected(truth, points, (truth.scene,) * len(points))
     pose = truth.scene.camera_from_target

@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-AWAY_M = 2e-3  # docs/formats/truth.md: what is closer to a keypoint than this does not hide it
-DOUBT_M, DOUBT = 1e-4, 1e-6  # of that, and of where within a triangle a ray meets it: either answer is right
+AWAY_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
+DOUBT_M, DOUBT = (
+    1e-4,
+    1e-6,
+)  # tolerances of that distance, and of the hit point in a triangle: either answer is right
 NEAREST_M = 1e-3
 ECLIPSED_BELOW = 0.02
 BY_PICTURE = ("visible", "saturated", "below_noise")
@@ -38,7 +41,7 @@ class Triangles:
         middle = corners.mean(axis=1)
         self._reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-6
         self._middle = np.ascontiguousarray(middle.T)
-        # what of the distance from a ray does not depend on it
+        # the part of the distance that does not depend on the ray
         self._within = (middle**2).sum(axis=1) - self._reach**2
 
     def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
@@ -85,7 +88,7 @@ def check_states(truth: Truth, target: Target) -> list[str]:
     wrong = []
     for keypoint in truth.keypoints:
         if keypoint.state == "out_of_frame" or keypoint.pixel_px is None:
-            continue  # where it is on the image is known from its pixel
+            continue  # its place in the image follows from its pixel
         possible = _possible(truth, keypoint, mesh, to_sun)
         state = "in sight" if keypoint.state in BY_PICTURE else keypoint.state
         if state not in possible:
@@ -110,7 +113,7 @@ def _possible(
     if surely:
         return possible
     if truth.scene.has_lamps:
-        return [*possible, "in sight"]  # what the camera sees, its lamp lights
+        return [*possible, "in sight"]  # the lamp at the camera lights all that the camera sees
     if truth.scene.sunlit_fraction < ECLIPSED_BELOW:
         return [*possible, "eclipsed"]
     surely, perhaps = mesh.between(point, to_sun, np.inf)
@@ -139,7 +142,7 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
     else:
         known = in_lens(truth.camera, points @ R.T + t)
         pixels = project_with_opencv(truth.camera, points[known], truth.q_camera_from_target_wxyz, t)
-        if not known.all():  # what lies further out than the lens is known for can only make the box larger
+        if not known.all():  # points beyond the lens's known range can only enlarge the box
             low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
             box = np.array(truth.box_amodal_px)
             holds = np.all(box[:2] <= low + PIXEL_TOLERANCE_PX) and np.all(

@@ -131,7 +131,7 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
     u, v = (int(x) for x in np.rint(keypoint.pixel_px))
     patch = depth_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
     if patch.size < 9 or not np.isfinite(patch).all():
-        return True  # beside an outline what hides or shows a point may lie between the pixels' centres
+        return True  # next to an outline, the hiding part may be between the pixels' centres
     # about a rod's root or an edge the surface leaves the point by as much as the pixels are wide
     tolerance = 3e-3 * max(1.0, z_m) + 1.5 * z_m / min(truth.camera.fx_px, truth.camera.fy_px)
     if keypoint.state == "self_occluded":
@@ -177,7 +177,7 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
     """Check mask, amodal mask and sampled pixels of all layers against the mesh."""
     sampler = RaySampler(truth, target)
     if "amodal" in layers and truth.amodal_origin_px is not None:
-        # which is the visible mask on the image
+        # inside the image it is the visible mask
         whole = np.asarray(layers["amodal"], np.uint8)
         wrong = _check_mask(truth, whole, truth.amodal_origin_px, target, sampler, "amodal mask")
     else:

@@ -38,7 +38,7 @@ RELATIVE = 1e-7
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """Absolute tolerance by the suffix of a field's name [m, m/s]; differences of large ECI vectors carry it."""
 ABSOLUTE_OF_OTHERS = 1e-9
-MOST_SAMPLES = 50  # of a recipe: a constrained pose takes as long as some labels do
+MOST_SAMPLES = 50  # per recipe: a constrained pose takes as long as some labels do
 NOT_COMPARED = ("camera", "target")
 """Fields that other checks cover."""
 

@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.targets.model import Target
 
-SHARE = 0.02  # of a data set's frames that are drawn again
+SHARE = 0.02  # share of a data set's frames that are rendered again
 FEWEST = 3
 BLUR_PX = 2.0
-LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # of white noise, after that blur
+LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # white noise left after that blur
 SIGMAS = 6.0
-SHIFT_PX = 0.25  # by which an edge may be drawn elsewhere
-RELATIVE, ABSOLUTE = 0.01, 0.004  # of the signal, and of full scale: what renderers differ by
+SHIFT_PX = 0.25  # largest shift of an edge
+RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale
 MOST_OTHER, MOST_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
 FEW = 4
 EXACT = 1e-6

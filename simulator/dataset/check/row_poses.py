@@ -54,7 +54,7 @@ def check_rows(truth: Truth) -> list[str]:
     t0, v = np.asarray(truth.t_camera_from_target_m), np.asarray(scene.v_target_camera_m_s)
     reach = np.linalg.norm(scene.omega_camera_rad_s) + np.linalg.norm(scene.omega_target_rad_s)
     for pose in poses:
-        # rates are constant to first order; what is left goes with the square of the angle turned
+        # rates are constant to first order; the remainder grows with the square of the rotation
         turned = reach * abs(pose.dt_s)
         turn = matrix_from_quat(pose.q_camera_from_target_wxyz) @ R_ct.T
         angle = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2

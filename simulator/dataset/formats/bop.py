@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MM = 1000.0
-_CANVAS_PX = 2048  # the larger of a craft and of what is beside the image is counted on a coarser grid
+_CANVAS_PX = 2048  # larger canvases of craft and surroundings are counted on a coarser grid
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MOST_SIDE_PX = 16_384  # of a camera
+MOST_SIDE_PX = 16_384  # largest side of a camera
 MOST_PIXELS = MOST_SIDE_PX**2
 MOST_CHANNELS = 4
-MOST_BYTES = 2**32  # of a file of so many numbers
+MOST_BYTES = 2**32  # largest file of that many numbers
 
 
 def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:

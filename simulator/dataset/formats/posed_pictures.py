@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.encoding import Encoding
     from flyaround.simulator.camera.lens.camera_model import Camera
 
-MOST_BYTES = 500_000_000  # of a list of labels: a million pictures
+MOST_BYTES = 500_000_000  # largest list of labels: a million images
 MOST_CAMERA_BYTES = 4_000_000
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits

@@ -100,7 +100,7 @@ class FrameBatches:
 
     def __exit__(self, kind: object, *_: object) -> None:
         try:
-            # the first error is the one to be told
+            # report the first error
             with contextlib.suppress(Exception) if kind is not None else contextlib.nullcontext():
                 self.flush()
         finally:

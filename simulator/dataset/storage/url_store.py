@@ -66,7 +66,7 @@ class UrlStore:
     def write(self, *waves: Files) -> None:
         """Write files, those of a wave in parallel if the store can."""
         for name, _ in (file for wave in waves for file in wave):
-            self._ends.pop(name, None)  # what was appended before is replaced
+            self._ends.pop(name, None)  # earlier appended data is replaced
         for wave in waves:
             with self._refusals("write to"):
                 # object stores have no folders, and would make a bucket that is not there

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
 
 Profile = Literal["led", "gaussian", "flat"]
-FLAT_EDGE = 0.03  # of the half angle: over it a flat beam falls to nothing
+FLAT_EDGE = 0.03  # share of the half angle over which a flat beam falls to zero
 
 
 class Lamp(Section, frozen=True, kw_only=True):
@@ -28,12 +28,12 @@ class Lamp(Section, frozen=True, kw_only=True):
     ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
     """
 
-    # of the Sun's colour
+    # with the Sun's spectrum
     power_w: Annotated[float, Meta(gt=0, le=1e6)]
     half_angle_deg: Annotated[float, Meta(ge=0.5, le=80)] = 20.0
     # led: a power of the cosine, as bare diodes and those behind lenses shine; gaussian in the angle; flat in its cone
     profile: Profile = "led"
-    # beside the camera shadows would be seen, by the ratio of this to the range
+    # away from the camera shadows become visible, by the ratio of this to the range
     offset_m: MetresXyz = (0.0, 0.0, 0.0)
 
     @property

@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.bands import Bands
 
-FULL_MOON_SHARE = 2.5e-6  # of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
+FULL_MOON_SHARE = 2.5e-6  # share of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
 # Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
 # bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
 _ALBEDO = {"panchromatic": 0.122, "red": 0.143, "green": 0.120, "blue": 0.096}
-_SURGE, _SURGE_DEG = 0.33, 2.0  # of light at zero phase, over that without the surge; e-folding phase
+_SURGE, _SURGE_DEG = 0.33, 2.0  # opposition surge: excess at zero phase, and its e-folding phase angle
 
 
 def moon_albedo(bands: Bands) -> FloatArray:

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 HEIGHTS, SUNS = 24, 33
 _STEPS = 16
-_ORDERS = 12  # of scattering: blue light over snow has lost all but a thousandth of itself then
+_ORDERS = 12  # scattering orders: blue light over snow is then down to a thousandth
 _POLAR, _TURNS = 8, 6
 
 
 def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:
     """Compute the table of one atmosphere over ground of uniform albedo."""
-    # the middle column lies on the horizon
+    # the middle column is on the horizon
     column = np.linspace(-1, 1, SUNS)
     mu_sun = np.sign(column) * column**2
     # a metre above the ground, a metre below the top: rays then know where they are

@@ -37,7 +37,7 @@ def _grazing(bands: Bands) -> FloatArray:
     """Return the transmittance (K, n) of the whole air along rays of perigee height ``_HEIGHTS_M``."""
     air = earth_atmosphere(bands)
     depth = optical_depth_to_top(air, air.radius_m + _HEIGHTS_M, np.zeros_like(_HEIGHTS_M), steps=48)
-    # clouds stand in the way of most of the lowest rays: open from a tenth at the ground to all at 12 km
+    # clouds block most of the lowest rays: from a tenth open at the ground to all at 12 km
     clear = 0.1 + 0.9 * np.clip(_HEIGHTS_M / 12e3, 0, 1)
     return np.exp(-2 * depth) * clear[:, None]
 

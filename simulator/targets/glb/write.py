@@ -136,7 +136,7 @@ def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
     n = part.normals.astype(float)
     across = axis - (n @ axis)[:, None] * n if brushed.turned else np.cross(n, axis)
     length = np.linalg.norm(across, axis=1, keepdims=True)
-    # where a face looks along the grain any direction will do
+    # if a face is normal to the grain, any direction serves
     other = np.cross(part.normals, np.roll(part.normals, 1, axis=1) * (1, -1, 1) + (0.1, 0.2, 0.3))
     across = np.where(length > 1e-6, across, other)
     across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)

@@ -32,15 +32,15 @@ class Wheels(Section, frozen=True, kw_only=True):
     Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` turns the camera at the start.
     """
 
-    # of the chaser about the camera's axes, taken as principal
+    # moments of the chaser about the camera's axes, taken as principal
     inertia_kg_m2: tuple[Inertia, Inertia, Inertia] = (20.0, 20.0, 20.0)
     # limits of each wheel; a full wheel gives no more torque that way
     torque_nm: Annotated[float, Meta(gt=0, le=1e3)] = 0.05
     momentum_nms: Annotated[float, Meta(gt=0, le=1e4)] = 4.0
-    # of the controller's answer to an error of attitude
+    # closed-loop bandwidth of the attitude controller
     bandwidth_rad_s: Annotated[float, Meta(gt=0, le=10)] = 0.2
     damping: Annotated[float, Meta(gt=0, le=5)] = 0.9
-    # of control; the torque is held over it
+    # control period; the torque is held over it
     period_s: Annotated[float, Meta(ge=0.01, le=10)] = 0.25
     start_error_deg: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
 
@@ -100,7 +100,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     rows = []
     for k in range(int(np.ceil(duration_s / h))):
         next_q, next_rate = reference(min((k + 1) * h, duration_s))
-        # where it should be, seen from where it is
+        # the wanted attitude relative to the present one
         apart = quat_multiply(quat_conjugate(q), quat_conjugate(wanted_q))
         apart = apart if apart[0] >= 0 else -apart
         angle = 2 * float(np.arctan2(np.linalg.norm(apart[1:]), apart[0]))
@@ -138,7 +138,7 @@ def wheel_step(
 
     def rate(y: list[float], tau: float) -> list[float]:
         w, x, y_, z, a, b, c = y
-        # what the wheels take, the body gives
+        # the wheels take momentum from the body
         total = (ix * a + mx - ux * tau, iy * b + my - uy * tau, iz * c + mz - uz * tau)
         gx, gy, gz = cross_of((a, b, c), total)
         return [

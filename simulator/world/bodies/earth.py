@@ -93,7 +93,7 @@ EARTH = Earth(
         aerosol_m=_AEROSOL_DEPTH / _AEROSOL_HEIGHT_M,
         aerosol_albedo=0.93,
         aerosol_height_m=_AEROSOL_HEIGHT_M,
-        # rural aerosol: Shettle & Fenn (1979), as Bird & Riordan (1986) have it
+        # rural aerosol: Shettle & Fenn (1979), in Bird & Riordan (1986)
         aerosol_exponent=1.14,
         aerosol_g=0.7,  # mean cosine 0.76: maritime clean, Hess et al. (1998), OPAC, Bull. Am. Meteorol. Soc. 79
         # 300 Dobson units; cross sections averaged over the band: Gorshelev et al. (2014), High spectral resolution

@@ -92,7 +92,7 @@ class FlightLog:
             return self._scripted(f.scripted, t_s)
         if f.guidance.ballistic:
             return _ballistic(f.guidance.phase(t_s), f.burns, t_s)
-        # a path that is followed exactly: by what is not modelled
+        # a path followed exactly, by forces that are not modelled
         return ThrustState(phase=f.guidance.phase(t_s))
 
     def _controlled(self, track: ControlledTrack, t_s: float) -> ThrustState:

@@ -232,9 +232,7 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
 
 def _from_lines(text: str) -> dict[str, FloatArray]:
     """Return the arrays of `csv_header` and the complete lines after it. Raises ValueError if they are not that."""
-    first, *rows = text.replace("\r\n", "\n").split("\n")[
-        :-1
-    ]  # what comes after the last line's end was not finished
+    first, *rows = text.replace("\r\n", "\n").split("\n")[:-1]  # text after the last line's end is incomplete
     if first + "\n" != csv_header():
         raise ValueError("its first line does not name the numbers of a flight")
     return _columns(np.array([row.split(",") for row in rows], float).reshape(-1, NUMBERS))

@@ -34,7 +34,7 @@ class ScriptedCommand(Section, frozen=True, kw_only=True):
     acceleration_m_s2: SpeedXyz = (0.0, 0.0, 0.0)
     # lvlh: radial, along-track, cross-track; camera: right, down, forward
     axes: Literal["lvlh", "camera"] = "lvlh"
-    # of the camera relative to the stars, unless it keeps with_tracking_camera at the target
+    # rate of the camera relative to the stars, unless with_tracking_camera keeps it on the target
     rate_camera_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
 
 

@@ -141,7 +141,7 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
             return np.zeros(3)
         sideways = v - rate * out
         speed = float(np.linalg.norm(sideways))
-        # what goes sideways soon goes outward: it is held to the same speed
+        # sideways motion soon leads outward: it has the same speed limit
         kept = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
         wanted = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + kept
         return np.asarray(wanted - v)

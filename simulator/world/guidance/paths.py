@@ -91,7 +91,7 @@ class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw
     # range at the start and, unless far_radius_m is given, always; time of one turn
     radius_m: Range
     period_s: Seconds
-    # of the circle's plane against the orbit plane; 180 reverses the sense
+    # inclination of the circle's plane against the orbit plane; 180 reverses the sense
     inclination_deg: Inclination = 0.0
     # ascending node in the orbit plane, from radial (0) to along-track (90)
     node_deg: Degrees = 0.0

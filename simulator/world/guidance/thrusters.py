@@ -25,7 +25,7 @@ class Thrusters(Section, frozen=True, kw_only=True):
     minimum_impulse_ns: Annotated[float, Meta(ge=0, le=1e3)] = 0.01
     # gives the mass flow
     specific_impulse_s: Annotated[float, Meta(gt=0, le=1e4)] = 220.0
-    # of control; thrust is constant over it
+    # control period; thrust is constant over it
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 1.0
 
     def fire(self, wanted_m_s: FloatArray, mass_kg: float) -> tuple[FloatArray, float]:

@@ -113,7 +113,7 @@ class Ephemeris:
         on.
         """
         begun = [p for p in self.pieces if p.first_s <= t_s]
-        # of those that overlap the later one; in a gap, and before and after all, the nearest edge counts for rounding
+        # the later one of overlapping pieces; in gaps and outside, the nearest edge, because of rounding
         piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])
         return motion_in_gcrf(piece.frame, piece.frozen or self.epoch.plus(t_s), *piece(t_s))
 

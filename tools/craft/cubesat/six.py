@@ -36,7 +36,7 @@ from tools.craft.shapes.solids import box, cone
 
 WINGS = Wings(
     root_x_m=U6.x_m / 2,
-    # the hinges lie on the rails of +y
+    # the hinges are on the rails of +y
     y_m=U6.y_m / 2 + 0.0045,
     panels=3,
     size_m=(0.0850, 0.3280),

@@ -37,7 +37,7 @@ from tools.craft.shapes.solids import box, rod
 
 WINGS = Wings(
     root_x_m=U3.x_m / 2,
-    # the hinges lie on the rails of +y
+    # the hinges are on the rails of +y
     y_m=U3.y_m / 2 + 0.0045,
     panels=2,
     size_m=(0.0840, 0.3270),

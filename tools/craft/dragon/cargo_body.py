@@ -150,7 +150,7 @@ def _side(level: Level) -> list[Piece]:
     lenses = [
         rod(p - 0.02 * out, p + 0.06 * out, 0.05, n) for p in np.add(at, [(0.32, 0, 0.10), (-0.32, 0, 0.10)])
     ]
-    # the open door stands out beside the bay
+    # the open door protrudes next to the bay
     side = at + np.array([-0.48, 0.02, 0.0])
     door = bar(side, side + 0.62 * out + (-0.22, 0, 0), 0.60, 0.04, (1, 0, 0))
     hatch = pad(SIDEWALL, -bay, 1.30, (0.45, 0.55), lift_m=0.010, exponent=4.0, segments=2 * n, rings=6)

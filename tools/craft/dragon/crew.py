@@ -109,7 +109,7 @@ def _wireframe() -> list[Edge]:
     edges += moved_edges(rim, nose_rotation(), nose_point(np.zeros(3)))
     origin, thick = (0, FIN_THICK_M / 2, 0), FIN_THICK_M
     fin = prism_edges("fin", FIN_M, thick, origin_m=origin, u=(1, 0, 0), v=(0, 0, 1), crease_rad=0.0)
-    # the root lies inside the trunk
+    # the root is inside the trunk
     fin = [e for e in fin if not e.name.endswith(("_3", "up_0"))]
     fin = [e if "up" in e.name else replace(e, normals=e.normals[::-1]) for e in fin]
     for k, az in enumerate(FIN_AZIMUTHS_DEG):

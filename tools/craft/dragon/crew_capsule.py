@@ -41,7 +41,7 @@ POD_LIFT_M, POD_EXPONENT = 0.02, 3.0
 def build_capsule(level: Level) -> list[Piece]:
     """Return the capsule without nose cone and docking port."""
     n = level.segments(RIM_SEGMENTS)
-    # the shield's dome lies inside the trunk, its rim outside
+    # the shield's dome is inside the trunk, its rim outside
     shield = [
         (0, -0.42), (0.6, -0.39), (1.2, -0.27), (1.72, -0.04), (1.86, 0.0), (1.94, 0.05), (1.985, 0.14),
         (RIM_RADIUS_M, 0.24), (RIM_RADIUS_M, RIM_TOP_M), (0, RIM_TOP_M),

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # of three coordinates
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])  # cyclic permutations of three coordinates
 
 
 @dataclass(frozen=True, eq=False)

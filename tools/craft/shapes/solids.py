@@ -30,7 +30,7 @@ def box(lo_m: ArrayLike, hi_m: ArrayLike, bevel_m: float = 0.0) -> Mesh:
     signs = np.array(list(itertools.product([-1.0, 1.0], repeat=3)))
 
     def corner(sign: ArrayLike, kept: int) -> np.ndarray:
-        # the vertex of a corner that lies on the face across axis `kept`
+        # the vertex of a corner that is on the face across axis `kept`
         inset = np.full(3, bevel_m)
         inset[kept] = 0.0
         return centre + np.asarray(sign) * (half - inset)
@@ -93,7 +93,7 @@ def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: in
             if 0 <= other < len(step):
                 beside = slope[other]
             elif p[k + end, 0] == 0:
-                # across the axis the surface goes on as its own mirror image
+                # across the axis the surface continues as its own mirror image
                 beside = slope[k] * (-1, 1)
             else:
                 continue

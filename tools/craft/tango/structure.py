@@ -87,7 +87,7 @@ def build_panel(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Pie
         Piece("panel_cells", "solar-cell", merge(fields)),
     ]
     if detail == "full":
-        # the tabs lie in the gaps that clipped corners leave
+        # the tabs are in the gaps left by clipped corners
         pieces.append(Piece("panel_interconnects", "interconnect", merge(tabs)))
     return pieces
 

@@ -137,7 +137,7 @@ def _fisheye(
     camera: Camera, objects: list[FloatArray], pixels: list[FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray, FloatArray, float]:
     """OpenCV's fisheye calibration; its sigmas from the Jacobian at its own solution, as it reports none."""
-    # OpenCV 4 keeps these constants in its fisheye module, OpenCV 5 beside the others
+    # OpenCV 4 has these constants in its fisheye module, OpenCV 5 with the others
     home = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2
     flags = home.CALIB_RECOMPUTE_EXTRINSIC + home.CALIB_FIX_SKEW + home.CALIB_USE_INTRINSIC_GUESS
     # a first guess as a person has one: the focal length of the data sheet

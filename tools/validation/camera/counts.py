@@ -34,7 +34,7 @@ def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, i
         if total >= LEAST_EXPECTED:
             ends.append(k + 1)
             total = 0.0
-    starts = np.array([0, *ends[:-1]])  # the last bin takes what is left
+    starts = np.array([0, *ends[:-1]])  # the last bin takes the rest
     observed, ideal = np.add.reduceat(counts, starts), np.add.reduceat(expected, starts)
     statistic = float(((observed - ideal) ** 2 / ideal).sum())
     return statistic, len(starts) - 1, float(chi2.sf(statistic, len(starts) - 1))

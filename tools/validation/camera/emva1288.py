@@ -51,7 +51,7 @@ def measure(name: str, *, seed: int = 5) -> list[Measured]:
     d = _detector(sensor)
     gain_dn_e, read_noise_e = photon_transfer(sensor, seed)
     half, dark = (_stack(sensor, share, 0.0, seed + k) for k, share in enumerate((0.5, 0.0)))
-    # section 8.1: spatial variances of the mean pictures, less what is left of the temporal noise
+    # section 8.1: spatial variances of the mean images, minus the remaining temporal noise
     s2_half, s2_dark = (spatial - temporal / FRAMES for spatial, temporal in (half[1:], dark[1:]))
     prnu = np.sqrt(s2_half - s2_dark) / (half[0] - dark[0])
     dsnu_e = np.sqrt(max(s2_dark, 0.0)) / gain_dn_e
@@ -124,7 +124,7 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
     sensor = replace(base, detector=detector)
     sunlight = sunlight_balance("rgb")
     balance = np.ones(3) if raw else white_balance(sensor, Optics(), sunlight)
-    # what the channels collect of a white plate in the Sun, the fullest of them up to 70 % of saturation
+    # signal of the channels from a white plate in the Sun, the fullest of them at up to 70 % of saturation
     electrons = 1 / white_balance(sensor, Optics(), sunlight)
     shares = np.linspace(0, 0.7, levels)[:, None] * electrons / electrons.max()
     mean, variance = np.zeros((len(shares), 3)), np.zeros((len(shares), 3))

@@ -80,7 +80,7 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     rows = np.arange(16, height - 16)
     line = np.array([0.0, start])
     for _ in range(3):
-        # what is far from the edge is left out of the centroid
+        # pixels far from the edge are excluded from the centroid
         near = np.abs(place - np.polyval(line, rows)[:, None]) < (height * SLANT if line[0] == 0 else 12)
         weight = slope[rows] * near
         line = np.polyfit(rows, (weight @ place) / weight.sum(axis=1), 1)
@@ -95,7 +95,7 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     spike *= np.hanning(len(spike) + 2)[1:-1]
     at = (np.arange(len(spike)) - np.argmax(np.abs(spike))) / BINS
     transfer = np.abs(np.exp(-2j * np.pi * np.outer(frequency, at)) @ spike)
-    # what the bins and their difference take off
+    # undo the attenuation by the bins and their difference
     transfer /= np.abs(spike.sum()) * np.sinc(frequency / BINS) ** 2
     return np.asarray(transfer)
 

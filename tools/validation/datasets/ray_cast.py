@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From a glTF viewer's y up to the model's z up."""
 
-# A raster rounds corners to 1/256 px, so at outlines, cracks and rods thinner than that rays a little beside the
-# centre may say otherwise: those of three rings are asked of the pixels where the centre's ray disagrees; and where
-# those do too, the raster is done again there in whole numbers (faces thinner than its steps are missed by most rays).
+# A raster rounds corners to 1/256 px, so at outlines, cracks and rods thinner than that rays slightly off the centre
+# may differ. If the ray at a pixel's centre disagrees, rays on three rings are cast; if those disagree too, the raster
+# is repeated there in integers (most rays miss faces thinner than its steps).
 _RINGS_PX = (0.03, 0.1, 0.5)
 _DIRECTIONS = 12
-_COPLANAR_M = 2e-3  # a decal and what it lies on
+_COPLANAR_M = 2e-3  # a decal and the surface below it
 _NEAR_M = 1e-3
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.recipes.plan import RecipePlan
     from flyaround.simulator.targets.model import Target
 
-# what stands for several crafts' poses, each tried under its own name
+# layers for the poses of several crafts, each tested under its own name
 _LABELS = ("parts", "amodal", "clean")
 
 

@@ -19,7 +19,7 @@ STEPS = 256
 ROUNDING_PX = 2 / STEPS
 """Largest displacement of a plane's depth by the rounding of two corners (docs/datasets.md)."""
 _TRIES = 24
-# what single precision makes of a corner that lies between two steps; the tries go either way
+# error of a corner between two steps in single precision; tries go either way
 _UNSURE_PX = 2e-4
 LENS_PX = 0.02
 """Largest distance of a curved edge from the exact lens projection (docs/camera.md)."""
@@ -100,8 +100,8 @@ def _first(
         slope = np.hypot(
             along[:, 0] * e2[:, 1] - along[:, 1] * e1[:, 1], along[:, 1] * e1[:, 0] - along[:, 0] * e2[:, 0]
         )
-    # a plane is known as well as its corners: the depth may be that of a place so far beside the origin, and thinner
-    # than that the plane says nothing: anything between its corners
+    # a plane is as exact as its corners: the depth may be that of a place this far from the origin, and a thinner
+    # triangle constrains it only to the range of its corners
     thin = np.abs(twice) <= rounding_px * longest
     unsure = np.where(thin, np.inf, rounding_px * slope)
     high = np.minimum(np.where(thin, np.inf, here) + unsure, inverse.max(axis=1))

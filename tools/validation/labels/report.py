@@ -256,7 +256,7 @@ def main() -> int:
     parser.add_argument("--page", action="store_true", help=f"write {PAGE} from the results that there are")
     parser.add_argument("--again", action="store_true", help="take frames that were wrong once more")
     options = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that the processes end with this one
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # end the worker processes with this one
     lines: list[dict[str, Any]] = []
     if options.results.is_file():
         lines = [json.loads(line) for line in options.results.read_text().splitlines()]

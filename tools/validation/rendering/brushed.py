@@ -30,7 +30,7 @@ def rows(renderer: Renderer) -> list[Row]:
 
 def sphere_row(renderer: Renderer) -> Row:
     """Return the largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
-    # so many pixels that the middle of one, which is compared, has the mean radiance of its area, which is drawn
+    # enough pixels that the centre of one, which is compared, has the mean radiance of its area, which is rendered
     drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
     across = np.cross(n, np.asarray(BRUSHED.grain))

@@ -29,7 +29,7 @@ NM = np.arange(405.0, 700.0, 10.0)
 HEIGHTS_M = 1e3 * np.array([1.0, 3.0, 5.0, 8.0, 10.0, 12.0, 15.0, 18.0, 20.0, 25.0, 30.0, 40.0])
 SUNS_DEG = ((80, 0), (60, 90), (30, 90), (10, 180), (5, 0), (2, 0), (0, 0), (-3, 0))
 """Elevation at the tangent point, and azimuth from the line of sight."""
-# absorption of a centimetre of ozone: Leckner (1978), as Bird & Riordan (1986) have it, table 1
+# absorption of a centimetre of ozone: Leckner (1978), in Bird & Riordan (1986), table 1
 OZONE_NM = (
     400,
     430,

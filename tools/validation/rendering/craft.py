@@ -43,7 +43,7 @@ EDGE_CAMERAS = {
     ),
     " through a fisheye": replace(_LENS, distortion=Distortion("kannala_brandt", (0.03, -0.01, 0.002, 0.0))),
 }
-STEP_M = 0.01  # of depth between neighbouring pixels, off a plane: one part ends before another
+STEP_M = 0.01  # step of depth between neighbouring pixels, off a plane, at which one part ends before another
 MITSUBA_SKY_W_M2_SR = 30.0  # an even sky, as bright as a sunlit Earth
 # rotation vector of Tango [rad] and direction to the Sun, camera frame: panel, bottom and a side; and samples a pixel
 # of Sun and sky for a noise below 0.5 %: the side is in shade for the most part
@@ -175,7 +175,7 @@ def penumbra_row(renderer: Renderer) -> Row:
         ],
         [Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)],
     )
-    # the Sun slants so that the blind does not stand before its own shadow
+    # a slanted Sun, so that the blind does not hide its own shadow
     slope, turn = 0.5, 0.2
     camera = square_camera(size, 20_000.0)
     edge_x = -slope * height
@@ -249,7 +249,7 @@ def edge_errors(
     """Return the position by coverage of a plate's edge in every row (or column) it crosses, less OpenCV's
     projection [px].
     """
-    size = EDGE_CAMERA.fx_px / camera.fx_px  # of the plate: about as large in the image
+    size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate: about as large in the image
     middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
     place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
     target = bare_target(

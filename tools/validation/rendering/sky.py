@@ -157,7 +157,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
     exact = _ground_share(scene, size, focal_px)
     wrong = np.where(disc, hidden - exact, 0.0)
     edge = disc & (exact > 0) & (exact < 1)
-    # columns whose whole limb lies on the disc
+    # columns whose whole limb is on the disc
     limb = (exact > 0) & (exact < 1)
     columns = edge.any(axis=0) & ~(limb & ~disc).any(axis=0)
     row, column = np.nonzero(edge)

@@ -44,7 +44,7 @@ def read_matlab(document: Document, where: str) -> CameraFile:
     keys.ignore(_REPORT)
     if keys.find("Intrinsics"):
         inner = keys.inner("Intrinsics")
-        # cameraParameters repeats its intrinsics beside the object
+        # cameraParameters repeats its intrinsics next to the object
         keys.ignore(
             "FocalLength", "PrincipalPoint", "ImageSize", "RadialDistortion", "TangentialDistortion", "Skew"
         )

@@ -35,7 +35,7 @@ _WIDTH, _HEIGHT = ("image_width", "width", "img_width", "w"), ("image_height", "
 _SIZE = ("image_size", "img_size", "image_resolution", "resolution", "size")
 _MODELS = ("distortion_model", "camera_model", "camera_type", "model", "lens_model")
 _FISHEYE = ("fisheye_model", "is_fisheye", "fisheye")
-# of a calibration program about its own run; none changes the lens
+# keys in which a calibration program describes its own run; none affects the lens
 _REPORT = """
     date time timestamp created_at user host version comment note notes message description source serial serial_number
     camera_serial camera_id id frame_id frame_name fps nframes nr_of_frames n_images images_used frames_used views_used

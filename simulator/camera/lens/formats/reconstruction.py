@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-# model: names of its parameters; 0 stands for a coefficient that ours has and COLMAP's has not
+# model: names of its parameters; 0 stands for a coefficient of ours that COLMAP does not have
 _COLMAP_MODELS: dict[str, tuple[DistortionModel, str, str]] = {
     "SIMPLE_PINHOLE": ("none", "f cx cy", ""),
     "PINHOLE": ("none", "fx fy cx cy", ""),
@@ -43,7 +43,7 @@ _NERF_FRAME = """
     transform_matrix depth_file_path normal_file_path colmap_im_id camera_index rotation frame_index cam_id
     semantic_path timestamp time camera_id file_path mask_path sharpness
 """
-_AGREE = 2e-3  # of a focal length and an angle that say the same: files round them
+_AGREE = 2e-3  # tolerance between a focal length and an angle, which files round
 CORNER_TO_CENTRE_PX = -0.5
 
 

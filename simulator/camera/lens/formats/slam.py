@@ -140,7 +140,7 @@ def read_vins(document: Document, where: str) -> CameraFile:
         model, names = (
             "kannala_brandt",
             ("k2", "k3", "k4", "k5"),
-        )  # its k2 stands before the cube of the angle
+        )  # its k2 multiplies the cube of the angle
         if lens is None or not lens.find("k2"):
             lens = projection
     coefficients = None if lens is None else [lens.number(name) for name in names]

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.formats.document import Document
 
 _PITCH_UM = 5.86
-_CENTRE_PX = 1.0  # of matrix and ccx, ccy: some sets count from corners
-_AGREE = 2e-3  # of lengths and matrix: the sets round them
+_CENTRE_PX = 1.0  # tolerance between matrix and ccx, ccy: some sets count from corners
+_AGREE = 2e-3  # tolerance between lengths and matrix, which the sets round
 
 
 def is_speed(document: Document) -> bool:

@@ -97,7 +97,7 @@ def _picture(
     surface: SurfacePoints, albedo: FloatArray, center: FloatArray, radius: float, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the nearest surface to the camera (H, W), -inf outside, and its brightness under each light (L, H, W)."""
-    # single precision: only places in a small picture are asked for
+    # single precision suffices for places in a small image
     at = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
     x, y = np.rint(_pixels(at[:, :2], radius)).astype(np.int32).T
     cell = y * SIZE_PX + x

@@ -197,5 +197,5 @@ def _depth_picture(corners: FloatArray, radius: float) -> FloatArray:
     # painter's order: the nearest last
     for k in np.argsort(-depth, kind="stable"):
         cv2.fillConvexPoly(picture, flat[k], float(depth[k]))
-    # an edge lies between its own face and what is behind it
+    # an edge is between its own face and the background
     return np.asarray(cv2.dilate(picture, np.ones((3, 3), np.uint8)), float)

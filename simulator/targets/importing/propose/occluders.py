@@ -136,7 +136,7 @@ def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
         axes = np.stack([x / np.linalg.norm(x), np.cross(view, x / np.linalg.norm(x))])
         at = points @ axes.T
         low, size = at.min(axis=0), max(float(np.ptp(at, axis=0).max()), 1e-12)
-        # so coarse that the points leave no gaps
+        # coarse enough that the points leave no gaps
         side = int(np.clip(np.sqrt(len(points)) / 3, 4, SIDE_PX))
         cells = np.unique(np.minimum(((at - low) / size * side).astype(int), side - 1) @ (side, 1))
         grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2)

@@ -44,7 +44,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     points = corners.reshape(-1, 3) - center
     along = points @ axis
     length = float(np.ptp(along))
-    # caps lie across the axis and say nothing of the radius
+    # caps are across the axis and do not constrain the radius
     normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
     side = np.abs(normal @ axis) < 0.5
     if not side.any() or weight[side].sum() < 0.6:

@@ -76,7 +76,7 @@ def propose_wireframe(
         return (), 0
     skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
     step, seen = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
-    # a rod's axis is not where its brightness changes: both its sides stand against what is behind
+    # the brightness does not change at a rod's axis: both its sides contrast with the background
     step = np.where(skin > 0, np.maximum(step, 0.3), step)
     shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * seen / extent, 6)
     good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= FAINTEST))
@@ -115,7 +115,7 @@ def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
         t = out[twin]
         ends = np.array([t.a, t.b, s.a, s.b])
         along = (ends - t.a) @ (t.b - t.a)
-        # the longer one's faces stand for both
+        # the longer one's faces represent both
         merged = _Stretch(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
         out[twin], a[twin], b[twin] = merged, merged.a, merged.b
     return out

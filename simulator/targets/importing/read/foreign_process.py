@@ -63,7 +63,7 @@ def _step(data: bytes) -> tuple[dict[str, Any], bytes]:
     glb = cascadio.load(data, "step", tol_linear=STEP_TOLERANCE_MM, include_materials=False)
     if not glb:
         raise ValueError("it holds no shape that can be meshed")
-    # axes stay as in the file, whatever glTF says
+    # keep the file's axes, in spite of glTF's convention
     return {"metres": 1.0, "up": "z", "lost": []}, glb
 
 

@@ -134,7 +134,7 @@ class GltfMaterials:
         specular = np.asarray(old.get("specularFactor", [1, 1, 1])[:3], float)
         roughness = 1.0 - float(old.get("glossinessFactor", 1.0))
         if _base_texture({"extensions": {SPECULAR_GLOSSINESS: old}}) or "specularGlossinessTexture" in old:
-            return vec3(diffuse), 0.0, roughness  # the factors alone do not tell a metal
+            return vec3(diffuse), 0.0, roughness  # the factors alone do not identify a metal
         d, s, strength = _brightness(diffuse), _brightness(specular), float(specular.max())
         metallic = 0.0
         if s >= DIELECTRIC:

@@ -58,7 +58,7 @@ def read_mesh(path: Path) -> RawModel:
         raise UserError(f"{path} is empty; export the model again")
     found = detected_format(data)
     kind = "step" if kind == "stp" else kind
-    # a binary STL has no mark of its own
+    # a binary STL has no signature
     if found != kind and not (found == "" and kind == "stl"):
         what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
         hint = (

@@ -285,7 +285,7 @@ def _whole_numbers(text: str) -> IntArray:
     """Parse whitespace-separated integers; empty if there is anything else."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # how NumPy says that it stopped at something else
+            warnings.simplefilter("error")  # NumPy warns if it stopped early
             numbers = np.fromstring(text, np.int64, sep=" ")
     except (ValueError, OverflowError, DeprecationWarning):
         return np.zeros(0, np.int64)

@@ -76,7 +76,7 @@ def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
     for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):
         a, b, c = before[k], p[k], after[k]
         inside = (_turn(a, b, p) >= 0) & (_turn(b, c, p) >= 0) & (_turn(c, a, p) >= 0)
-        # corners at the same places as the triangle's own do not lie in it
+        # the triangle's own corners do not count as inside
         own = (p == a).all(axis=1) | (p == b).all(axis=1) | (p == c).all(axis=1)
         if not (inside & ~own).any():
             return int(k), looked

@@ -120,7 +120,7 @@ def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
         )
     out = []
     for number, solid in enumerate(solids):
-        # what follows endsolid on its line is the name again
+        # endsolid is followed by the name again
         start = solid if number == 0 else solid[max(solid.lower().find(b"solid"), 0) :]
         name = _NAME.match(start[:1000])
         out.append((name[1].decode("utf-8", "replace") if name else "", _corners(path, solid)))

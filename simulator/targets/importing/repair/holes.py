@@ -142,7 +142,7 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     width = np.concatenate([np.zeros(n), np.repeat([c.width_m for c in caps], lengths)])
     within = np.maximum(NEAREST * extent_m, BEFORE_GLASS * width)
     pairs = coincident_pairs(corners, extent_m, within, ring >= 0)
-    if pairs is None:  # too many to tell: left open
+    if pairs is None:  # too many to decide: left open
         return {c.piece for c in caps}
     a, b = pairs.T
     pairs = pairs[ring[a] != ring[b]]
