@@ -1,0 +1,118 @@
+"""List of the figures in the documents, and statements that occur twice: ``python -m tools.docs.figures``.
+
+A figure is a number with a unit. Two statements of different pages with nearly the same words, but other numbers of the
+same unit, contradict each other or were measured twice; with the same numbers, one of them should be a link.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+LEFT_OUT = ("lab", "adr", "images")
+"""Folders whose pages record one moment and are not kept current."""
+LEAST_WORDS = 6
+"""Statements with fewer words are too short to compare."""
+ALIKE = 0.4
+"""Share of common words above which two statements are about the same thing (Jaccard index)."""
+_UNITS = (
+    r"ms|us|ns|s|min|h|Hz|fps|MB|GB|kB|KiB|MiB|GiB|px|DN|deg|arcsec|mm|cm|m|km|m/s|cm/s|mm/s|rad/s|deg/s|kg|N|W|V"
+    r"|%|dB|ppm|frames a second|frames per second|times"
+)
+_FIGURE = re.compile(rf"(?<![\w.#-])(\d+(?:[ ,]\d{{3}})*(?:\.\d+)?(?:e-?\d+)?)\s?({_UNITS})(?![\w/])")
+_SENTENCE = re.compile(r"(?<=[.;:])\s+(?=[A-Z`*(\[])|\n\s*\n|\n(?=[|*-] )")
+_WORD = re.compile(r"[a-z]{3,}")
+_COMMON = frozenset(
+    [
+        "the",
+        "and",
+        "that",
+        "with",
+        "for",
+        "from",
+        "are",
+        "has",
+        "have",
+        "its",
+        "one",
+        "two",
+        "than",
+        "not",
+        "but",
+        "all",
+        "any",
+        "each",
+        "this",
+        "which",
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A sentence or table row with figures.
+
+    Parameters
+    ----------
+    page : relative to ``docs``. text : on one line. figures : numbers with their units. words : without common words.
+    """
+
+    page: Path
+    text: str
+    figures: frozenset[tuple[str, str]]
+    words: frozenset[str]
+
+
+def statements(page: Path, text: str) -> list[Statement]:
+    """Return the statements of a page that have figures; code blocks are ignored."""
+    text = re.sub(r"```.*?```", "\n\n", text, flags=re.DOTALL)
+    found = []
+    for part in _SENTENCE.split(text):
+        line = " ".join(part.split())
+        figures = frozenset(_FIGURE.findall(line))
+        words = frozenset(_WORD.findall(line.lower())) - _COMMON
+        if figures:
+            found.append(Statement(page, line, figures, words))
+    return found
+
+
+def all_statements(docs: Path = DOCS) -> list[Statement]:
+    """Return the statements of all current pages."""
+    pages = sorted(p for p in docs.rglob("*.md") if p.relative_to(docs).parts[0] not in LEFT_OUT)
+    return [s for p in pages for s in statements(p.relative_to(docs), p.read_text(encoding="utf-8"))]
+
+
+def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]]:
+    """Yield pairs of statements of different pages about the same thing, with figures of a common unit."""
+    long = [s for s in found if len(s.words) >= LEAST_WORDS]
+    for k, a in enumerate(long):
+        for b in long[k + 1 :]:
+            if a.page == b.page or not {u for _, u in a.figures} & {u for _, u in b.figures}:
+                continue
+            if len(a.words & b.words) >= ALIKE * len(a.words | b.words):
+                yield a, b
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the figures by page, or the statements that occur twice; return 1 if some of these differ."""
+    parser = argparse.ArgumentParser(prog="python -m tools.docs.figures", description=__doc__)
+    parser.add_argument("--all", action="store_true", help="print every figure with its statement")
+    options = parser.parse_args(arguments)
+    found = all_statements()
+    if options.all:
+        for s in found:
+            print(f"{s.page}: {', '.join(f'{n} {u}' for n, u in sorted(s.figures))}: {s.text}")
+        return 0
+    differ = 0
+    for a, b in repeated(found):
+        same = a.figures == b.figures
+        differ += not same
+        print(f"{'repeated' if same else 'DIFFERS'}\n  {a.page}: {a.text}\n  {b.page}: {b.text}")
+    return 1 if differ else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
