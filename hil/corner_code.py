@@ -21,7 +21,7 @@ COLUMNS, ROWS = 16, 8
 BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
 PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")
-LEAST_CONTRAST = 8.0
+MIN_CONTRAST = 8.0
 """Difference of the rim's levels below which there is no code [DN of the image]."""
 
 
@@ -117,7 +117,7 @@ def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:
     levels = cells[:, inner, :, inner].mean(axis=(1, 3))
     white = np.concatenate((levels[0, 1:-1], levels[1:-1, 0])).mean()
     black = np.concatenate((levels[-1, 1:-1], levels[1:-1, -1])).mean()
-    if white - black < LEAST_CONTRAST:
+    if white - black < MIN_CONTRAST:
         return None
     bits = levels[1:-1, 1:-1] > (white + black) / 2
     data = np.packbits(bits.ravel()).tobytes()

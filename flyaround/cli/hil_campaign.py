@@ -20,8 +20,8 @@ from flyaround.simulator.errors import UserError
 
 # command of a local board, like hil board
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
-MOST_REASONS = 10
-MOST_LEVELS = 100
+MAX_REASONS = 10
+MAX_LEVELS = 100
 
 
 @with_run_options
@@ -54,10 +54,10 @@ def campaign(
         for requirement in outcome.requirements:
             met = f"{requirement.runs_passed} of {requirement.runs} runs"
             say(Text.assemble(f"{requirement.name}: ", (met, "" if requirement.passed else "red")))
-        for case in failed[:MOST_REASONS]:
+        for case in failed[:MAX_REASONS]:
             say(f"{case.name}, seed {case.seed}: {case.reason}")
-        if len(failed) > MOST_REASONS:
-            say(f"and {len(failed) - MOST_REASONS} more")
+        if len(failed) > MAX_REASONS:
+            say(f"and {len(failed) - MAX_REASONS} more")
         say(f"{len(outcome.cases) - len(failed)} of {len(outcome.cases)} runs passed: {output / PAGE}")
     if not outcome.passed:
         raise typer.Exit(1)
@@ -120,6 +120,6 @@ def _levels(text: str, option: str, most: float) -> tuple[float, ...]:
         levels = tuple(float(word) for word in text.split(","))
     except ValueError as error:
         raise UserError(f"{option} is {text!r}: give numbers with commas, such as 0,1,2") from error
-    if not all(0 <= level <= most for level in levels) or len(levels) > MOST_LEVELS:
-        raise UserError(f"{option} is {text!r}: give at most {MOST_LEVELS} numbers from 0 to {most:g}")
+    if not all(0 <= level <= most for level in levels) or len(levels) > MAX_LEVELS:
+        raise UserError(f"{option} is {text!r}: give at most {MAX_LEVELS} numbers from 0 to {most:g}")
     return levels

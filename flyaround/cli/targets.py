@@ -13,7 +13,7 @@ from rich.table import Table
 
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say, terminal
-from flyaround.hil.board_model.outer_faces import MOST_TRIANGLES
+from flyaround.hil.board_model.outer_faces import MAX_TRIANGLES
 from flyaround.hil.board_model.write import write_board_model
 from flyaround.runs.document import write_run
 from flyaround.runs.importing import ImportRun
@@ -127,8 +127,8 @@ def _expected_of_the_estimator(target: Target) -> str:
     if shipped_network(target.name) is not None:
         return ""
     n = sum(len(p.triangles) for p in target.parts)
-    heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MOST_TRIANGLES}; "
-    return (heavy if n > MOST_TRIANGLES else "") + (
+    heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MAX_TRIANGLES}; "
+    return (heavy if n > MAX_TRIANGLES else "") + (
         "no learned proposal is trained for it: expect about half of the poses to be right and few or none accepted; "
         "docs/hybrid.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 min, 1 GB)"
     )

@@ -12,7 +12,7 @@ from flyaround.hil.link.errors import LinkError
 from flyaround.hil.link.security import read_key
 from flyaround.hil.link.session import SILENCE_S
 
-MOST_WINDOW = 64
+MAX_WINDOW = 64
 
 
 class AgentOption(NamedTuple):
@@ -99,8 +99,8 @@ def make_agent(
     for name in ("timeout", "watchdog", "silence"):
         if given[name] is not None and not given[name] > 0:
             raise LinkError(f"--{name} {given[name]:g} cannot be: give seconds above 0")
-    if not 1 <= given["window"] <= MOST_WINDOW:
-        raise LinkError(f"--window {given['window']} cannot be: give 1 to {MOST_WINDOW} frames")
+    if not 1 <= given["window"] <= MAX_WINDOW:
+        raise LinkError(f"--window {given['window']} cannot be: give 1 to {MAX_WINDOW} frames")
     names = ("make_estimator", "model_name", "model_sha256")
     more: Dict[str, Any] = {} if own is None else dict(zip(names, own))  # noqa: B905 - Python 3.9 has no strict=
     return BoardAgent(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 # Visible area below which a triangle, and a part that a coarser level leaves out, is not worth drawing [m2].
-LEAST_TRIANGLE_M2, LEAST_PART_M2 = 2e-6, 2.5e-3
+MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 
 # View directions, and the spacing of the points that sample the surface [share of the craft's size].
 DIRECTIONS, PITCH = 32, 0.0022
@@ -26,12 +26,12 @@ DIRECTIONS, PITCH = 32, 0.0022
 LEAK = 0.015
 
 # More triangles than this no board can draw in time.
-MOST_TRIANGLES = 9000
+MAX_TRIANGLES = 9000
 
 # Largest number of visible triangles, those of the parts with the largest visible area per triangle first. Triangles
 # within NEW of the coarse craft's surface and of its material add no information [share of the craft's size]. Least
 # visible area of a triangle and of a part [share of the size, squared].
-MOST_SEEN, NEW, LEAST_TRIANGLE, LEAST_PART = 4200, 0.006, 1e-7, 1e-4
+MAX_SEEN, NEW, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
 
 # Weight of the area of parts that stand off the craft: they shape the outline and cast shadows.
 ALOFT = 3.0
@@ -100,14 +100,14 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
         have |= {p.name for p in added}
         parts += added
     triangles, owner = triangles_of(parts)
-    if len(triangles) > MOST_TRIANGLES:
+    if len(triangles) > MAX_TRIANGLES:
         return _most_informative_parts(parts, len(levels[0]))
     if not len(triangles):
         return np.zeros((0, 3, 3)), []
     area = visible_area(triangles)
     of_part = np.bincount(owner, area, len(parts))
     coarse = np.arange(len(parts)) < len(levels[0])
-    keep = (area > LEAST_TRIANGLE_M2) & (coarse | (of_part > LEAST_PART_M2))[owner]
+    keep = (area > MIN_TRIANGLE_M2) & (coarse | (of_part > MIN_PART_M2))[owner]
     return triangles[keep], [parts[k].material for k in owner[keep]]
 
 
@@ -117,11 +117,11 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
     """
     nothing: tuple[FloatArray, list[str]] = np.zeros((0, 3, 3)), []
-    if sum(len(p.triangles) for p in parts[:coarse]) > MOST_TRIANGLES:
+    if sum(len(p.triangles) for p in parts[:coarse]) > MAX_TRIANGLES:
         return nothing
     triangles, owner = triangles_of(parts)
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    least = LEAST_TRIANGLE * size**2
+    least = MIN_TRIANGLE * size**2
     first = owner < coarse
     surface, seen = first.copy(), visible_area(triangles) > least
     surface[first] = visible_area(triangles[first]) > least
@@ -133,7 +133,7 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     number = np.bincount(owner, seen, len(parts)).astype(int)
     kept, count = np.arange(len(parts)) < coarse, int(surface.sum())
     for k in np.argsort(-shown / np.maximum(number, 1)):
-        if not kept[k] and shown[k] > LEAST_PART * size**2 and count + number[k] <= MOST_SEEN:
+        if not kept[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_SEEN:
             kept[k] = True
             count += number[k]
     # faces hidden only by omitted parts become visible

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 RESULT_JSON, BOARD_LOG = "result.json", "board.log"
 PART = ".part"
 """Suffix of the folder of an incomplete run."""
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 FRAMES = 30
 """Default number of frames of a case, as for ``hil host``."""
 
@@ -166,7 +166,7 @@ def read_result(folder: Path) -> RunResult:
     """
     path = folder / RESULT_JSON
     try:
-        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=RunResult)
+        return msgspec.json.decode(read_regular(path, MAX_BYTES), type=RunResult)
     except (OSError, msgspec.DecodeError) as error:
         raise UserError(f"{path} is damaged ({error}): delete {folder} and begin again") from error
 
@@ -272,7 +272,7 @@ def _drop_wall_clock(part: Path) -> None:
     terms = read_terms(part)
     if terms is not None:
         write_terms(part, msgspec.structs.replace(terms, started_utc="", url=""))
-    summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
+    summary = msgspec.json.decode(read_regular(part / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
     times = {name: None for name in LedgerSummary.__struct_fields__ if "_ms_" in name or name.endswith("_ms")}
     write_document(
         part / SUMMARY_JSON,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scenario.scenario import Scenario
 
-MOST_RUNS = 20_000
+MAX_RUNS = 20_000
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", min_length=1, max_length=60)]
 Seed = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=3600)]
@@ -37,7 +37,7 @@ class SeedRange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Consecutive seeds."""
 
     first: Seed = 1
-    count: Annotated[int, msgspec.Meta(ge=1, le=MOST_RUNS)]
+    count: Annotated[int, msgspec.Meta(ge=1, le=MAX_RUNS)]
 
 
 class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -72,7 +72,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     name: Name
     scenario: Annotated[str, msgspec.Meta(min_length=1, max_length=500)]
-    seeds: Annotated[tuple[Seed, ...], msgspec.Meta(min_length=1, max_length=MOST_RUNS)] | SeedRange = (1,)
+    seeds: Annotated[tuple[Seed, ...], msgspec.Meta(min_length=1, max_length=MAX_RUNS)] | SeedRange = (1,)
     closed_loop: bool = False
     pose: Literal["board", "truth", "noisy"] = "board"
     method: str = HYBRID
@@ -162,8 +162,8 @@ def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
     runs = sum(
         case.seeds.count if isinstance(case.seeds, SeedRange) else len(case.seeds) for case in campaign.case
     )
-    if runs > MOST_RUNS:
-        raise UserError(f"{path} has {runs} runs, at most {MOST_RUNS}: split it into several files")
+    if runs > MAX_RUNS:
+        raise UserError(f"{path} has {runs} runs, at most {MAX_RUNS}: split it into several files")
     for case in campaign.case:
         _check_case(case, f"{path}: case {case.name!r}")
     for requirement in campaign.requirement:

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 SETTINGS_JSON, OUTCOME_JSON = "settings.json", "delay_map.json"
 FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
-MOST_BYTES = 1 << 20
-MOST_FLIGHTS = 1_000_000
+MAX_BYTES = 1 << 20
+MAX_FLIGHTS = 1_000_000
 EXTENSIONS = 4
 """Largest number of added latencies, while more than half of the approaches succeed at the last one."""
 REFINED_TO_S = 0.1
@@ -105,9 +105,9 @@ def settings_for(
         if any(b <= a for a, b in pairwise(levels)):
             raise UserError(f"the levels of {name} must rise, got {', '.join(f'{x:g}' for x in levels)}")
     n_cells = len(latencies_s) * len(jitters_s) * len(drops)
-    if n_cells * flights > MOST_FLIGHTS:
+    if n_cells * flights > MAX_FLIGHTS:
         raise UserError(
-            f"{n_cells * flights} flights are asked for, at most {MOST_FLIGHTS}: choose fewer levels"
+            f"{n_cells * flights} flights are asked for, at most {MAX_FLIGHTS}: choose fewer levels"
         )
     if check > n_cells:
         raise UserError(f"--check {check} is more than the map's {n_cells} cells; choose fewer")
@@ -275,7 +275,7 @@ def _open_folder(folder: Path, settings: MapSettings) -> bool:
             empty_folder(folder)
         return False
     try:
-        before = msgspec.json.decode(read_regular(path, MOST_BYTES), type=MapSettings)
+        before = msgspec.json.decode(read_regular(path, MAX_BYTES), type=MapSettings)
     except msgspec.DecodeError as error:
         raise UserError(f"{path} is damaged ({error}): name another folder with -o") from error
     # cells may be checked that were not before

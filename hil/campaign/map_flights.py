@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 # limits of a successful approach, see docs/hil_closed_loop.md
 WITHIN_M, WITHIN_DEG = 0.2, 2.0
-MOST_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 COLUMNS = (
     "latency_s",
     "jitter_s",
@@ -177,7 +177,7 @@ def _journal(path: Path) -> list[list[str]]:
     head = ",".join(COLUMNS) + "\n"
     text = ""
     if path.exists():
-        text = read_regular(path, MOST_BYTES).decode(errors="replace")
+        text = read_regular(path, MAX_BYTES).decode(errors="replace")
     whole = text[: text.rfind("\n") + 1]
     if not whole:
         write_atomic(path, head.encode())

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 EXIT_S = 20.0
 # The longest that host and board of one busy machine may hear nothing of each other; one that ends is noticed at once.
 SILENCE_S = 60.0
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 
 
 def run_with_own_board(
@@ -53,4 +53,4 @@ def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
             process.kill()
             if process.wait() != 0 and log is not None:
                 said.seek(0)
-                log.write_bytes(said.read(MOST_BYTES))
+                log.write_bytes(said.read(MAX_BYTES))

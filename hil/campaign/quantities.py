@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
-MOST_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 Value: TypeAlias = "float | str | None"
 
 
@@ -47,7 +47,7 @@ class RunRecord:
         OSError, UserError, msgspec.DecodeError
             If a file is gone or damaged.
         """
-        summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MOST_BYTES), type=LedgerSummary)
+        summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
         rows = tuple(read_ledger(folder)) if (folder / FRAMES_CSV).exists() else ()
         return RunRecord(summary, rows, read_steps(folder))
 

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 SCHEMA, VERSION = "flyaround.display", 1
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
-LEAST_MODULATION = 0.1
+MIN_MODULATION = 0.1
 """Least swing of the fringes, as a share of the white level's light, for a pixel to count."""
-MOST_POINTS = 60_000
+MAX_POINTS = 60_000
 OUTLIER_SIGMAS = 4.0
 DARKEST_PERCENTILE = 1.0
 CODE_CELL_PX = 8
@@ -146,7 +146,7 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
             "at which white is not burnt out"
         )
     rows, columns = np.nonzero(valid)
-    step = max(1, len(rows) // MOST_POINTS)
+    step = max(1, len(rows) // MAX_POINTS)
     rows, columns = rows[::step], columns[::step]
     camera = np.column_stack((columns, rows)).astype(float)
     screen = np.column_stack((seen["x"][rows, columns], seen["y"][rows, columns]))
@@ -197,7 +197,7 @@ def _decode(
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
     at = (period + phase / (2 * np.pi)) * PERIOD_PX
     modulation = np.hypot(sine, cosine) * 2 / SHIFTS
-    lit = (swing > LEAST_MODULATION * np.percentile(swing, 99)) & (modulation > LEAST_MODULATION * swing)
+    lit = (swing > MIN_MODULATION * np.percentile(swing, 99)) & (modulation > MIN_MODULATION * swing)
     inside = (at > -1) & (at < size_px)
     return np.where(lit & inside, at, np.nan)
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.board.estimation import Estimator, PoseResult
 
-_MOST_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
+_MAX_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
 
 
 def estimate(
@@ -126,6 +126,6 @@ def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
         raise UserError(str(error)) from error
 
 
-@functools.lru_cache(maxsize=_MOST_IN_USE)
+@functools.lru_cache(maxsize=_MAX_IN_USE)
 def _kept(craft: _Craft, camera: Camera, method: str) -> Estimator:
     return _made(craft, camera, method)

@@ -36,7 +36,7 @@ SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 
 
 # Fewer values than this have no bootstrap interval worth printing.
-LEAST_BOOTSTRAP = 5
+MIN_BOOTSTRAP = 5
 
 # 95 % of chi-square with six degrees of freedom.
 CHI_SQUARE_6_95 = 12.592
@@ -177,7 +177,7 @@ def bootstrap_intervals(
     ----------
     Efron & Tibshirani (1993), An Introduction to the Bootstrap, ch. 13.
     """
-    if len(values) < LEAST_BOOTSTRAP:
+    if len(values) < MIN_BOOTSTRAP:
         return None, None
     sample = np.asarray(values, float)
     drawn = sample[np.random.default_rng(len(sample)).integers(0, len(sample), (resamples, len(sample)))]

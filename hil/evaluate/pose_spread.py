@@ -19,7 +19,7 @@ WRONG_AT = 5.0
 NORMAL = 1.4826
 
 # Least number of poses for a spread, and the smallest standard deviation reported.
-LEAST_POSES, LEAST = 10, 1e-6
+MIN_POSES, LEAST = 10, 1e-6
 
 
 class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,7 +44,7 @@ def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     """Return the spread of a set of frames; None for fewer than ten accepted poses."""
     feasible = [r for r in records if r.feasible]
     accepted = [r for r in feasible if r.accepted]
-    if len(accepted) < LEAST_POSES:
+    if len(accepted) < MIN_POSES:
         return None
     away = np.array([r.range_m for r in accepted])[:, None]
     shift = np.array([r.shift_camera_m for r in accepted], float) / away

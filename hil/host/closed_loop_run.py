@@ -57,7 +57,7 @@ COLUMNS = (
     "violation",
 )
 # a million periods of control
-MOST_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 
 PoseFrom = Literal["board", "truth", "noisy"]
 
@@ -277,7 +277,7 @@ def read_steps(folder: Path) -> dict[str, list[str]]:
     if not path.exists():
         return {}
     try:
-        lines = list(csv.reader(io.StringIO(read_regular(path, MOST_BYTES).decode()), strict=True))
+        lines = list(csv.reader(io.StringIO(read_regular(path, MAX_BYTES).decode()), strict=True))
         if tuple(lines[0]) != COLUMNS or len({len(line) for line in lines}) > 1:
             raise ValueError("its columns are others")
         words = ("phase", "reason", "filter")

@@ -11,7 +11,7 @@ from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_deep
 
-MOST_BYTES = 10_000_000
+MAX_BYTES = 10_000_000
 
 # Limits of a sine or a share: outside of them a value is no plausible accuracy.
 LEAST, MOST = 1e-7, 3.2
@@ -33,7 +33,7 @@ def read_pose_noise(path: Path) -> PoseNoise:
     """
     where = f"--pose-errors {path}"
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = read_regular(path, MAX_BYTES)
         refuse_deep(data, str(path))
         spread = msgspec.json.decode(data, type=_Metrics).spread
     except OSError as error:

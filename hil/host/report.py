@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
 # largest summary.json: thousands of times the usual size
-MOST_BYTES = 1 << 24
+MAX_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
 TIME_FAULT_LABEL = "answers with board times that cannot be"
-MOST_TIME_FAULTS = 20
+MAX_TIME_FAULTS = 20
 """Rows of the table of impossible times."""
 LATE_LABEL = "not drawn in time"
 INSIDE_LABEL = "periods inside the sphere"
@@ -159,7 +159,7 @@ def _named_faults(terms: RunTerms) -> str:
 
 def _read(path: Path) -> LedgerSummary:
     try:
-        summary = msgspec.json.decode(read_regular(path, MOST_BYTES), type=LedgerSummary)
+        summary = msgspec.json.decode(read_regular(path, MAX_BYTES), type=LedgerSummary)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -306,7 +306,7 @@ def _page(
     page.add(_times(rows))
     faulty = [row for row in rows if row.time_fault]
     if faulty:
-        lines = [(str(row.frame_id), row.time_fault) for row in faulty[:MOST_TIME_FAULTS]]
+        lines = [(str(row.frame_id), row.time_fault) for row in faulty[:MAX_TIME_FAULTS]]
         page.add(
             note(f"The board reports times that cannot be for {len(faulty)} frames; they are left out above.")
         )

@@ -34,10 +34,10 @@ COUNTER = struct.Struct("<Q")
 TRAILER_BYTES = COUNTER.size + MAC_BYTES
 WINDOW = 1024
 """Largest reordering of packets that is accepted on a line that does not keep their order."""
-LEAST_KEY_BYTES, MOST_KEY_BYTES = 16, 4096
+MIN_KEY_BYTES, MAX_KEY_BYTES = 16, 4096
 ANSWER_S = 10.0
 REPEAT_S = 1.0
-MOST_ASKS = 128
+MAX_ASKS = 128
 """Largest number of requests on one line before a proof; a board asks each second for a minute."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
@@ -57,16 +57,16 @@ def read_key(path: str) -> bytes:
         with os.fdopen(descriptor, "rb") as file:
             mode = os.fstat(file.fileno()).st_mode
             regular = stat.S_ISREG(mode)
-            data = file.read(MOST_KEY_BYTES + 1).rstrip() if regular else b""
+            data = file.read(MAX_KEY_BYTES + 1).rstrip() if regular else b""
     except OSError as error:
         raise LinkError(
             f"key file {path} cannot be read ({error.strerror}): name the one both sides have"
         ) from error
     if not regular:
         raise LinkError(f"key file {path} is a pipe or a device: copy the key to an ordinary file")
-    if not LEAST_KEY_BYTES <= len(data) <= MOST_KEY_BYTES:
+    if not MIN_KEY_BYTES <= len(data) <= MAX_KEY_BYTES:
         raise LinkError(
-            f"key file {path} has {len(data)} bytes, allowed: {LEAST_KEY_BYTES} to {MOST_KEY_BYTES};"
+            f"key file {path} has {len(data)} bytes, allowed: {MIN_KEY_BYTES} to {MAX_KEY_BYTES};"
             " flyaround hil key FILE writes one"
         )
     if os.name == "posix" and mode & 0o077:
@@ -176,7 +176,7 @@ class HostHandshake:
         now_s = self._clock()
         if self.seal is not None and now_s - self._answered_s < REPEAT_S / 2:
             raise UnsealedPacket("a request for a proof comes too soon after another one")
-        if self.seal is None and self._asks > MOST_ASKS:
+        if self.seal is None and self._asks > MAX_ASKS:
             raise LinkClosed("it asks again and again, and proves nothing")
         self._answered_s = now_s
         if self._nonces is None or self._nonces[:NONCE_BYTES] != board_nonce:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
-MOST_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
+MAX_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -117,7 +117,7 @@ def geometry_of(
     def made() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
-    if len(merged.triangles) > MOST_KEPT:
+    if len(merged.triangles) > MAX_KEPT:
         return unpack_geometry(made())
     own = [part.positions_m for part in parts]  # they may be merged in another order
     made_by = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)

@@ -24,7 +24,7 @@ GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
 _COVERED = 0.4  # share of the directions that a decal covers
 _PROBE = 4  # every fourth direction tests if a place is covered
-_MOST_THREADS = 8
+_MAX_THREADS = 8
 
 _T = TypeVar("_T")
 
@@ -166,5 +166,5 @@ def _covered(
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:
     """Map a function over directions in threads. Return results in order, independent of the number of threads."""
-    with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as threads:
+    with ThreadPoolExecutor(min(_MAX_THREADS, os.cpu_count() or 1)) as threads:
         return list(threads.map(function, numbers))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 TEXEL = 0.032  # share of the craft's radius
-MOST_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
+MAX_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
 _FLAT = 0.9999  # cosine of a corner's normal with the face's
 _NEAREST = 8  # triangles that a place off all of them may be nearest to
 _PAIRS = 500_000  # pairs of a node and a triangle processed together: 0.1 GB
@@ -97,7 +97,7 @@ def make_charts(
         face, axes, low, extent, counts = _lay_out(
             corners, normals[triangles], chart, border, across, texel_m
         )
-        if int(counts.prod(axis=1).sum()) <= MOST_NODES:
+        if int(counts.prod(axis=1).sum()) <= MAX_NODES:
             break
         texel_m *= 1.0 if attempt == 0 else 1.4
     count = len(counts)

@@ -32,7 +32,7 @@ _LOOKED_AT = 6  # nearest places of other edges
 _SAME_PLANE, _PARALLEL = 0.999, 0.95  # cosines
 _BEYOND = 0.02  # share of its length by which an edge may end before the other's place
 _SHORTEST = 0.003  # share of the mesh's extent: shorter edges cost little
-_MOST_EDGES = 200_000  # pairs are not searched in finer meshes
+_MAX_EDGES = 200_000  # pairs are not searched in finer meshes
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,7 @@ def _content(edges: MeshEdges) -> tuple[FloatArray, IntArray, IntArray, BoolArra
 def _nearest_creases(edges: MeshEdges) -> Float32Array:
     found = np.full((len(edges.ends), 2), np.inf, np.float32)
     creases = np.flatnonzero(edges.is_crease)
-    if not len(creases) or len(edges.ends) > _MOST_EDGES:
+    if not len(creases) or len(edges.ends) > _MAX_EDGES:
         return found
     start, end = np.moveaxis(edges.vertices_m[edges.ends], 1, 0)
     length = np.linalg.norm(end - start, axis=1)

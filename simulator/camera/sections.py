@@ -21,7 +21,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.sections import Section, within
 from flyaround.simulator.runtime.untrusted_files import decode_text, read_regular
 
-MOST_KERNEL_BYTES = 100_000_000
+MAX_KERNEL_BYTES = 100_000_000
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,7 +158,7 @@ def _in_metres(curve_nm: Sequence[tuple[float, float]]) -> Curve:
 
 def _read_kernel(path: Path) -> NDArray[Any]:
     """Read a kernel file; an image is divided by its sum."""
-    data = read_regular(path, MOST_KERNEL_BYTES)
+    data = read_regular(path, MAX_KERNEL_BYTES)
     if path.suffix == ".npy":
         return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
     if path.suffix in {".png", ".tif", ".tiff"}:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 CARD_NAME = "dataset.json"
-MOST_BYTES = 64_000_000  # largest card: with every frame of a large set in quarantine
+MAX_BYTES = 64_000_000  # largest card: with every frame of a large set in quarantine
 
 CONVENTIONS = {
     "quaternions": "Hamilton, scalar first; q_a_from_b rotates a vector given in b into a",
@@ -182,7 +182,7 @@ def read_card(folder: Path) -> DatasetCard:
     path = folder / CARD_NAME
     refuse_link_out(path, folder)
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = read_regular(path, MAX_BYTES)
     except OSError as error:
         raise UserError(
             f"{folder} is not a data set: cannot read {path.name} ({error.strerror}); "

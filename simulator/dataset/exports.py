@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.simulator.dataset.formats.base import FolderOutput, FormatOutput
-from flyaround.simulator.dataset.formats.exr import MOST_BYTES
+from flyaround.simulator.dataset.formats.exr import MAX_BYTES
 from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame, frame_from_files
 from flyaround.simulator.dataset.formats.registry import NATIVE, find_format
 from flyaround.simulator.dataset.split import SPLIT_NAME, Ratio, SplitAssigner, read_split, split_file
@@ -124,7 +124,7 @@ def frame_from_store(store: Store, number: int) -> LabelledFrame:
 
     def read(ending: str) -> bytes:
         try:
-            return store.read(f"{stem}.{ending}", MOST_BYTES)
+            return store.read(f"{stem}.{ending}", MAX_BYTES)
         except OSError as error:
             raise UserError(
                 f"{store.title}: cannot read {stem}.{ending} ({error}); run flyaround check"

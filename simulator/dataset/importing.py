@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
     from flyaround.simulator.world.frames.pose import Pose
 
-MOST_PICTURE_BYTES = 500_000_000
+MAX_PICTURE_BYTES = 500_000_000
 LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
@@ -208,7 +208,7 @@ def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabe
 
 def _data(path: Path) -> bytes:
     try:
-        data = read_regular(path, MOST_PICTURE_BYTES)
+        data = read_regular(path, MAX_PICTURE_BYTES)
     except OSError as error:
         raise UserError(
             f"cannot read picture {path}: {error.strerror or error}; check the data set"

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-MOST_IN_SHARD = 8
+MAX_IN_SHARD = 8
 """Frames per task: neighbours share a varied craft's baked light, and a lost node costs little."""
 
-MOST_RETRIES = 3
+MAX_RETRIES = 3
 _ANSWER_S, _WAIT_S = 5.0, 120.0
 
 Taken = TypeVar("Taken")
@@ -109,11 +109,11 @@ class RayFrames(FrameProducer[Taken]):
             self._task = self._ray.remote(
                 num_cpus=1,
                 num_gpus=cluster.gpu_share,
-                max_retries=MOST_RETRIES,
+                max_retries=MAX_RETRIES,
                 max_calls=0,  # a process keeps its renderer for the next task, with GPUs too
                 scheduling_strategy="SPREAD",
             )(_draw_shard)
-            self._shard = max(1, min(MOST_IN_SHARD, n_frames // (4 * self._slots())))
+            self._shard = max(1, min(MAX_IN_SHARD, n_frames // (4 * self._slots())))
         except BaseException:
             self.close()
             raise
@@ -232,7 +232,7 @@ class RayFrames(FrameProducer[Taken]):
             raise RuntimeError(f"a task of the Ray cluster failed: {error}") from error
         first = " ".join(str(error).split())[:200]
         raise UserError(
-            f"the Ray cluster lost frames that were being drawn, {MOST_RETRIES + 1} times in a row: {first}; look at "
+            f"the Ray cluster lost frames that were being drawn, {MAX_RETRIES + 1} times in a row: {first}; look at "
             "its nodes, and go on with --resume"
         ) from error
 

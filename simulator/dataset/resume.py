@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.simulator.dataset.card import CARD_NAME, MOST_BYTES, DatasetCard, decode_card
+from flyaround.simulator.dataset.card import CARD_NAME, MAX_BYTES, DatasetCard, decode_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, layer_path, read_layer, read_png
 from flyaround.simulator.dataset.storage.manifest import file_hash, read_manifest, rewrite_manifest
 from flyaround.simulator.dataset.storage.store import FolderStore
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Store
     from flyaround.simulator.scenario.plan import FramePlan
 
-MOST_FILE_BYTES = 2**32
+MAX_FILE_BYTES = 2**32
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
             )
         return card, None
     try:
-        old = decode_card(store.read(CARD_NAME, MOST_BYTES), f"{store.title}/{CARD_NAME}")
+        old = decode_card(store.read(CARD_NAME, MAX_BYTES), f"{store.title}/{CARD_NAME}")
     except OSError as error:
         raise UserError(
             f"{store.title}: cannot read {CARD_NAME} ({error.strerror or error}); name a new folder with -o"
@@ -136,7 +136,7 @@ def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
 
 def _has_hash(store: Store, name: str, digest: str) -> bool:
     try:
-        return file_hash(store.read(name, MOST_FILE_BYTES)) == digest
+        return file_hash(store.read(name, MAX_FILE_BYTES)) == digest
     except (OSError, UserError):
         return False
 
@@ -172,8 +172,8 @@ def _names(truth: Truth, k: int) -> list[str]:
 
 def _hashes(store: Store, k: int) -> dict[str, str]:
     """Return the manifest's hashes of a frame that agrees with its record."""
-    truth = msgspec.json.decode(store.read(_name(k), MOST_BYTES), type=Truth)
-    return {name: file_hash(store.read(name, MOST_FILE_BYTES)) for name in _names(truth, k)}
+    truth = msgspec.json.decode(store.read(_name(k), MAX_BYTES), type=Truth)
+    return {name: file_hash(store.read(name, MAX_FILE_BYTES)) for name in _names(truth, k)}
 
 
 def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
@@ -181,7 +181,7 @@ def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames
     for k in frames:
         where = f"{store.title}/{_name(k)}"
         try:
-            data = store.read(_name(k), MOST_BYTES)
+            data = store.read(_name(k), MAX_BYTES)
             refuse_deep(data, where)
             scene = msgspec.json.decode(data, type=Truth).scene
         except (OSError, msgspec.DecodeError, RecursionError) as error:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 SPLIT_NAME = "split.json"
-MOST_BYTES = 200_000_000
-MOST_SHARE = 1_000_000
+MAX_BYTES = 200_000_000
+MAX_SHARE = 1_000_000
 # Blocks of so many times the shortest one that has the ratio hold it exactly.
 EXACT_BLOCKS = 10
 # Two strata of range in each doubling: the edges depend on no frame.
@@ -42,7 +42,7 @@ def parse_split(text: str) -> Ratio:
     """
     words = text.split(":")
     numbers = [int(word) for word in words if word.strip().isdecimal()]
-    if len(words) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MOST_SHARE:
+    if len(words) != 3 or len(numbers) != 3 or not any(numbers) or max(numbers) > MAX_SHARE:
         raise UserError(
             f"--split '{text}' is not three whole numbers train:validation:test; give for example 8:1:1"
         )
@@ -162,7 +162,7 @@ def read_split(folder: Path) -> dict[int, str]:
         return {}
     refuse_link_out(path, folder)
     try:
-        data = without_mark(read_regular(path, MOST_BYTES), str(path))
+        data = without_mark(read_regular(path, MAX_BYTES), str(path))
         refuse_deep(data, str(path))
         return msgspec.json.decode(data, type=SplitFile).by_frame()
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:

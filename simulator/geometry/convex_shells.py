@@ -29,11 +29,11 @@ BOX = 0.05
 """Size of a box of triangles or edges, as a share of the radius."""
 _PLACE = 2e-6  # share of the radius: closer corners are one
 _MOST = 4  # shells of one craft: each takes time, and the largest hide most
-_LEAST_SHARE = 0.1  # share of the largest shell's area
+_MIN_SHARE = 0.1  # share of the largest shell's area
 _APART = 0.05  # share of the radius: a shell that protrudes less from a larger one hides little more
-_MOST_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
-_MOST_BODIES = 160  # bodies of a part that are considered
-_LEAST_BODY = 0.003  # share of the largest body's area
+_MAX_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
+_MAX_BODIES = 160  # bodies of a part that are considered
+_MIN_BODY = 0.003  # share of the largest body's area
 _BULGE = 1e-5  # share of the radius by which corners may be outside a convex shell's planes
 
 
@@ -144,7 +144,7 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
     areas = [float(np.linalg.norm(face_vectors(c) / 2, axis=1).sum()) for c in corners]
     shells: list[ConvexShell] = []
     for k in sorted(range(len(areas)), key=lambda k: -areas[k]):
-        least = _LEAST_BODY * shells[0].area_m2 if shells else 0.0
+        least = _MIN_BODY * shells[0].area_m2 if shells else 0.0
         if areas[k] < least:
             break
         for body in _connected_bodies(corners[k], _PLACE * radius_m, least):
@@ -164,7 +164,7 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
     """
     kept: list[ConvexShell] = []
     for shell in bodies:
-        small = shell.area_m2 < _LEAST_SHARE * bodies[0].area_m2
+        small = shell.area_m2 < _MIN_SHARE * bodies[0].area_m2
         if len(kept) < _MOST and not small and all(_protrusion(shell, of) > _APART * radius_m for of in kept):
             kept.append(shell)
     return tuple(kept)
@@ -199,8 +199,8 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
     n = int(places.max(initial=0)) + 1
     body = components(np.stack([places[:, :2].ravel(), places[:, 1:].ravel()], axis=1), n)[1][places[:, 0]]
     area = np.bincount(body, np.linalg.norm(face_vectors(corners_m), axis=1)) / 2
-    area[np.bincount(body) > _MOST_TRIANGLES] = 0
-    largest = np.argsort(-area, kind="stable")[:_MOST_BODIES]
+    area[np.bincount(body) > _MAX_TRIANGLES] = 0
+    largest = np.argsort(-area, kind="stable")[:_MAX_BODIES]
     members = [np.flatnonzero(body == k) for k in largest if area[k] > least_m2]
     return [_Body(corners_m[of], places[of]) for of in members]
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 TRIANGLES_PER_CELL = 20
-MOST_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest
+MAX_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class PlaneGrid:
     def over(bounds: FloatArray) -> PlaneGrid:
         """Build a grid over boxes (4, M): low x, low y, high x, high y."""
         n = bounds.shape[1]
-        side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MOST_CELLS))
+        side = int(np.clip(np.sqrt(n / TRIANGLES_PER_CELL), 1, MAX_CELLS))
         low, span = np.zeros(2), np.ones(2)
         if n:
             low = bounds[:2].min(axis=1)

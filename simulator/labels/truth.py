@@ -18,7 +18,7 @@ from flyaround.simulator.scene.record import SceneRecord
 if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
-MOST_BYTES = 64_000_000  # largest record: its wireframe and row poses take the most
+MAX_BYTES = 64_000_000  # largest record: its wireframe and row poses take the most
 
 KeypointState = Literal[
     "out_of_frame", "self_occluded", "eclipsed", "shadowed", "saturated", "below_noise", "visible"
@@ -175,7 +175,7 @@ def read_record_bytes(path: Path) -> bytes:
         If it cannot be read or is no record's text.
     """
     try:
-        data = without_mark(read_regular(path, MOST_BYTES), str(path))
+        data = without_mark(read_regular(path, MAX_BYTES), str(path))
     except OSError as error:
         raise UserError(
             f"cannot read truth {path}: {error.strerror or error}; give a .json written by render or capture"

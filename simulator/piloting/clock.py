@@ -8,7 +8,7 @@ RATES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 10
 JUMP_RATE = 1000.0
 STEP_S = 0.02
 """Integration step at 1x [s]; it grows with the rate as far as `Steering.step_s` allows."""
-MOST_STEPS_PER_S = 1000.0
+MAX_STEPS_PER_S = 1000.0
 """Most steps per second of the pilot's time; if steps must be short, time runs slower than its rate."""
 _ROUNDING = 1e-9
 """Relative tolerance for sums of equal parts."""
@@ -92,7 +92,7 @@ class FlightClock:
 
     def pay(self, step_s: float) -> bool:
         """Consume the pilot's time of a step. Return False if too little is left."""
-        costs = max(step_s / self._current_rate, 1 / MOST_STEPS_PER_S)
+        costs = max(step_s / self._current_rate, 1 / MAX_STEPS_PER_S)
         if self._owed_s < costs * (1 - _ROUNDING):
             return False
         self._owed_s = max(self._owed_s - costs, 0.0)

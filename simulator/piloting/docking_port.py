@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 FRAME = "docking"
 """Name of the frame of a target's model that is the port."""
 VBAR: Vec3 = (0.0, 1.0, 0.0)
-_LEAST_SINE = 0.2
+_MIN_SINE = 0.2
 """Sine of the angle to the port's axis below which a reference direction is rejected."""
 
 
@@ -150,7 +150,7 @@ def _with_axes(
     first = "nadir" if flight.pointing.down == "auto" else flight.pointing.down
     names = [first, *(name for name in DOWN_AXES_LVLH if name != first)]
     downs = [R_target_from_lvlh @ np.array(DOWN_AXES_LVLH[name]) for name in names]
-    down = next(d for d in downs if np.linalg.norm(np.cross(d, z)) > _LEAST_SINE)
+    down = next(d for d in downs if np.linalg.norm(np.cross(d, z)) > _MIN_SINE)
     y = down - (down @ z) * z
     y /= np.linalg.norm(y)
     axes = np.stack([np.cross(y, z), y, z], axis=1)

@@ -27,11 +27,11 @@ EVERY_S = 0.1
 """Simulated time between samples [s]; at higher rates each step is a sample."""
 WIDTH = 15
 """Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
-MOST_SAMPLES = 400_000
+MAX_SAMPLES = 400_000
 """Largest number of samples: eleven hours in tenths of a second; beyond it every second sample is dropped."""
-MOST_CONTROLS_BYTES = 40_000_000
+MAX_CONTROLS_BYTES = 40_000_000
 LONGEST_NOTE = 200
-MOST_BOOKMARKS = 500
+MAX_BOOKMARKS = 500
 ROUNDING_S = 5e-4
 """Tolerance for sums of steps [s]."""
 
@@ -149,7 +149,7 @@ class Timeline:
         if len(self) and t_s <= self.end_s:
             return
         self._rows.numbers.extend((t_s, *_numbers(steered), self._pack(controls)))
-        if len(self) > MOST_SAMPLES or self._packed_bytes > MOST_CONTROLS_BYTES:
+        if len(self) > MAX_SAMPLES or self._packed_bytes > MAX_CONTROLS_BYTES:
             self._thin()
 
     def _pack(self, controls: object) -> int:
@@ -256,10 +256,8 @@ class Timeline:
         UserError
             If there are too many.
         """
-        if len(self.bookmarks) >= MOST_BOOKMARKS:
-            raise UserError(
-                f"there are {MOST_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)"
-            )
+        if len(self.bookmarks) >= MAX_BOOKMARKS:
+            raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)")
         mark = Bookmark(t_s, " ".join(note.split())[:LONGEST_NOTE])
         others = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
         self.bookmarks = tuple(sorted((*others, mark), key=lambda b: b.t_s))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.piloting.session import FlightSession
 
-MOST_FOLDERS = 10_000
+MAX_FOLDERS = 10_000
 
 
 class FlownFiles:
@@ -75,8 +75,8 @@ def free_folder(parent: Path, name: str) -> Path:
     UserError
         If there are too many.
     """
-    for k in range(1, MOST_FOLDERS):
+    for k in range(1, MAX_FOLDERS):
         folder = parent / f"{name}-{k:03d}"
         if not folder.exists():
             return folder
-    raise UserError(f"{parent} holds {MOST_FOLDERS} flights of {name}; move some away")
+    raise UserError(f"{parent} holds {MAX_FOLDERS} flights of {name}; move some away")

@@ -25,7 +25,7 @@ LARGEST_M_S2 = 0.05
 """Largest thrust per mass along each LVLH axis [m s-2]."""
 JOIN_M_S = 0.2
 """Mean speed on the way to a mode's start [m s-1]."""
-LEAST_JOIN_S = 10.0
+MIN_JOIN_S = 10.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,7 +108,7 @@ def _join_s(start: LvlhState, end: LvlhState) -> float:
     way = float(np.linalg.norm(end[0] - start[0]))
     speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
     most = LARGEST_M_S2 / 2
-    return max(LEAST_JOIN_S, way / JOIN_M_S, float(np.sqrt(6 * way / most)), 4 * speeds / most)
+    return max(MIN_JOIN_S, way / JOIN_M_S, float(np.sqrt(6 * way / most)), 4 * speeds / most)
 
 
 def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: float) -> LvlhState:

@@ -37,7 +37,7 @@ TURN_S = 900.0
 """Default period of a fly-around [s]."""
 KEPT_M = 5.0
 """Default amplitude of range keeping to both sides [m]."""
-LEAST_SWING_M = 4.0
+MIN_SWING_M = 4.0
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class KeepRange(GuidanceOrder):
         far_m = away + KEPT_M if self.far_m is None else self.far_m
         _check_clear(near_m, radius_m, "the nearer distance")
         away = float(np.linalg.norm(state[0]))
-        if not near_m <= away <= far_m or far_m - near_m < LEAST_SWING_M:
+        if not near_m <= away <= far_m or far_m - near_m < MIN_SWING_M:
             raise UserError(
                 f"the chaser is {away:.1f} m away; name two distances, at least 4 m apart, that it is between"
             )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.guidance.manual_control import ChaserState
 
-MOST_TRAIL_POINTS = 4000
+MAX_TRAIL_POINTS = 4000
 TRAIL_EVERY_S = 0.5
 SWAPPED_TRAIL_POINTS = 400
 """Points of the trail of a restored future."""
@@ -183,7 +183,7 @@ class Trail:
         """Add a position, later than the last."""
         self.points.append(place)
         self._times_s.append(t_s)
-        if len(self.points) > MOST_TRAIL_POINTS:
+        if len(self.points) > MAX_TRAIL_POINTS:
             self.points, self._times_s = self.points[::2], self._times_s[::2]
             self._every_s *= 2
 

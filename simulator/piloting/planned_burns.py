@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 BURN_M_S2 = 0.05
 """Acceleration of a burn, centred on its time [m s-2]."""
-MOST_BURNS = 8
+MAX_BURNS = 8
 LARGEST_M_S = 50.0
 LONGEST_AHEAD_S = 200_000.0
 
@@ -88,8 +88,8 @@ class BurnPlan:
         if burn.t_s > now_s + LONGEST_AHEAD_S:
             raise UserError(f"the burn is more than {LONGEST_AHEAD_S:g} s ahead; plan it sooner")
         others = tuple(b for b in self.burns if b.t_s != burn.t_s)
-        if len(others) >= MOST_BURNS:
-            raise UserError(f"{MOST_BURNS} burns are planned already; cancel one first")
+        if len(others) >= MAX_BURNS:
+            raise UserError(f"{MAX_BURNS} burns are planned already; cancel one first")
         burns = tuple(sorted((*others, burn), key=lambda b: b.t_s))
         for a, b in pairwise(burns):
             if a.end_s > b.start_s:

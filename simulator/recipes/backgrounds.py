@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.recipe import Background
     from flyaround.simulator.scene.state import SceneState
 
-MOST_DRAWS = 1000
+MAX_DRAWS = 1000
 _SUNLIT, _DAY = 0.999, 0.05
 """Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, that count as lit."""
 _OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
@@ -66,7 +66,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
     """
     rng = numbered_generator(library.seed, number, 0xBAC6)
     body = body_named(library.body)
-    for draw in range(MOST_DRAWS):
+    for draw in range(MAX_DRAWS):
         now = random_moment(rng)
         up, angles = uniform_direction(rng), rng.uniform(-360.0, 360.0, 3)
         along = np.cross(up, uniform_direction(rng))

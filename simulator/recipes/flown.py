@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 _SEQUENCES = 0x5E0
-_MOST_STARTS = 30
+_MAX_STARTS = 30
 _LIT = 0.5
 
 
@@ -95,7 +95,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
     scenario = msgspec.structs.replace(
         scenario, attitude=attitude, chaser=chaser, duration_s=duration, burns=[]
     )
-    for _ in range(_MOST_STARTS):
+    for _ in range(_MAX_STARTS):
         if isinstance(scenario.orbit, ElementsOrbit):
             place = float(rng.uniform(0.0, 360.0))
             scenario = msgspec.structs.replace(

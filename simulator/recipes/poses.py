@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.recipe import AnyPlacement, AnyRange, Recipe
     from flyaround.simulator.targets.model import Target
 
-MOST_DRAWS = 10_000
+MAX_DRAWS = 10_000
 TANGO_SIZE_M = 0.80320
 """Half the diagonal of the box about Tango."""
 
@@ -102,7 +102,7 @@ def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
     if isinstance(kind, InverseRange):
         return 1 / float(rng.uniform(1 / kind.far_m, 1 / kind.near_m))
     if isinstance(kind, NormalRange):
-        for _ in range(MOST_DRAWS):
+        for _ in range(MAX_DRAWS):
             z = float(rng.normal(kind.mean_m, kind.sigma_m))
             if kind.near_m <= z <= kind.far_m:
                 return z
@@ -125,7 +125,7 @@ def _translation_m(
     size = np.array([camera.width_px, camera.height_px])
     middle = (size - 1) / 2
     if isinstance(kind, NormalPlacement):
-        for _ in range(MOST_DRAWS):
+        for _ in range(MAX_DRAWS):
             off = rng.normal(0.0, kind.sigma, 2) if kind.sigma else np.zeros(2)
             if np.abs(off).max() <= 1:
                 return _at(camera, middle + off * size / 2, z)

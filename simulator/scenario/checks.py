@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import Body
     from flyaround.simulator.world.orbit.forces import Forces
 
-_MOST_PHASE = 0.5
+_MAX_PHASE = 0.5
 """Product of bandwidth and period of the wheels' control above which the held torque makes it unstable."""
 _FARTHEST_M = 1e6
 """Largest start range, as for the other modes of a chaser [m]."""
@@ -265,10 +265,10 @@ def _wheels_problems(chaser: AnyChaser) -> Iterator[str]:
         check_inertia(np.diag(w.inertia_kg_m2))
     except ValueError as error:
         yield f"key chaser.wheels.inertia_kg_m2: {error}"
-    if w.bandwidth_rad_s * w.period_s > _MOST_PHASE:
+    if w.bandwidth_rad_s * w.period_s > _MAX_PHASE:
         yield (
             f"key chaser.wheels.period_s is {w.period_s:g}, allowed with this bandwidth: at most "
-            f"{_MOST_PHASE / w.bandwidth_rad_s:.3g} s, or the control swings itself up"
+            f"{_MAX_PHASE / w.bandwidth_rad_s:.3g} s, or the control swings itself up"
         )
 
 

@@ -21,7 +21,7 @@ from flyaround.simulator.runtime.validation_errors import convert_document
 if TYPE_CHECKING:
     from pathlib import Path
 
-MOST_FAULTS = 1000
+MAX_FAULTS = 1000
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=1e6)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
@@ -192,8 +192,8 @@ class Faults(Section, frozen=True, kw_only=True):
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0
-    camera: Annotated[tuple[CameraFault, ...], msgspec.Meta(max_length=MOST_FAULTS)] = ()
-    line: Annotated[tuple[LineFault, ...], msgspec.Meta(max_length=MOST_FAULTS)] = ()
+    camera: Annotated[tuple[CameraFault, ...], msgspec.Meta(max_length=MAX_FAULTS)] = ()
+    line: Annotated[tuple[LineFault, ...], msgspec.Meta(max_length=MAX_FAULTS)] = ()
     schema: Literal["flyaround.faults"] = "flyaround.faults"
     version: Literal[1] = 1
 

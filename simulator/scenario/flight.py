@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
     from flyaround.simulator.world.orbit.forces import ForceModel, Forces
 
-_LOOK_EVERY_S, _LEAST_STEP_S = 60.0, 1.0
-MOST_FRAMES = 1_000_000
+_LOOK_EVERY_S, _MIN_STEP_S = 60.0, 1.0
+MAX_FRAMES = 1_000_000
 """Number of frames above which a run is taken for a mistake."""
 
 
@@ -116,7 +116,7 @@ def _check_height(flight: Flight, name: str) -> None:
             return
         height = min(float(np.linalg.norm(r)), float(np.linalg.norm(r + chaser))) - body.radius_m
         step_s = height / (2 * float(np.linalg.norm(v)))
-        t_s = min(t_s + min(max(step_s, _LEAST_STEP_S), _LOOK_EVERY_S), flight.duration_s)
+        t_s = min(t_s + min(max(step_s, _MIN_STEP_S), _LOOK_EVERY_S), flight.duration_s)
 
 
 def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
@@ -173,16 +173,16 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
     """
     if n is not None and n < 1:
         raise UserError(f"the number of frames is {n}, allowed: at least 1")
-    if n is not None and n > MOST_FRAMES:
-        raise UserError(f"the number of frames is {n}, allowed: at most {MOST_FRAMES}")
+    if n is not None and n > MAX_FRAMES:
+        raise UserError(f"the number of frames is {n}, allowed: at most {MAX_FRAMES}")
     if every_s is None:
         return np.linspace(0.0, duration_s, n or 1, dtype=float)
     if not (np.isfinite(every_s) and every_s > 0):
         raise UserError(f"the time between frames is {every_s} s, allowed: more than 0")
     # a rounding's worth of slack, so that 60 s hold 601 frames 0.1 s apart
-    if duration_s / every_s > MOST_FRAMES:
+    if duration_s / every_s > MAX_FRAMES:
         raise UserError(
-            f"frames every {every_s:g} s are more than {MOST_FRAMES} in {duration_s:g} s; choose a longer spacing"
+            f"frames every {every_s:g} s are more than {MAX_FRAMES} in {duration_s:g} s; choose a longer spacing"
         )
     fitting = int(np.floor(duration_s / every_s + 1e-9)) + 1
     if n is not None and n > fitting:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Kind = Literal["scenario", "recipe"]
 _Document = TypeVar("_Document", Scenario, Recipe)
 
-MOST_BASES = 8
+MAX_BASES = 8
 OF_TARGET = "eval-black"
 """Recipe whose name may be followed by a target: eval-black-dragon is eval-black with --target dragon."""
 _NOT_INHERITED = ("base", "name", "members")
@@ -275,7 +275,7 @@ def _merged(under: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, Any]]:
-    for _ in range(MOST_BASES):
+    for _ in range(MAX_BASES):
         name = raw.get("base", "")
         if not name:
             return
@@ -292,7 +292,7 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
         raw = toml_table(content, where)
         yield raw
     raise UserError(
-        f"{where}: key base: recipes stand on each other {MOST_BASES} deep or in a circle; cut one"
+        f"{where}: key base: recipes stand on each other {MAX_BASES} deep or in a circle; cut one"
     )
 
 

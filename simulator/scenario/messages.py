@@ -209,7 +209,7 @@ def _unit(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 
-MOST_BYTES = 100_000_000  # largest message: years of states, a minute apart
+MAX_BYTES = 100_000_000  # largest message: years of states, a minute apart
 
 
 def read_message(path: Path, key: str) -> bytes:
@@ -221,7 +221,7 @@ def read_message(path: Path, key: str) -> bytes:
         If it cannot be read, with the key that names it.
     """
     try:
-        return read_regular(path, MOST_BYTES)
+        return read_regular(path, MAX_BYTES)
     except OSError as error:
         raise UserError(
             f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}"

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-MOST_BYTES = 200_000_000  # largest list: a million poses
+MAX_BYTES = 200_000_000  # largest list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 _BEYOND = "cells beyond the header"
@@ -44,7 +44,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
         If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
     """
     try:
-        text = decode_text(read_regular(path, MOST_BYTES), str(path))
+        text = decode_text(read_regular(path, MAX_BYTES), str(path))
         reader = csv.DictReader(io.StringIO(text, newline=""), restkey=_BEYOND)
         rows = list(reader)
         header = [name.strip() for name in reader.fieldnames or ()]

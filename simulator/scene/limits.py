@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import BodyState
 
 FARTHEST_TARGET_M = 1e6
-MOST_STRETCH = 0.2
+MAX_STRETCH = 0.2
 FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
@@ -77,8 +77,8 @@ def scene_problem(scene: SceneState) -> str | None:
     variation = scene.target.variation
     if not isinstance(variation, UnsetType):
         factors = [x for s in variation.surfaces.values() for x in (s.reflectance, s.roughness)]
-        if not np.abs(variation.stretch).max() <= MOST_STRETCH or not all(0 <= x <= 100 for x in factors):
-            return f"scene.target.variation: its stretch is at most {MOST_STRETCH:g}, its factors 0 to 100"
+        if not np.abs(variation.stretch).max() <= MAX_STRETCH or not all(0 <= x <= 100 for x in factors):
+            return f"scene.target.variation: its stretch is at most {MAX_STRETCH:g}, its factors 0 to 100"
     lens = camera_problem(c)
     if lens is not None:
         return f"scene.camera.{lens}"

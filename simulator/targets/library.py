@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # Suffix of the built-in targets' files, which are compressed (51 MB without).
 SUFFIX = ".glb.zst"
-_MOST_IN_USE = 4  # targets that one process keeps: megabytes each
+_MAX_IN_USE = 4  # targets that one process keeps: megabytes each
 
 
 def list_targets() -> tuple[str, ...]:
@@ -98,7 +98,7 @@ def _added(plugin: Plugin) -> Target:
     return built
 
 
-@functools.lru_cache(maxsize=_MOST_IN_USE)
+@functools.lru_cache(maxsize=_MAX_IN_USE)
 def target_in_use(name: str, sha256: str) -> Target:
     """Load a target as `load_target` does, cached by craft, so that derived data of its mesh are kept.
 

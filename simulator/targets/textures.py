@@ -10,7 +10,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-MOST_SIDE_PX, MOST_PIXELS = 16_384, 8192 * 8192
+MAX_SIDE_PX, MAX_PIXELS = 16_384, 8192 * 8192
 """Largest decoded size of an image: 200 MB. A hundred kilobytes may decode to a hundred times as much."""
 _DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
@@ -30,7 +30,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
             with Image.open(io.BytesIO(data), formats=_DECODED) as image:
                 return image.size
     except Image.DecompressionBombError:
-        return (MOST_SIDE_PX + 1, MOST_SIDE_PX + 1)
+        return (MAX_SIDE_PX + 1, MAX_SIDE_PX + 1)
     except Exception:  # noqa: BLE001 - Pillow raises many kinds on a damaged head
         return None
 
@@ -46,7 +46,7 @@ def check_picture(data: bytes, where: str) -> None:
     size = picture_size(data)
     if size is None or min(size) < 1:
         raise UserError(f"{where} is not a picture that can be read; convert it to PNG")
-    if max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS:
+    if max(size) > MAX_SIDE_PX or size[0] * size[1] > MAX_PIXELS:
         raise UserError(f"{where} has {size[0]:,} x {size[1]:,} pixels; make it smaller, at most 8192 x 8192")
 
 

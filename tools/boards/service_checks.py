@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tools.boards.debian_image import BoardImage
 
 HOST_WANTED, DONE = "a host is wanted", "all of the service is checked"
-MOST_S = 1500.0
+MAX_S = 1500.0
 
 
 def check_service(image: BoardImage, folder: Path) -> list[str]:
@@ -35,13 +35,13 @@ def check_service(image: BoardImage, folder: Path) -> list[str]:
         encoding="utf-8"
     )
     with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
-        board.wait_for(HOST_WANTED, MOST_S)
+        board.wait_for(HOST_WANTED, MAX_S)
         # it ends with its board gone
         with contextlib.suppress(UserError):
             run_host(
                 SCENARIO, folder / "pictures", 1, f"tcp://127.0.0.1:{port}", folder / "host", wait_s=60.0
             )
-        said = board.wait_for(DONE, MOST_S)
+        said = board.wait_for(DONE, MAX_S)
     declined = [row.reason for row in read_ledger(folder / "host") if row.outcome == "declined"]
     told = any("watchdog" in reason for reason in declined)
     lines = [line for line in said.split("\n") if line.startswith(("holds:", "FAILS:"))]

@@ -14,7 +14,7 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 LEFT_OUT = ("lab", "adr", "images")
 """Folders whose pages record one moment and are not kept current."""
-LEAST_WORDS = 6
+MIN_WORDS = 6
 """Statements with fewer words are too short to compare."""
 ALIKE = 0.4
 """Share of common words above which two statements are about the same thing (Jaccard index)."""
@@ -87,7 +87,7 @@ def all_statements(docs: Path = DOCS) -> list[Statement]:
 
 def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]]:
     """Yield pairs of statements of different pages about the same thing, with figures of a common unit."""
-    long = [s for s in found if len(s.words) >= LEAST_WORDS]
+    long = [s for s in found if len(s.words) >= MIN_WORDS]
     for k, a in enumerate(long):
         for b in long[k + 1 :]:
             if a.page == b.page or not {u for _, u in a.figures} & {u for _, u in b.figures}:

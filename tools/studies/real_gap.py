@@ -67,7 +67,7 @@ MOCKUP, FLIGHT = "tango-mockup", "tango"
 BENT_M, SMOOTH_PX, SEED = 0.008, 24.0, 29601
 
 # Share of a picture's light above black below which its ratio to ours says nothing [DN].
-LEAST_DN = 4.0
+MIN_DN = 4.0
 
 # Columns of a picture of failures [px].
 SHOWN_PX = 420
@@ -193,7 +193,7 @@ def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: Bo
         total, share = (cv2.GaussianBlur(a, (0, 0), SMOOTH_PX) for a in (above, weight))
         return np.asarray(total / np.maximum(share, 1e-3))
 
-    ratio = np.clip((smooth(seen, their_black) + LEAST_DN) / (smooth(plain, black) + LEAST_DN), 0.1, 10.0)
+    ratio = np.clip((smooth(seen, their_black) + MIN_DN) / (smooth(plain, black) + MIN_DN), 0.1, 10.0)
     noise = ours.astype(np.float32) - plain
     lit = black + np.where(on, ratio, 1.0) * (plain - black)
     return np.clip(np.rint(lit + noise), 0, 255).astype(np.uint8)

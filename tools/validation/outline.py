@@ -49,7 +49,7 @@ POLISH = 200
 """Evaluations of the overlap itself at the end."""
 FILL_SHIFT = 4
 BLUR_PX = 1.2
-LEAST_AREA_PX = 40
+MIN_AREA_PX = 40
 """Least area of a bright region that counts as craft in an image with black sky, after the blur."""
 
 
@@ -249,7 +249,7 @@ def read_picture(path: Path, outline: Path | None, threshold_dn: float) -> tuple
     if outline is None:
         _, bright = cv2.threshold(cv2.GaussianBlur(grey, (0, 0), BLUR_PX), threshold_dn, 1, cv2.THRESH_BINARY)
         found, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        pieces = [c for c in found if cv2.contourArea(c) >= LEAST_AREA_PX]
+        pieces = [c for c in found if cv2.contourArea(c) >= MIN_AREA_PX]
         cv2.drawContours(mask, pieces, -1, 1, cv2.FILLED)
         return grey, np.asarray(mask, np.uint8)
     try:

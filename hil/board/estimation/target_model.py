@@ -21,7 +21,7 @@ SCHEMA = "flyaround.board_model"
 VERSION = 1
 
 # Largest size of a board model's file: far more than any craft needs.
-MOST_BYTES = 100_000_000
+MAX_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class BoardModel:
             version.
         """
         try:
-            data = json.loads(read_bounded(path, MOST_BYTES).decode("utf-8"))
+            data = json.loads(read_bounded(path, MAX_BYTES).decode("utf-8"))
         except OSError as error:
             raise BoardModelError(f"board model {path} cannot be read: {error.strerror}") from error
         except (ValueError, RecursionError) as error:

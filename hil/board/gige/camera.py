@@ -24,9 +24,9 @@ N_BUFFERS = 8
 DEAF_PACKETS = 64
 POP_US = 100_000
 # block identifiers of 16 bits go from 1 to this, and on from 1
-MOST_BLOCK_ID = 0xFFFF
+MAX_BLOCK_ID = 0xFFFF
 # larger pictures than any that the link takes are not taken from a camera either
-MOST_PAYLOAD_BYTES = 1 << 27
+MAX_PAYLOAD_BYTES = 1 << 27
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,10 @@ class GigeCamera:
             if not self._settings.packet_socket or self._deaf_starts > 1:
                 arv("arv_camera_gv_set_stream_options", self._camera, NO_PACKET_SOCKET)
             payload = arv("arv_camera_get_payload", self._camera)
-            if not 0 < payload <= MOST_PAYLOAD_BYTES:
+            if not 0 < payload <= MAX_PAYLOAD_BYTES:
                 raise LinkError(
                     f"camera {self._address} announces pictures of {payload} bytes; at most"
-                    f" {MOST_PAYLOAD_BYTES >> 20} MiB are taken: choose a smaller --roi"
+                    f" {MAX_PAYLOAD_BYTES >> 20} MiB are taken: choose a smaller --roi"
                 )
             self._stream = arv("arv_camera_create_stream", self._camera, None, None)
             for _ in range(N_BUFFERS):
@@ -367,8 +367,8 @@ class _BlockCount:
 
     def number(self, block_id: int) -> int:
         """Return the number, from 0, of the next block's identifier."""
-        if block_id < self._last and block_id <= MOST_BLOCK_ID:
-            self._before += MOST_BLOCK_ID
+        if block_id < self._last and block_id <= MAX_BLOCK_ID:
+            self._before += MAX_BLOCK_ID
         self._last = block_id
         return self._before + block_id - 1
 

@@ -21,7 +21,7 @@ from flyaround.hil.link.packets.messages import Hello
 logger = logging.getLogger(__name__)
 
 # largest camera file: thousands of times the usual size
-MOST_CAMERA_BYTES = 10_000_000
+MAX_CAMERA_BYTES = 10_000_000
 _CAMERA_KEYS = {
     *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion", "encoding"),
     *("pixel_pitch_um", "name", "notes"),
@@ -29,7 +29,7 @@ _CAMERA_KEYS = {
 # interval of checks of the answer line while no image arrives [s]
 LOOK_S = 0.5
 # a stream that brings nothing is begun anew so often before the camera counts as gone
-MOST_RESTARTS = 3
+MAX_RESTARTS = 3
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class _Session:
                 self._answer(frame)
                 continue
             dark = f"no whole picture came for {self._options.dark_s:g} s"
-            if restarts >= MOST_RESTARTS:
+            if restarts >= MAX_RESTARTS:
                 return self._ended(f"{dark}, {restarts} times after the stream was begun anew", orderly=False)
             restarts += 1
             logger.warning("%s (%d damaged ones): the stream is begun anew", dark, self._device.damaged)
@@ -208,7 +208,7 @@ def read_camera(path: str) -> Dict[str, Any]:
         If it cannot be read or is none.
     """
     try:
-        camera = json.loads(read_bounded(path, MOST_CAMERA_BYTES).decode("utf-8-sig"))
+        camera = json.loads(read_bounded(path, MAX_CAMERA_BYTES).decode("utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
         raise LinkError(
             f"camera {path} cannot be used ({error}): give the camera object of a truth record"

@@ -40,10 +40,10 @@ BLUR_PX, SMALLEST_PX = 1.5, 24.0
 
 # The papers decide by reprojection error: a pose is accepted if it explains this share of the image's corners, and the
 # error of the next distinct pose is larger by at least this factor.
-LEAST_INLIERS, ERROR_RATIO = 0.5, 1.15
+MIN_INLIERS, ERROR_RATIO = 0.5, 1.15
 
 # Corners that a decision takes at least: four points are any plane figure's.
-LEAST_CORNERS = 7
+MIN_CORNERS = 7
 
 # Lines that the frame cuts do not end at a corner: ends this near its border do not count [px].
 BORDER_PX = 2.5
@@ -188,7 +188,7 @@ class PublishedEstimator(Estimator):
         rival = min((f.error for f in found if differs(f.q, f.t, best.q, best.t)), default=1.0)
         lead = (rival / max(best.error, 1e-6) - 1.0) / 0.6
         reason = ""
-        if best.inliers < LEAST_INLIERS or best.met < LEAST_CORNERS:
+        if best.inliers < MIN_INLIERS or best.met < MIN_CORNERS:
             reason = "too few of the picture's corners are met"
         elif rival < ERROR_RATIO * best.error:
             reason = "ambiguous: another pose explains the corners as well"

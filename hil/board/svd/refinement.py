@@ -22,7 +22,7 @@ Array = np.ndarray
 
 
 # Edges shorter than this share of the model's radius are details.
-LEAST_LENGTH = 0.25
+MIN_LENGTH = 0.25
 
 # Poses whose corners are compared at once: what a processor's cache holds.
 BATCH = 250
@@ -49,7 +49,7 @@ class ModelCorners:
 
 def model_corners(model: BoardModel, join_m: float = 0.01) -> ModelCorners:
     """Return the corners of the wireframe's long edges and rods, as in the published wireframe."""
-    least = LEAST_LENGTH * model.radius_m
+    least = MIN_LENGTH * model.radius_m
     edges = [e for e in model.wireframe if np.linalg.norm(e.b_m - e.a_m) > least or e.radius_m > 0]
     edges = edges or list(model.wireframe)
     points = np.array([p for e in edges for p in (e.a_m, e.b_m)])

@@ -16,7 +16,7 @@ from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, run_a
 Array = np.ndarray
 
 # Groups of the wireframe are as long as this at least, share of the model's radius.
-LEAST_SIZE = 0.6
+MIN_SIZE = 0.6
 
 
 def model_point_groups(model: BoardModel) -> PointGroups:
@@ -25,12 +25,12 @@ def model_point_groups(model: BoardModel) -> PointGroups:
     The published wireframe holds panel, body and antennas alone; groups of smaller parts are left out likewise.
     """
     chains = model_triads(model)
-    chains = _large(chains, LEAST_SIZE * model.radius_m)
+    chains = _large(chains, MIN_SIZE * model.radius_m)
     # a closed face occurs once for each side as the middle one and each direction: all its orders
     closed = chains.points[chains.closed]
     plain = [e for e in model.wireframe if e.radius_m == 0]
     ends = np.array([[e.a_m, e.b_m] for e in plain]).reshape(-1, 2, 3)
-    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.5 * LEAST_SIZE * model.radius_m]
+    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > 0.5 * MIN_SIZE * model.radius_m]
     rods = np.array([[e.a_m, e.b_m] for e in model.wireframe if e.radius_m > 0]).reshape(-1, 2, 3)
     corners = _model_corners(ends)
     return PointGroups(

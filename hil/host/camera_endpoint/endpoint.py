@@ -46,9 +46,9 @@ if TYPE_CHECKING:
 
     Peer = tuple[str, int]
 
-MOST_COMMANDS = 64
+MAX_COMMANDS = 64
 """Commands of one socket before packets are sent again."""
-MOST_STRANGERS = 16
+MAX_STRANGERS = 16
 """Largest number of unlisted addresses that are reported."""
 REPEATED_S = 1.0
 """Time within which a repeated command is answered twice but executed once."""
@@ -190,9 +190,9 @@ class CameraEndpoint:
     # --- commands ---------------------------------------------------------------------------
 
     def _hear(self, sock: socket.socket) -> None:
-        for _ in range(MOST_COMMANDS):
+        for _ in range(MAX_COMMANDS):
             try:
-                datagram, peer = sock.recvfrom(gvcp.MOST_BYTES + 1)
+                datagram, peer = sock.recvfrom(gvcp.MAX_BYTES + 1)
             except (BlockingIOError, ConnectionRefusedError):
                 return
             answer = self.answer(datagram, peer)
@@ -338,7 +338,7 @@ class CameraEndpoint:
         self._note(sentence)
 
     def _note_stranger(self, address: str) -> None:
-        if address not in self._strangers and len(self._strangers) < MOST_STRANGERS:
+        if address not in self._strangers and len(self._strangers) < MAX_STRANGERS:
             self._strangers.add(address)
             self._note(f"{address} is not among the allowed controllers: not answered")
 

@@ -15,7 +15,7 @@ from flyaround.hil.host.camera_endpoint.registers import (
     EXPOSURE_US,
     GAIN_DB,
     HEARTBEAT_MS,
-    LEAST_SIDE_PX,
+    MIN_SIDE_PX,
     PACKET_BYTES,
     RATE_HZ,
     TICKS_PER_S,
@@ -27,8 +27,8 @@ from flyaround.simulator.runtime.untrusted_files import read_regular
 if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.registers import CameraTerms
 
-MOST_XML_BYTES, MOST_UNZIPPED_BYTES = 1 << 20, 8 << 20
-MOST_DEPTH = 32
+MAX_XML_BYTES, MAX_UNZIPPED_BYTES = 1 << 20, 8 << 20
+MAX_DEPTH = 32
 OWN_NAME = "flyaround.xml"
 
 
@@ -44,7 +44,7 @@ def read_xml(path: Path) -> tuple[str, bytes]:
     if path.suffix.lower() not in {".xml", ".zip"}:
         raise UserError(f"{path} is neither .xml nor .zip: a GenICam description is served as one of them")
     try:
-        data = read_regular(path, MOST_XML_BYTES)
+        data = read_regular(path, MAX_XML_BYTES)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): name a GenICam description") from error
     _check_description(path, _unzipped(path, data) if path.suffix.lower() == ".zip" else data)
@@ -66,12 +66,12 @@ def _unzipped(path: Path, data: bytes) -> bytes:
             if len(names) != 1:
                 raise UserError(f"{path} holds {len(names)} files: put the GenICam description alone into it")
             with archive.open(names[0]) as inner:
-                text = inner.read(MOST_UNZIPPED_BYTES + 1)
+                text = inner.read(MAX_UNZIPPED_BYTES + 1)
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error) as error:
         raise UserError(f"{path} is damaged ({error}): zip the GenICam description again") from error
-    if len(text) > MOST_UNZIPPED_BYTES:
+    if len(text) > MAX_UNZIPPED_BYTES:
         raise UserError(
-            f"{path} unpacks to more than {MOST_UNZIPPED_BYTES >> 20} MiB: shorten the description"
+            f"{path} unpacks to more than {MAX_UNZIPPED_BYTES >> 20} MiB: shorten the description"
         )
     return text
 
@@ -86,8 +86,8 @@ def _check_description(path: Path, text: bytes) -> None:
         open_elements += 1
         if not roots:
             roots.append(name)
-        if open_elements > MOST_DEPTH:
-            raise UserError(f"{path} nests elements deeper than {MOST_DEPTH}: no GenICam description does")
+        if open_elements > MAX_DEPTH:
+            raise UserError(f"{path} nests elements deeper than {MAX_DEPTH}: no GenICam description does")
 
     def end(_name: str) -> None:
         nonlocal open_elements
@@ -180,7 +180,7 @@ def write_xml(terms: CameraTerms) -> bytes:
             _difference(f"{side}Max", f"Sensor{side}", f"Offset{across}"),
         )
         nodes.append(_difference(f"Offset{across}Max", f"Sensor{side}", side))
-        integer("ImageFormatControl", side, size, (LEAST_SIDE_PX, f"{side}Max"))
+        integer("ImageFormatControl", side, size, (MIN_SIDE_PX, f"{side}Max"))
         integer("ImageFormatControl", f"Offset{across}", offset, (0, f"Offset{across}Max"))
     choice(
         "ImageFormatControl",

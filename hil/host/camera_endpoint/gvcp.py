@@ -12,9 +12,9 @@ from enum import IntEnum
 PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")
-MOST_BYTES = 576
+MAX_BYTES = 576
 """Largest datagram without headers of IP and UDP; longer ones are ignored."""
-MOST_MEMORY_BYTES = 536
+MAX_MEMORY_BYTES = 536
 """Largest size of one memory access."""
 ACKNOWLEDGE = 0x01
 """Flag of a command that requires an answer."""
@@ -81,7 +81,7 @@ class ResendRequest:
 
 def parse_request(datagram: bytes) -> GvcpRequest | None:
     """Return the command in a datagram, or None if it is none: other bytes are not answered."""
-    if not HEADER.size <= len(datagram) <= MOST_BYTES:
+    if not HEADER.size <= len(datagram) <= MAX_BYTES:
         return None
     key, flags, command, length, request_id = HEADER.unpack_from(datagram)
     if key != KEY or length != len(datagram) - HEADER.size or request_id == 0:
@@ -137,7 +137,7 @@ def read_span(payload: bytes) -> tuple[int, int]:
     count = reserved_and_count & 0xFFFF
     if address % 4 or count % 4:
         raise RefusedError(Status.BAD_ALIGNMENT)
-    if not 0 < count <= MOST_MEMORY_BYTES:
+    if not 0 < count <= MAX_MEMORY_BYTES:
         raise RefusedError(Status.INVALID_PARAMETER)
     return address, count
 

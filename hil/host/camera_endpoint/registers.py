@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from flyaround.hil.host.camera_endpoint.gvcp import MOST_MEMORY_BYTES, RefusedError, Status
+from flyaround.hil.host.camera_endpoint.gvcp import MAX_MEMORY_BYTES, RefusedError, Status
 from flyaround.hil.host.camera_endpoint.gvsp import ReadoutRegion, StreamFormat, formats_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.camera_endpoint.interface import Interface
 
-LEAST_SIDE_PX = 16
+MIN_SIDE_PX = 16
 EXPOSURE_US = (1.0, 1e6)
 GAIN_DB = (0.0, 24.0)
 RATE_HZ = (0.1, 120.0)
@@ -216,7 +216,7 @@ class Registers:
         """
         if address % 4 or count % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
-        if not 0 < count <= MOST_MEMORY_BYTES:
+        if not 0 < count <= MAX_MEMORY_BYTES:
             raise RefusedError(Status.INVALID_PARAMETER)
         block, at = self._find(address, count)
         return bytes(block[at : at + count])
@@ -235,7 +235,7 @@ class Registers:
             return []
         if address % 4 or len(data) % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
-        if not data or len(data) > MOST_MEMORY_BYTES:
+        if not data or len(data) > MAX_MEMORY_BYTES:
             raise RefusedError(Status.INVALID_PARAMETER)
         self._find(address, len(data))
         written = []
@@ -282,8 +282,8 @@ class Registers:
             Place.STREAM_ADDRESS: lambda v: v <= 0xFFFFFFFF,  # the endpoint compares it with its controller's
             Place.OFFSET_X: lambda v: v + self[Place.WIDTH] <= terms.width_px,
             Place.OFFSET_Y: lambda v: v + self[Place.HEIGHT] <= terms.height_px,
-            Place.WIDTH: lambda v: LEAST_SIDE_PX <= v <= terms.width_px - self[Place.OFFSET_X],
-            Place.HEIGHT: lambda v: LEAST_SIDE_PX <= v <= terms.height_px - self[Place.OFFSET_Y],
+            Place.WIDTH: lambda v: MIN_SIDE_PX <= v <= terms.width_px - self[Place.OFFSET_X],
+            Place.HEIGHT: lambda v: MIN_SIDE_PX <= v <= terms.height_px - self[Place.OFFSET_Y],
             Place.PIXEL_FORMAT: lambda v: v in self.formats,
             Place.ACQUISITION_MODE: lambda v: v in {CONTINUOUS, SINGLE_FRAME, MULTI_FRAME},
             Place.ACQUISITION_START: lambda v: v == 1,

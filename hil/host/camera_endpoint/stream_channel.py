@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 BURST = 8
 """Packets sent at once; the interval between bursts is that of as many packets."""
-MOST_BURSTS = 4
+MAX_BURSTS = 4
 """Bursts sent in a row to catch up before commands are processed again."""
-MOST_GAP_S = 1e-4
+MAX_GAP_S = 1e-4
 SHARE_OF_INTERVAL = 0.5
 KEPT_BYTES = 64 << 20
 KEPT_BLOCKS = 8
-MOST_RESENT = 2048
+MAX_RESENT = 2048
 """Largest number of packets resent per request."""
 RESENT_PER_PACKET = 2
 """Limit of resent packets relative to a block's packets; and, over all blocks, relative to those just sent."""
@@ -76,7 +76,7 @@ class StreamChannel:
         ----------
         interval_s : between frames, of which sending takes half. delay_s : least time between packets.
         """
-        gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MOST_GAP_S))
+        gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:
             self._waiting = (block, to, gap_s)
             return
@@ -100,7 +100,7 @@ class StreamChannel:
 
     def step(self, now_s: float) -> None:
         """Send what is due."""
-        for _ in range(MOST_BURSTS):
+        for _ in range(MAX_BURSTS):
             block, to = self._block, self._to
             if block is None or to is None or self._due_s > now_s:
                 return
@@ -128,7 +128,7 @@ class StreamChannel:
         if block is None:
             self._send(unavailable(request.block_id, request.first), to)
             return
-        last = min(request.last, block.n_packets - 1, request.first + MOST_RESENT - 1)
+        last = min(request.last, block.n_packets - 1, request.first + MAX_RESENT - 1)
         if block is self._block:  # packets not sent yet are still to come
             last = min(last, self._number - 1)
         spent = self._resent.get(request.block_id, 0)

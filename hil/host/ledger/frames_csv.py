@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FRAMES_CSV = "frames.csv"
 # a million rows, and far more frames than a run has
-MOST_BYTES = 1 << 29
+MAX_BYTES = 1 << 29
 
 
 _ERRORS = ("confidence", "E_T_m", "E_R_deg")
@@ -160,7 +160,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
     """
     path = folder / FRAMES_CSV
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = read_regular(path, MAX_BYTES)
     except OSError as error:
         raise UserError(
             f"no ledger at {path} ({error.strerror}): name a folder that `flyaround hil host --log` wrote"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
-MOST_BYTES = 1 << 24  # largest run.json: ten times the largest scenario file
+MAX_BYTES = 1 << 24  # largest run.json: ten times the largest scenario file
 
 
 class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -159,7 +159,7 @@ def read_terms(folder: Path) -> RunTerms | None:
     if not path.exists():
         return None
     try:
-        return msgspec.json.decode(read_regular(path, MOST_BYTES), type=RunTerms)
+        return msgspec.json.decode(read_regular(path, MAX_BYTES), type=RunTerms)
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror}): make it readable") from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:

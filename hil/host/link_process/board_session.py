@@ -68,7 +68,7 @@ SYNC_EARLY_NS = 200_000_000
 # delay before a silent board is asked for its newest frame, and the interval of repetitions
 ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
 # round trips that are remembered: an hour and more; a longer one is another board's doing
-MOST_TRIPS, MOST_TRIP_NS = 20_000, 10**12
+MAX_TRIPS, MAX_TRIP_NS = 20_000, 10**12
 # a board answers clock requests once its estimator is ready; no frame is sent before
 SYNC_PATIENCE_NS = 60_000_000_000
 # a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
@@ -98,7 +98,7 @@ class BoardSession:
         self._mistakes = 0
         self._up: BoardUp | None = None  # greeted, not yet announced
         self._clock = ClockFilter()
-        self._trips_ns: deque[int] = deque(maxlen=MOST_TRIPS)
+        self._trips_ns: deque[int] = deque(maxlen=MAX_TRIPS)
         self._heard_ns = 0
         self._beats = (
             False  # True if the board requests the time itself, which shows that it is alive while it works
@@ -244,7 +244,7 @@ class BoardSession:
 
     def _take_clock_reply(self, reply: TimeSyncReply, at_ns: int, link: Link) -> None:
         trip_ns = self._clock.add_reply(reply, at_ns)
-        if 0 <= trip_ns < MOST_TRIP_NS:
+        if 0 <= trip_ns < MAX_TRIP_NS:
             self._trips_ns.append(trip_ns)
         if reply.newest_frame is not None:
             self._in_flight.lost_on_the_line(reply.asked_ns, reply.newest_frame)

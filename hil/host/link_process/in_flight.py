@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # a frame that is still being sent
 NEVER_NS = 1 << 62
 # frames of which it is known whether they were sent, and answered
-MOST_REMEMBERED = 100_000
+MAX_REMEMBERED = 100_000
 
 
 @dataclass
@@ -69,7 +69,7 @@ class FramesInFlight:
         flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
         self._flying[record.frame_id] = flight
         self._history[record.frame_id] = False
-        if len(self._history) > MOST_REMEMBERED:
+        if len(self._history) > MAX_REMEMBERED:
             del self._history[next(iter(self._history))]
         self._held[record.frame_id] = NEVER_NS
         return flight

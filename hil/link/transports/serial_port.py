@@ -20,7 +20,7 @@ BITS_PER_BYTE = 10
 """A start bit, eight data bits and a stop bit."""
 PIECE_S = 0.01
 # the other side hears of this one by whole packets: none takes longer than this
-CHUNK_S, LEAST_CHUNK_BYTES = 0.25, 64
+CHUNK_S, MIN_CHUNK_BYTES = 0.25, 64
 CATCH_UP_S = 0.1
 
 
@@ -40,7 +40,7 @@ class SerialTransport(StreamTransport):
     def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
         super().__init__(f"serial://{device}?baud={baud}" + ("&rtscts=1" if rtscts else ""), CobsFraming())
         self._bytes_per_s = baud / BITS_PER_BYTE
-        self.chunk_bytes = max(LEAST_CHUNK_BYTES, min(self.chunk_bytes, int(CHUNK_S * self._bytes_per_s)))
+        self.chunk_bytes = max(MIN_CHUNK_BYTES, min(self.chunk_bytes, int(CHUNK_S * self._bytes_per_s)))
         self._free_s = 0.0  # time at which the line has sent what was written
         if serial is None:
             raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")

@@ -20,7 +20,7 @@ __all__ = [
     "parse_camera",
     "read_camera_file",
 ]
-MOST_BYTES = 4_000_000  # largest camera file: a calibration may include its points
+MAX_BYTES = 4_000_000  # largest camera file: a calibration may include its points
 
 
 def list_cameras() -> tuple[str, ...]:
@@ -57,7 +57,7 @@ def read_camera_file(name_or_path: str | Path, folder: Path | None = None) -> Ca
         try:
             if not path.is_file():
                 raise UserError(_no_such_camera(text))
-            content, where = read_regular(path, MOST_BYTES), str(path)
+            content, where = read_regular(path, MAX_BYTES), str(path)
         except OSError as error:
             raise UserError(
                 f"camera {path} cannot be read: {error.strerror or error}; check the path"

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Target
 
-MOST_FILE_BYTES = 2**32
-MOST_NAMED = 5  # files of a kind
+MAX_FILE_BYTES = 2**32
+MAX_NAMED = 5  # files of a kind
 
 
 def check_card(
@@ -91,9 +91,9 @@ def check_frames_listed(
     endings = ["png", "mask.png", "json", *(f"{name}.{layer_ending(name)}" for name in card.labels)]
     sensors = {f"{k:06d}.{name}.npz" for k in numbers for name in card.sensors}
     there = {path.name for path in (folder / "images").iterdir() if not path.name.startswith(".")}
-    yield from (f"images/{name} is missing" for name in sorted(sensors - there)[:MOST_NAMED])
+    yield from (f"images/{name} is missing" for name in sorted(sensors - there)[:MAX_NAMED])
     strays = there - sensors - {f"{k:06d}.{ending}" for k in numbers for ending in endings}
-    yield from (f"images/{name} is of no frame, label or sensor" for name in sorted(strays)[:MOST_NAMED])
+    yield from (f"images/{name} is of no frame, label or sensor" for name in sorted(strays)[:MAX_NAMED])
 
 
 def check_manifest(
@@ -122,14 +122,14 @@ def check_manifest(
             wrong += [f"{name} is missing" for name in sorted(set(lines) - files[k])]
         for name in sorted(files[k] & set(lines)):
             try:
-                if file_hash(store.read(name, MOST_FILE_BYTES)) != lines[name]:
+                if file_hash(store.read(name, MAX_FILE_BYTES)) != lines[name]:
                     wrong.append(f"{name} has another hash than in {MANIFEST_NAME}")
             except (OSError, UserError) as error:
                 wrong.append(f"{name} cannot be read ({error})")
         return wrong
 
     if card.complete:
-        for k in sorted(manifest.keys() - files.keys())[:MOST_NAMED]:
+        for k in sorted(manifest.keys() - files.keys())[:MAX_NAMED]:
             yield None, f"{MANIFEST_NAME} lists frame {k}, which is not there"
     with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
         for k, wrong in zip(frames, pool.map(faults, frames), strict=True):

@@ -19,7 +19,7 @@ import numpy as np
 import OpenEXR
 
 from flyaround.simulator.dataset.formats.base import import_needed
-from flyaround.simulator.dataset.formats.exr import MOST_PIXELS
+from flyaround.simulator.dataset.formats.exr import MAX_PIXELS
 from flyaround.simulator.dataset.formats.native import decode_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.untrusted_files import refuse_deep
@@ -33,7 +33,7 @@ JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
 """Bounds on the difference between two JPEG decoders of the same image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
 """Tolerances of numbers recomputed with other versions of the libraries."""
-MOST_ARRAYS_BYTES = 2**32
+MAX_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
 LONGEST_END = 8
@@ -203,7 +203,7 @@ def _text(data: bytes) -> Iterator[Entry]:
 
 def _npz(data: bytes) -> Iterator[Entry]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        if sum(info.file_size for info in archive.infolist()) > MOST_ARRAYS_BYTES:
+        if sum(info.file_size for info in archive.infolist()) > MAX_ARRAYS_BYTES:
             raise ValueError("its arrays are larger than any frame's")
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         for name in arrays.files:
@@ -216,7 +216,7 @@ def _exr(data: bytes) -> Iterator[Entry]:
         place.write_bytes(data)
         for part in OpenEXR.File(str(place), separate_channels=True, header_only=True).parts:
             low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
-            if math.prod((high - low + 1).tolist()) > MOST_PIXELS:
+            if math.prod((high - low + 1).tolist()) > MAX_PIXELS:
                 raise ValueError("it is larger than any camera's picture")
         channels = OpenEXR.File(str(place), separate_channels=True).channels()
         for name, channel in channels.items():

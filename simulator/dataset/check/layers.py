@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
 
-MOST_DOUBTS = 300
-MOST_BAD = 6
+MAX_DOUBTS = 300
+MAX_BAD = 6
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 NORMAL_ANGLE_RAD = 0.05
@@ -211,10 +211,10 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
 
 def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
     """Return what is wrong by its first pixels; a layer wrong everywhere is not evaluated to its end."""
-    first = list(itertools.islice(bad, MOST_BAD))
+    first = list(itertools.islice(bad, MAX_BAD))
     if not first:
         return []
-    number = f"{MOST_BAD} or more" if len(first) == MOST_BAD else str(len(first))
+    number = f"{MAX_BAD} or more" if len(first) == MAX_BAD else str(len(first))
     return [f"{name} is not the mesh's at {number} sampled pixels, the first at {tuple(map(int, first[0]))}"]
 
 
@@ -290,7 +290,7 @@ def _check_mask(
 ) -> list[str]:
     """Check a mask against the triangles filled on the CPU; single differing pixels are resolved by rays."""
     doubts = doubtful_pixels(truth, mask, target, origin_px)
-    if len(doubts) > MOST_DOUBTS:
+    if len(doubts) > MAX_DOUBTS:
         return [f"{name} differs from the projected craft at {len(doubts)} pixels"]
     bad = (
         p

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SNAP_PX = 1 / 128
 """Rounding of a vertex and of the opposite edge together, doubled for the rasteriser's own arithmetic [px]."""
-MOST_BEYOND = 4.0
+MAX_BEYOND = 4.0
 """Largest distance, in its own heights, that a triangle thinner than the rounding may be shown beyond itself."""
 ON_HORIZON = 0.01
 """Cosine to the line of sight below which a normal may have been clamped to the horizon."""
@@ -72,7 +72,7 @@ def triangles_near(
     sure = inside[close] & (border > SNAP_PX)
     area2, longest = _twice_area(corners), _longest(corners)
     height = np.abs(area2) / np.maximum(longest, 1e-12)
-    beyond = np.minimum(SNAP_PX / np.maximum(height, 1e-12), MOST_BEYOND)
+    beyond = np.minimum(SNAP_PX / np.maximum(height, 1e-12), MAX_BEYOND)
     low, high = _inverse_range(corners, inverse, area2, beyond, doubt_px)
     nearest, farthest = 1 / np.maximum(high, 1e-9), 1 / np.maximum(low, 1e-9)
     first = farthest[sure].min(initial=np.inf)

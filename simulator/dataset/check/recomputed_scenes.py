@@ -38,7 +38,7 @@ RELATIVE = 1e-7
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """Absolute tolerance by the suffix of a field's name [m, m/s]; differences of large ECI vectors carry it."""
 ABSOLUTE_OF_OTHERS = 1e-9
-MOST_SAMPLES = 50  # per recipe: a constrained pose takes as long as some labels do
+MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as some labels do
 NOT_COMPARED = ("camera", "target")
 """Fields that other checks cover."""
 
@@ -70,7 +70,7 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
         return SceneCheck(((None, f"the card's scenario is not valid: {error}"),))
     if isinstance(document, Recipe):
         order = np.random.default_rng([seed % 2**63, 2]).permutation(numbers)
-        numbers = sorted(order[:MOST_SAMPLES].tolist())
+        numbers = sorted(order[:MAX_SAMPLES].tolist())
     try:
         if load_target(document.target).name != card.target.name:
             return SceneCheck(

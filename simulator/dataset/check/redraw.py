@@ -45,7 +45,7 @@ LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # white noise left after
 SIGMAS = 6.0
 SHIFT_PX = 0.25  # largest shift of an edge
 RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale
-MOST_OTHER, MOST_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
+MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
 FEW = 4
 EXACT = 1e-6
 LAYER_RELATIVE = {"depth": 2e-5}
@@ -53,7 +53,7 @@ LAYER_RELATIVE = {"depth": 2e-5}
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
 """Absolute tolerance in the layer's unit: metres, 1, pixels, digital numbers."""
 FEW_EDGE_PX = 6
-"""Number of pixels that rounding at an edge may assign to another surface; or `MOST_OF_MASK`."""
+"""Number of pixels that rounding at an edge may assign to another surface; or `MAX_OF_MASK`."""
 
 
 @dataclass(frozen=True)
@@ -175,8 +175,8 @@ def check_same_picture(
     bad = bad if bad.ndim == 2 else bad.any(axis=2)
     about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
     on_craft, beside = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
-    if on_craft <= max(MOST_OF_MASK * np.count_nonzero(mask), FEW) and beside <= max(
-        MOST_OTHER * bad.size, FEW
+    if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), FEW) and beside <= max(
+        MAX_OTHER * bad.size, FEW
     ):
         return []
     what = (
@@ -200,7 +200,7 @@ def check_same_layers(
     layers, again : as they were read, and as they are drawn, by name.
     is_same_renderer : the picture is the same to the byte, so that rounding at few pixels alone is allowed.
     """
-    most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MOST_OF_MASK * np.count_nonzero(mask))
+    most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
     wrong = []
     for name in sorted(layers.keys() & again.keys()):
         mine, other = layers[name], again[name]

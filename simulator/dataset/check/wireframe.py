@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 EDGE_NEAR_M = 0.05
 LONG_PX = 6.0
-MOST_STRETCHES = 60
+MAX_STRETCHES = 60
 CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
 OWN_RADII = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
@@ -54,7 +54,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
             continue
         length = float(np.hypot(*(projected[1] - projected[0])))
         for k, (a, b) in enumerate(itertools.pairwise(bounds)):
-            if (b - a) * length < LONG_PX or asked >= MOST_STRETCHES:
+            if (b - a) * length < LONG_PX or asked >= MAX_STRETCHES:
                 continue
             asked += 1
             seen, middle = k % 2 == 1, (a + b) / 2

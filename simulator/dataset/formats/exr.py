@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MOST_SIDE_PX = 16_384  # largest side of a camera
-MOST_PIXELS = MOST_SIDE_PX**2
-MOST_CHANNELS = 4
-MOST_BYTES = 2**32  # largest file of that many numbers
+MAX_SIDE_PX = 16_384  # largest side of a camera
+MAX_PIXELS = MAX_SIDE_PX**2
+MAX_CHANNELS = 4
+MAX_BYTES = 2**32  # largest file of that many numbers
 
 
 def encode_exr(names: tuple[str, ...], values: NDArray[Any]) -> bytes:
@@ -64,17 +64,17 @@ def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
     if not path.is_file():
         raise UserError(f"cannot read {path}; it is missing")
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise UserError(f"{path} has more than {MOST_BYTES:,} bytes; draw it again")
+        if path.stat().st_size > MAX_BYTES:
+            raise UserError(f"{path} has more than {MAX_BYTES:,} bytes; draw it again")
         n = 0
         for part in OpenEXR.File(str(path), separate_channels=True, header_only=True).parts:
             low, high = (np.asarray(corner, np.int64) for corner in part.header["dataWindow"])
             width, height = (high - low + 1).tolist()
             n += len(part.header["channels"])
-            if max(width, height) > MOST_SIDE_PX or n > MOST_CHANNELS:
+            if max(width, height) > MAX_SIDE_PX or n > MAX_CHANNELS:
                 raise UserError(
-                    f"{path} has {width:,} x {height:,} pixels of {n} channels, and at most {MOST_SIDE_PX:,} x "
-                    f"{MOST_SIDE_PX:,} of {MOST_CHANNELS} are read; draw it again"
+                    f"{path} has {width:,} x {height:,} pixels of {n} channels, and at most {MAX_SIDE_PX:,} x "
+                    f"{MAX_SIDE_PX:,} of {MAX_CHANNELS} are read; draw it again"
                 )
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         planes = [np.asarray(channels[name].pixels) for name in names]

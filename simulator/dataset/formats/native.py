@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.dataset.formats.exr import (
-    MOST_BYTES,
-    MOST_PIXELS,
-    MOST_SIDE_PX,
+    MAX_BYTES,
+    MAX_PIXELS,
+    MAX_SIDE_PX,
     encode_exr,
     read_exr,
 )
@@ -71,7 +71,7 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
         If the file is missing, not an image, larger than any camera's, or not of 8 or 16 bits.
     """
     try:
-        data = read_regular(path, MOST_BYTES)
+        data = read_regular(path, MAX_BYTES)
     except OSError:
         data = b""
     return decode_png(data, str(path))
@@ -86,7 +86,7 @@ def read_bytes(path: Path) -> bytes:
         If it is missing or cannot be read.
     """
     try:
-        return read_regular(path, MOST_BYTES)
+        return read_regular(path, MAX_BYTES)
     except OSError as error:
         raise UserError(
             f"cannot read {path}: {error.strerror or error}; run flyaround check on the data set"
@@ -107,10 +107,10 @@ def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
         if data.startswith(_PNG) and len(data) >= 24
         else picture_size(data)
     )
-    if size is not None and (max(size) > MOST_SIDE_PX or size[0] * size[1] > MOST_PIXELS):
+    if size is not None and (max(size) > MAX_SIDE_PX or size[0] * size[1] > MAX_PIXELS):
         raise UserError(
-            f"image {where} has {size[0]:,} x {size[1]:,} pixels, and at most {MOST_SIDE_PX:,} x "
-            f"{MOST_SIDE_PX:,} are read; make it smaller"
+            f"image {where} has {size[0]:,} x {size[1]:,} pixels, and at most {MAX_SIDE_PX:,} x "
+            f"{MAX_SIDE_PX:,} are read; make it smaller"
         )
     image = None if size is None else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.encoding import Encoding
     from flyaround.simulator.camera.lens.camera_model import Camera
 
-MOST_BYTES = 500_000_000  # largest list of labels: a million images
-MOST_CAMERA_BYTES = 4_000_000
+MAX_BYTES = 500_000_000  # largest list of labels: a million images
+MAX_CAMERA_BYTES = 4_000_000
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
 
@@ -67,7 +67,7 @@ class PosedPictures:
     encoding: Encoding = "linear"
 
 
-def read_json(path: Path, *, most_bytes: int = MOST_BYTES) -> Any:  # noqa: ANN401 - any JSON value
+def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
     """Read a foreign JSON file.
 
     Raises
@@ -96,7 +96,7 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     """
     refuse_link_out(path, path.parent)
     try:
-        text = decode_text(read_regular(path, MOST_BYTES), str(path))
+        text = decode_text(read_regular(path, MAX_BYTES), str(path))
         reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
         rows = [
             {(name or "").strip(): (cell or "").strip() for name, cell in row.items() if name is not None}
@@ -125,7 +125,7 @@ def find_camera(folder: Path, levels: int = 2) -> Camera | None:
         path = place / "camera.json"
         if path.is_file():
             refuse_link_out(path, place)
-            content = read_regular(path, MOST_CAMERA_BYTES)
+            content = read_regular(path, MAX_CAMERA_BYTES)
             return parse_camera(content, str(path)).camera(str(path))
     return None
 

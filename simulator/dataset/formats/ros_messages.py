@@ -71,7 +71,7 @@ DISTORTION_MODELS = {
     "brown_conrady": "rational_polynomial",
     "kannala_brandt": "equidistant",
 }
-LEAST_COEFFICIENTS = {"none": 5, "brown_conrady": 8, "kannala_brandt": 4}
+MIN_COEFFICIENTS = {"none": 5, "brown_conrady": 8, "kannala_brandt": 4}
 
 
 def header(epoch_utc: str, frame_id: str = CAMERA_FRAME) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def camera_info(camera: Camera, epoch_utc: str) -> dict[str, Any]:
         "height": camera.height_px,
         "width": camera.width_px,
         "distortion_model": DISTORTION_MODELS[model],
-        "d": d + [0.0] * (LEAST_COEFFICIENTS[model] - len(d)),
+        "d": d + [0.0] * (MIN_COEFFICIENTS[model] - len(d)),
         "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 Item = TypeVar("Item")
-MOST_BYTES, MOST_FRAMES = 128_000_000, 1000
+MAX_BYTES, MAX_FRAMES = 128_000_000, 1000
 """Limits of a shard, which is gathered in memory before it is written."""
 
 
@@ -31,12 +31,12 @@ class Shards(Generic[Item]):
 
     def add(self, split: str, item: Item, size_bytes: int) -> None:
         """Add one item of a split."""
-        if self._items.get(split) and self._bytes[split] + size_bytes > MOST_BYTES:
+        if self._items.get(split) and self._bytes[split] + size_bytes > MAX_BYTES:
             self._flush(split)
         self._items.setdefault(split, []).append(item)
         self._bytes[split] = self._bytes.get(split, 0) + size_bytes
         self.counts[split] = self.counts.get(split, 0) + 1
-        if len(self._items[split]) >= MOST_FRAMES:
+        if len(self._items[split]) >= MAX_FRAMES:
             self._flush(split)
 
     def finish(self) -> None:

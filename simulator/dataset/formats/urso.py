@@ -43,7 +43,7 @@ URSO_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
 MIRROR = np.diag([1.0, -1.0, 1.0])
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 COLUMNS = ("x", "y", "z", "q1", "q2", "q3", "q4")
-MOST_BYTES = 100_000_000
+MAX_BYTES = 100_000_000
 
 
 def urso_pose(q_wxyz: tuple[float, ...], t_m: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
@@ -100,7 +100,7 @@ def read_urso(place: Path) -> PosedPictures | None:
     images = labels.with_name(labels.name.replace("_poses_gt", "_images"))
     refuse_link_out(images, labels.parent)
     try:
-        names = decode_text(read_regular(images, MOST_BYTES), str(images)).split()
+        names = decode_text(read_regular(images, MAX_BYTES), str(images)).split()
     except OSError as error:
         raise UserError(
             f"cannot read {images}, the names of the pictures: {error}; check the data set"

@@ -13,8 +13,8 @@ from flyaround.simulator.dataset.storage.manifest import MANIFEST_NAME
 if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files, Store
 
-MOST_BYTES = 64_000_000
-MOST_S = 2.0
+MAX_BYTES = 64_000_000
+MAX_S = 2.0
 """Largest amount of frames that a loss of power may cost, in bytes or seconds."""
 
 
@@ -48,7 +48,7 @@ class FrameBatches:
         From `add` or at the end, if the store is full or refuses; what it did not take has no name there.
     """
 
-    def __init__(self, store: Store, *, most_bytes: int = MOST_BYTES, most_s: float = MOST_S) -> None:
+    def __init__(self, store: Store, *, most_bytes: int = MAX_BYTES, most_s: float = MAX_S) -> None:
         self._store, self._most_bytes, self._most_s = store, most_bytes, most_s
         self._held: list[FrameFiles] = []
         self._since_s = 0.0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files, Store
 
 MANIFEST_NAME = "manifest.sha256"
-MOST_BYTES = 2**32
+MAX_BYTES = 2**32
 _LINE = re.compile(r"([0-9a-f]{64})  (images/(\d{6,8})\.[\w.]+)")
 
 
@@ -45,7 +45,7 @@ def read_manifest(store: Store) -> dict[int, dict[str, str]]:
     if not store.exists(MANIFEST_NAME):
         return {}
     try:
-        text = store.read(MANIFEST_NAME, MOST_BYTES).decode("ascii", "replace")
+        text = store.read(MANIFEST_NAME, MAX_BYTES).decode("ascii", "replace")
     except OSError as error:
         raise UserError(
             f"{store.title}: cannot read {MANIFEST_NAME} ({error.strerror or error}); remove it, and --resume looks at "

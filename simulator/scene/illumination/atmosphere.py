@@ -15,7 +15,7 @@ import numpy as np
 from flyaround.simulator.scene.illumination.bands import bands_of
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
-from flyaround.simulator.world.ephemeris.body import MOST_LAYERS, BodyAir
+from flyaround.simulator.world.ephemeris.body import MAX_LAYERS, BodyAir
 
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SUN_ANGULAR_RADIUS_RAD = 0.004652  # IAU 2015 nominal solar radius at 1 au
 OZONE_HEIGHT_M, OZONE_HALF_WIDTH_M = 25_000.0, 15_000.0  # centre and half width of a tent-shaped profile
-LAYERS = MOST_LAYERS - 1  # exponential layers of the Rayleigh scatterers' density
+LAYERS = MAX_LAYERS - 1  # exponential layers of the Rayleigh scatterers' density
 
 _NO_AIR = BodyAir(rayleigh_m_um4=0.0, rayleigh_height_m=1000.0, thickness_m=5000.0)
 

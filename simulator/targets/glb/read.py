@@ -233,7 +233,7 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
     return np.frombuffer(blob, dtype, accessor["count"] * width, start).reshape(-1, width)
 
 
-MOST_VALUES = 2_000_000
+MAX_VALUES = 2_000_000
 """Largest number of values and brackets in a document; as Python objects they take a hundred times the file's size."""
 
 
@@ -245,10 +245,10 @@ def parse_json(data: bytes) -> object:
     ValueError
         If it is no JSON, holds NaN or Infinity, nests too deep, or has more values than any model needs.
     """
-    if len(data) > MOST_VALUES:
+    if len(data) > MAX_VALUES:
         count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
-        if count > MOST_VALUES:
-            raise ValueError(f"it has {count:,} values, and {MOST_VALUES:,} are the most that is read")
+        if count > MAX_VALUES:
+            raise ValueError(f"it has {count:,} values, and {MAX_VALUES:,} are the most that is read")
     try:
         return json.loads(data, parse_constant=_refuse_constant)
     except RecursionError as error:

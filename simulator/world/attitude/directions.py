@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 DirectionName = Literal["nadir", "zenith", "along_track", "cross_track", "sun", "chaser"]
 
 _NODE_S = 1800.0
-_LEAST_SINE = 1e-3
+_MIN_SINE = 1e-3
 """Sine of the angle between two directions below which the rotation about them is undefined (3 arcmin)."""
 
 
@@ -156,7 +156,7 @@ class TwoAxisTrack:
 
     def undefined_at(self, t_s: float) -> bool:
         """Return True if the two directions are parallel, so that the attitude is undefined."""
-        return length(cross(self.toward(t_s)[0], self.second_toward(t_s)[0])) < _LEAST_SINE
+        return length(cross(self.toward(t_s)[0], self.second_toward(t_s)[0])) < _MIN_SINE
 
 
 def triad(first: Vec3, second: Vec3) -> FloatArray:

@@ -29,7 +29,7 @@ BUILT_IN = {
     "moon": ("flyaround.simulator.world.bodies.moon", "MOON"),
 }
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
-MOST_LAYERS = 13
+MAX_LAYERS = 13
 """Largest number of heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
 _UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 SLOWEST_TURN_RAD_S = 1e-5
@@ -46,7 +46,7 @@ class BodyAir:
     rayleigh_dispersion_um : factors of wavelength^-2 [um^2] and wavelength^-4 [um^4] that are added to its 1.
     rayleigh_height_m, aerosol_height_m : scale heights [m].
     density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between
-        and beyond them. At most `MOST_LAYERS` of them.
+        and beyond them. At most `MAX_LAYERS` of them.
     aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], its single-scattering albedo.
     aerosol_exponent : Angstrom's, of its fall with wavelength. aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
@@ -71,9 +71,9 @@ class BodyAir:
 
     def __post_init__(self) -> None:
         """Raise if shaders cannot hold the profile."""
-        if len(self.density) == 1 or len(self.density) > MOST_LAYERS:
+        if len(self.density) == 1 or len(self.density) > MAX_LAYERS:
             raise ValueError(
-                f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MOST_LAYERS}"
+                f"BodyAir.density has {len(self.density)} heights, allowed: none, or 2 to {MAX_LAYERS}"
             )
 
 

@@ -48,7 +48,7 @@ NUMBERS = sum(_FIELDS.values())
 """Number of values of one state."""
 CSV_SUFFIX = ".csv"
 """Suffix of a recording as text lines, which grows during the flight; others are npz files."""
-MOST_BYTES = 2**29
+MAX_BYTES = 2**29
 """Largest size of a recording, packed or unpacked: three million samples."""
 _DAMAGED = (
     KeyError,
@@ -102,7 +102,7 @@ class Recording:
             If it cannot be read, is too large, lacks an array, or its times do not start at 0 and rise.
         """
         try:
-            data = read_regular(path, MOST_BYTES)
+            data = read_regular(path, MAX_BYTES)
             arrays = (
                 _from_lines(decode_text(data, str(path))) if path.suffix == CSV_SUFFIX else _from_npz(data)
             )
@@ -224,8 +224,8 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
     """Return the arrays of an npz file. Raises one of ``_DAMAGED`` if it is not one, or would be too large unpacked."""
     with zipfile.ZipFile(io.BytesIO(data)) as packed:
         size = sum(entry.file_size for entry in packed.infolist())
-    if size > MOST_BYTES:
-        raise ValueError(f"unpacked it has {size:,} bytes, and at most {MOST_BYTES:,} are read")
+    if size > MAX_BYTES:
+        raise ValueError(f"unpacked it has {size:,} bytes, and at most {MAX_BYTES:,} are read")
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         return {name: np.asarray(file[name], float) for name in _FIELDS}
 

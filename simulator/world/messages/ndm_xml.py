@@ -9,9 +9,9 @@ from flyaround.simulator.world.messages.ccsds import HEADER_KEYS, META_KEYS, Seg
 from flyaround.simulator.world.messages.state_message import COVARIANCE, KEYS
 
 KINDS = ("oem", "opm", "omm")
-MOST_BYTES = 50_000_000
-_MOST_DEEP = 16
-_MOST_TEXT = 10_000
+MAX_BYTES = 50_000_000
+_MAX_DEEP = 16
+_MAX_TEXT = 10_000
 _VECTOR = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT")
 _STATE_WORDS = (7, 10)
 _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
@@ -58,9 +58,9 @@ class _Reader:
             raise UserError(
                 f"{self._here}: <{name[:40]}> is not read, only {', '.join(KINDS)}: take it out of the file"
             )
-        if len(self._path) >= _MOST_DEEP:
+        if len(self._path) >= _MAX_DEEP:
             raise UserError(
-                f"{self._here}: elements nest more than {_MOST_DEEP} deep, which no such message does"
+                f"{self._here}: elements nest more than {_MAX_DEEP} deep, which no such message does"
             )
         self._path.append(name)
         self._text, self._leaf = [], True
@@ -73,7 +73,7 @@ class _Reader:
             raise UserError(f"{self._here}: {name} is in {unit[:20]}, allowed: {wanted}")
 
     def _add_text(self, text: str) -> None:
-        if self._leaf and sum(map(len, self._text)) < _MOST_TEXT:
+        if self._leaf and sum(map(len, self._text)) < _MAX_TEXT:
             self._text.append(text)
 
     def _end(self, _: str) -> None:
@@ -128,9 +128,9 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
     UserError
         If it is no XML, declares a DTD, or is another message.
     """
-    if len(text) > MOST_BYTES:
+    if len(text) > MAX_BYTES:
         raise UserError(
-            f"{where} has {len(text):,} characters of XML, at most {MOST_BYTES:,} are read: make it smaller"
+            f"{where} has {len(text):,} characters of XML, at most {MAX_BYTES:,} are read: make it smaller"
         )
     reader = _Reader(where)
     try:

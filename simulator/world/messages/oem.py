@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_LINES = 8
 """Lines of a Hermite polynomial if the message names no interpolation."""
-_MOST_LINES = 20
+_MAX_LINES = 20
 _OF_DATE = ("TEME", "TOD")
 """Frames that a message may freeze at its REF_FRAME_EPOCH."""
 _WITH_ACCELERATION = 9
@@ -115,8 +115,8 @@ def _interpolation(segment: Segment) -> tuple[str, int]:
     text = segment.require("INTERPOLATION_DEGREE")
     degree = int(text) if text.isascii() and text.isdigit() and len(text) < 4 else 0
     lines = degree // 2 + 1 if method == "HERMITE" else degree + 1
-    if not degree >= 1 or lines > _MOST_LINES:
-        most = 2 * _MOST_LINES - 1 if method == "HERMITE" else _MOST_LINES - 1
+    if not degree >= 1 or lines > _MAX_LINES:
+        most = 2 * _MAX_LINES - 1 if method == "HERMITE" else _MAX_LINES - 1
         raise UserError(f"{segment.where}: INTERPOLATION_DEGREE is {text[:20]}, allowed: 1 to {most}")
     return method, max(lines, 2)
 

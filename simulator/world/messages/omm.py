@@ -48,7 +48,7 @@ _FIXED = {
     "MEAN_ELEMENT_THEORY": _THEORIES,
 }
 _MINUTES_A_DAY = 1440.0
-MOST_CHARACTERS = 30_000_000
+MAX_CHARACTERS = 30_000_000
 """Largest JSON or CSV text, which needs much more memory when parsed: twice the whole catalogue."""
 _SGP4_EPOCH_JD = 2433281.5
 """Epoch of SGP4's day count, 31 December 1949."""
@@ -91,9 +91,9 @@ def read_csv_objects(text: str, where: str) -> list[Segment]:
 
 
 def _refuse_long(text: str, where: str) -> None:
-    if len(text) > MOST_CHARACTERS:
+    if len(text) > MAX_CHARACTERS:
         raise UserError(
-            f"{where} has {len(text):,} characters of mean elements, at most {MOST_CHARACTERS:,} are read: keep the "
+            f"{where} has {len(text):,} characters of mean elements, at most {MAX_CHARACTERS:,} are read: keep the "
             "satellites that you need"
         )
 

@@ -14,7 +14,7 @@ from flyaround.simulator.world.orbit.propagation import Elements, elements_from_
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_LEAST_SINE = 1e-3
+_MIN_SINE = 1e-3
 """Sine of the flight-path angle times speed over escape speed, below which a craft falls to the body."""
 
 
@@ -89,7 +89,7 @@ class StateOrbit(Section, tag_field="kind", tag="state", frozen=True, kw_only=Tr
                 f"is {speed / 1e3:.3f} km/s fast, allowed: less than the {escape / 1e3:.3f} km/s that "
                 f"leave {body.title}"
             )
-        if float(np.linalg.norm(np.cross(r, v))) < _LEAST_SINE * radius * escape:
+        if float(np.linalg.norm(np.cross(r, v))) < _MIN_SINE * radius * escape:
             return "key orbit.v_eci_km_s", "points along orbit.r_eci_km, allowed: an orbit, not a fall"
         e = elements_from_state(r, v, body.mu_m3_s2)
         altitude = e.semi_major_axis_m * (1 - e.eccentricity) - body.radius_m

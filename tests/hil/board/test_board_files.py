@@ -20,7 +20,7 @@ def never_ending(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     large = tmp_path / "large"
     with large.open("wb") as file:
-        file.truncate(model.MOST_BYTES + 1)
+        file.truncate(model.MAX_BYTES + 1)
     (tmp_path / "folder").mkdir()
     return [tmp_path / "pipe", Path("/dev/zero"), tmp_path / "folder", large]
 

@@ -12,7 +12,7 @@ from tests.harness.boxes import closed_box
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if boards could draw few triangles; a cover fine enough for boxes."""
-    monkeypatch.setattr(faces, "MOST_TRIANGLES", 40)
+    monkeypatch.setattr(faces, "MAX_TRIANGLES", 40)
     monkeypatch.setattr(faces, "PITCH", 0.02)
 
 
@@ -25,7 +25,7 @@ INSIDE = closed_box("inside", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), "gold")
 
 
 def shown(monkeypatch: pytest.MonkeyPatch, most_seen: int) -> tuple[np.ndarray, list[str]]:
-    monkeypatch.setattr(faces, "MOST_SEEN", most_seen)
+    monkeypatch.setattr(faces, "MAX_SEEN", most_seen)
     return faces.outer_triangles([[BODY], [BODY, BLANKET, INSIDE, STRIPE, DISH]])
 
 
@@ -56,7 +56,7 @@ def test_what_stands_off_the_craft_comes_first(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_craft_whose_coarsest_form_is_too_much_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(faces, "MOST_TRIANGLES", 11)
+    monkeypatch.setattr(faces, "MAX_TRIANGLES", 11)
     triangles, material = faces.outer_triangles([[BODY], [BODY, DISH]])
     assert not len(triangles)
     assert not material

@@ -28,7 +28,7 @@ def test_a_finely_meshed_barrel_has_patches_and_not_one_chart_around_it():
 
 
 def test_dust_has_a_bounded_number_of_nodes(monkeypatch):
-    monkeypatch.setattr("flyaround.simulator.baking.charts.MOST_NODES", 4000)
+    monkeypatch.setattr("flyaround.simulator.baking.charts.MAX_NODES", 4000)
     rng = np.random.default_rng(3)
     corners = rng.uniform(-1, 1, (9000, 1, 3)) + rng.normal(size=(9000, 3, 3)) * 0.02
     dust = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(27000).reshape(-1, 3), process=False)

@@ -103,7 +103,7 @@ def test_a_node_that_is_lost_costs_no_frame(cluster, alone, monkeypatch):
             killed.append(done)
 
     url = f"memory://lost-{os.getpid()}/set"
-    monkeypatch.setattr(ray_frames, "MOST_IN_SHARD", 2)
+    monkeypatch.setattr(ray_frames, "MAX_IN_SHARD", 2)
     summary = capture(_plan(), url, cluster=RayCluster(cluster.address), progress=kill)
     assert killed
     assert (summary.n_written, summary.quarantined) == (N, ())

@@ -63,7 +63,7 @@ def test_a_layer_of_more_pixels_or_channels_than_a_camera_gives_is_not_decoded(t
     path = tmp_path / "depth.exr"
     path.write_bytes(encode_exr(("Z",), np.zeros((8, 40), np.float32)))
     assert read_exr(path, ("Z",)).shape == (8, 40)
-    monkeypatch.setattr(exr, "MOST_SIDE_PX", 39)
+    monkeypatch.setattr(exr, "MAX_SIDE_PX", 39)
     with pytest.raises(UserError, match="has 40 x 8 pixels of 1 channels, and at most 39 x 39"):
         read_exr(path, ("Z",))
     monkeypatch.undo()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.piloting.flight_history import EVERY_S, MOST_BOOKMARKS, Timeline
+from flyaround.simulator.piloting.flight_history import EVERY_S, MAX_BOOKMARKS, Timeline
 from flyaround.simulator.piloting.orders import Stop
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
@@ -165,7 +165,7 @@ def test_nothing_to_look_back_at_and_no_future_left(session: FlightSession) -> N
 
 
 def test_a_very_long_flight_is_kept_at_half_the_density(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flyaround.simulator.piloting.flight_history.MOST_SAMPLES", 100)
+    monkeypatch.setattr("flyaround.simulator.piloting.flight_history.MAX_SAMPLES", 100)
     timeline = Timeline()
     t_s = 0.0
     for _ in range(400):
@@ -193,7 +193,7 @@ def test_bookmarks_are_in_order_and_bounded() -> None:
     ]
     timeline.unbookmark(2.2)
     assert [b.t_s for b in timeline.bookmarks] == [1.0, 3.0]
-    for k in range(MOST_BOOKMARKS - 2):
+    for k in range(MAX_BOOKMARKS - 2):
         timeline.bookmark(10.0 + k, "x")
     with pytest.raises(UserError, match="bookmarks; take one away"):
         timeline.bookmark(5000.0, "one more")

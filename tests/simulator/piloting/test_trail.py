@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from flyaround.simulator.piloting.look_back import MOST_TRAIL_POINTS, TRAIL_EVERY_S, Trail
+from flyaround.simulator.piloting.look_back import MAX_TRAIL_POINTS, TRAIL_EVERY_S, Trail
 
 
 def test_a_long_flight_is_thinned_and_stays_whole() -> None:
-    trail, t_s, end_s = Trail(), 0.0, 3 * MOST_TRAIL_POINTS * TRAIL_EVERY_S
+    trail, t_s, end_s = Trail(), 0.0, 3 * MAX_TRAIL_POINTS * TRAIL_EVERY_S
     while t_s < end_s:
         if trail.wants(t_s):
             trail.add(t_s, (t_s, 0.0, 0.0))
         t_s += TRAIL_EVERY_S / 2
-    assert MOST_TRAIL_POINTS / 2 <= len(trail.points) <= MOST_TRAIL_POINTS
+    assert MAX_TRAIL_POINTS / 2 <= len(trail.points) <= MAX_TRAIL_POINTS
     at = [p[0] for p in trail.points]
     assert at == sorted(at)
     assert at[0] == 0.0

@@ -40,10 +40,10 @@ CLIPPED_DN = 245.0
 _UNIT = 1000.0  # radiance that candidates are drawn with [W m-2 sr-1]
 _ACROSS_PX = 260  # size of the craft in the small images
 _ROUNDS = 8  # rounds of excluding clipped pixels
-_LEAST_SHARE = 0.02  # share of an image's light: fainter boxes are left out
+_MIN_SHARE = 0.02  # share of an image's light: fainter boxes are left out
 _ALTERNATIONS = 4
 _FACTORS = (0.2, 5.0)
-_LEAST_PIXELS = 30
+_MIN_PIXELS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,7 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
     for keep in (most * 2, most):
         light = weights * basis.drawn[columns].mean(axis=1)
         strong = np.argsort(-light)[:keep]
-        strong = strong[light[strong] > _LEAST_SHARE * light.sum()]
+        strong = strong[light[strong] > _MIN_SHARE * light.sum()]
         columns = columns[np.sort(strong)]
         weights, black = _weights(basis.drawn[columns] * scale, basis.seen)
     model = black + weights @ (basis.drawn[columns] * scale)
@@ -221,7 +221,7 @@ def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
             over += np.bincount(basis.material[use], (light * above)[use], count)
             under += np.bincount(basis.material[use], (light * light)[use], count)
             pixels += np.bincount(basis.material[use], light[use] > 3.0, count)
-        told = pixels > _LEAST_PIXELS
+        told = pixels > _MIN_PIXELS
         factors = np.where(told, np.clip(over / under, *_FACTORS), factors)
         factors[told] /= factors[int(np.argmax(pixels))]
         factors = np.clip(factors, *_FACTORS)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SAMPLES = 100_000
 SHAPE = (250, 400)
-LEAST_EXPECTED = 20.0
+MIN_EXPECTED = 20.0
 _REACH = 9.0  # standard deviations either side that the laws are summed over
 
 
@@ -31,7 +31,7 @@ def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, i
     total = 0.0
     for k, value in enumerate(expected):
         total += value
-        if total >= LEAST_EXPECTED:
+        if total >= MIN_EXPECTED:
             ends.append(k + 1)
             total = 0.0
     starts = np.array([0, *ends[:-1]])  # the last bin takes the rest

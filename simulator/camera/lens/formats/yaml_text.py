@@ -13,7 +13,7 @@ from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-MOST_YAML_BYTES = 1_000_000  # libyaml takes a second for as much
+MAX_YAML_BYTES = 1_000_000  # libyaml takes a second for as much
 # possessive, so that no length of digits is tried twice
 NUMBER = r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 _SCALARS: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
@@ -45,8 +45,8 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
     UserError
         If it is no YAML, has a key twice, or is longer or deeper than a camera file.
     """
-    if len(text) > MOST_YAML_BYTES:
-        raise UserError(f"{where} is YAML of more than {MOST_YAML_BYTES / 1e6:g} MB: give the camera alone")
+    if len(text) > MAX_YAML_BYTES:
+        raise UserError(f"{where} is YAML of more than {MAX_YAML_BYTES / 1e6:g} MB: give the camera alone")
     # OpenCV's writer says %YAML:1.0, which YAML itself does not allow
     text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE)
     document = None

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 WANTED = 16
-MOST_CANDIDATES = 4000
+MAX_CANDIDATES = 4000
 FEWEST_VIEWS = 3
 CLOSEST = 0.02
 """Least distance between keypoints as a share of the craft; closer ones are one to an estimator."""
@@ -106,8 +106,8 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
     is_corner = np.arange(len(points)) < len(sharp)
     _, first = np.unique(points, axis=0, return_index=True)
     first = np.sort(first)
-    if len(first) > MOST_CANDIDATES:
-        first = first[:: len(first) // MOST_CANDIDATES + 1]
+    if len(first) > MAX_CANDIDATES:
+        first = first[:: len(first) // MAX_CANDIDATES + 1]
     return points[first], is_corner[first]
 
 
@@ -147,7 +147,7 @@ def _on_hull(points: FloatArray) -> np.ndarray:
 
 
 SIZE_PX = 384
-MOST_TRIANGLES = 15_000
+MAX_TRIANGLES = 15_000
 TOLERANCE = 0.012
 """Tolerance of a coarse mesh and a coarse image, as a share of the craft."""
 DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
@@ -155,8 +155,8 @@ DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) 
 
 def visible_directions_count(bodies: list[MeshBody], points_m: FloatArray) -> IntArray:
     """Return (K,) the number of 26 directions from which each point (K, 3) is visible."""
-    if sum(len(b.triangles) for b in bodies) > MOST_TRIANGLES:
-        bodies = decimate(bodies, MOST_TRIANGLES)
+    if sum(len(b.triangles) for b in bodies) > MAX_TRIANGLES:
+        bodies = decimate(bodies, MAX_TRIANGLES)
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     radius = float(np.linalg.norm(high - low)) / 2

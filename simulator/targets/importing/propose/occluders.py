@@ -21,8 +21,8 @@ from flyaround.simulator.targets.model import Occluders
 POINTS = 120_000
 HULL_POINTS = 1500
 """Number of points of a hull during the search for cuts."""
-MOST_PIECES = 40
-MOST_TRIANGLES = 600
+MAX_PIECES = 40
+MAX_TRIANGLES = 600
 SMALLEST = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 SETTLED = 0.01
@@ -56,16 +56,16 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
         for a, b in itertools.pairwise(ends.tolist())
         if (leaf := _leaf(surface.points_m[order[a:b]], extent, SMALLEST * whole)) is not None
     ]
-    leaves = _not_inside(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MOST_PIECES]
+    leaves = _not_inside(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
     total = sum(x.shadow for x in leaves)
-    while leaves and len(leaves) < MOST_PIECES:
+    while leaves and len(leaves) < MAX_PIECES:
         worst = max(leaves, key=lambda x: x.excess)
         if worst.excess < SETTLED * total:
             break
         leaves.remove(worst)
         halves = _cut(worst, extent)
         leaves += halves if len(halves) == 2 else [_Leaf(worst.points, worst.shadow, 0.0)]
-    leaves = sorted(leaves, key=lambda x: -x.shadow)[:MOST_PIECES]
+    leaves = sorted(leaves, key=lambda x: -x.shadow)[:MAX_PIECES]
     return _joined(leaves)
 
 
@@ -74,14 +74,14 @@ def _joined(leaves: list[_Leaf]) -> Occluders:
     for fineness in FACETS:
         directions = sphere_directions(fineness)
         hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
-        if sum(len(h.simplices) for h in hulls) <= MOST_TRIANGLES:
+        if sum(len(h.simplices) for h in hulls) <= MAX_TRIANGLES:
             break
     vertices: list[FloatArray] = []
     triangles: list[IntArray] = []
     count = 0
     for hull in hulls:
         v, t = _outward(hull)
-        if count + len(t) > MOST_TRIANGLES:
+        if count + len(t) > MAX_TRIANGLES:
             continue
         middle = (v.min(axis=0) + v.max(axis=0)) / 2
         triangles.append(t + sum(len(x) for x in vertices))

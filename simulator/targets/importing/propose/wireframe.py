@@ -34,8 +34,8 @@ SHORTEST = 0.03
 """Largest deviation of a stretch from its straight line, and its least length, as shares of the craft."""
 BEVEL = 0.006
 """Distance within which parallel edges are merged, as a share of the craft."""
-FEWEST_EDGES, MOST_EDGES = 40, 100
-MOST_LOOKED_AT = 600
+FEWEST_EDGES, MAX_EDGES = 40, 100
+MAX_LOOKED_AT = 600
 FEWEST_SEEN = 0.04
 """Least share of the views and of its length in which an edge must be visible."""
 FAINTEST = 0.1
@@ -70,7 +70,7 @@ def propose_wireframe(
         stretches = [s for s, c in zip(stretches, covered, strict=True) if not c]
     # the longest first; rounded, so that equal lengths keep the order of the file
     stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
-    stretches = _one_line(_distinct(stretches[: 2 * MOST_LOOKED_AT], extent), extent)[:MOST_LOOKED_AT]
+    stretches = _one_line(_distinct(stretches[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
     ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
     if not len(ends):
         return (), 0
@@ -82,7 +82,7 @@ def propose_wireframe(
     good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= FAINTEST))
     good = good[np.argsort(-shows[good], kind="stable")]
     share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
-    count = int(np.clip(np.searchsorted(share, ENOUGH) + 1, FEWEST_EDGES, MOST_EDGES))
+    count = int(np.clip(np.searchsorted(share, ENOUGH) + 1, FEWEST_EDGES, MAX_EDGES))
     edges = []
     for number, k in enumerate(good[:count], start=1):
         name = f"edge_{number:03d}"

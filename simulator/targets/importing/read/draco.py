@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DRACO = "KHR_draco_mesh_compression"
-MOST_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
+MAX_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
 COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
@@ -126,7 +126,7 @@ def _stream(document: dict[str, Any], buffers: list[bytes], number: int) -> byte
     return data
 
 
-def decoded(path: Path, streams: list[bytes], most_bytes: int = MOST_RESULT_BYTES) -> dict[str, NDArray[Any]]:
+def decoded(path: Path, streams: list[bytes], most_bytes: int = MAX_RESULT_BYTES) -> dict[str, NDArray[Any]]:
     """Return arrays by stream and attribute, named as in `draco_process`.
 
     Parameters

@@ -14,7 +14,7 @@ import numpy as np
 
 from flyaround.simulator.targets.importing.read.bounded_process import bound_memory, finish
 
-MOST_MEMORY_BYTES = 1 << 30
+MAX_MEMORY_BYTES = 1 << 30
 
 
 def main(most_bytes: int) -> int:
@@ -28,7 +28,7 @@ def main(most_bytes: int) -> int:
         import DracoPy  # noqa: PLC0415 - before memory is bounded
     except ImportError as error:
         return finish(f"the decoder is missing ({error}); pip install DracoPy")
-    bound_memory(MOST_MEMORY_BYTES)
+    bound_memory(MAX_MEMORY_BYTES)
     data = sys.stdin.buffer.read()
     arrays: dict[str, np.ndarray] = {}
     at = stream = size = 0

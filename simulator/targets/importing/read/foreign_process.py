@@ -16,8 +16,8 @@ from typing import Any
 from flyaround.simulator.targets.importing.read.bounded_process import bound_memory, finish
 from flyaround.simulator.targets.importing.read.named_files import NotReadError, read_named
 
-MOST_MEMORY_BYTES = 4 << 30
-MOST_TEXTURE_BYTES = 64 << 20
+MAX_MEMORY_BYTES = 4 << 30
+MAX_TEXTURE_BYTES = 64 << 20
 STEP_TOLERANCE_MM = 0.1
 LIBRARIES = {
     "ply": ["trimesh"],
@@ -45,7 +45,7 @@ def main(kind: str, path: Path) -> int:
             import_module(library)
     except ImportError as error:
         return finish(f"MISSING {error}")
-    bound_memory(MOST_MEMORY_BYTES)
+    bound_memory(MAX_MEMORY_BYTES)
     data = sys.stdin.buffer.read()
     try:
         facts, glb = _step(data) if kind == "step" else _by_trimesh(kind, path, data)
@@ -80,7 +80,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
 
         def get(self, name: str) -> bytes:
             try:
-                return read_named(path, path, name, "texture", MOST_TEXTURE_BYTES)[1]
+                return read_named(path, path, name, "texture", MAX_TEXTURE_BYTES)[1]
             except NotReadError as error:
                 lost.append(str(error))
                 raise KeyError(name) from error

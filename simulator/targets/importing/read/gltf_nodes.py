@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 
-MOST_ROWS = 4_000_000
+MAX_ROWS = 4_000_000
 """Largest number of vertices and corners of all placed meshes, unless the file holds more."""
 
-MOST_PLACED = 100_000
+MAX_PLACED = 100_000
 INSTANCE_KEYS = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
 
 Placed = tuple[str, int, "FloatArray"]
@@ -59,8 +59,8 @@ def placed_meshes(
             name = str(node.get("name") or mesh.get("name") or "")
             places = _instances(extensions[INSTANCING], read) if INSTANCING in extensions else [np.eye(4)]
             found += [(name, int(node["mesh"]), matrix @ place) for place in places]
-            if len(found) > MOST_PLACED:
-                raise ValueError(f"its nodes place more than {MOST_PLACED:,} meshes")
+            if len(found) > MAX_PLACED:
+                raise ValueError(f"its nodes place more than {MAX_PLACED:,} meshes")
         waiting += [(int(child), matrix) for child in reversed(node.get("children", []))]
     if hidden:
         notes.append(f"left out {hidden:,} nodes that {VISIBILITY} hides, with all below them")
@@ -73,7 +73,7 @@ def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> 
         key: read(number) for key, number in extension["attributes"].items() if key in INSTANCE_KEYS
     }
     counts = {len(values) for values in attributes.values()}
-    if len(counts) != 1 or max(counts) > MOST_PLACED:
+    if len(counts) != 1 or max(counts) > MAX_PLACED:
         raise ValueError(f"instances have {' and '.join(map(str, sorted(counts))) or 'no'} places")
     return [
         node_matrix({INSTANCE_KEYS[key]: values[k] for key, values in attributes.items()})
@@ -102,7 +102,7 @@ def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -
             indices = int(accessors[primitive["indices"]]["count"]) if "indices" in primitive else vertices
             rows[mesh] += vertices + indices
     total = sum(rows[number] for _, number, _ in placed)
-    if total > max(MOST_ROWS, n_bytes):
+    if total > max(MAX_ROWS, n_bytes):
         raise ValueError(f"its nodes place {total:,} vertices and indices, far more than it holds")
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_NUMBER = 2**40
-MOST_CLIPPING = 50e6
+MAX_CLIPPING = 50e6
 """Bound on the sum of squared corner counts of concave polygons."""
 
 
@@ -241,7 +241,7 @@ def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     faces = [np.flatnonzero(three), np.flatnonzero(fans), np.flatnonzero(fans)]
     triples = [start[three, None] + (0, 1, 2), start[fans, None] + (0, 1, 2), start[fans, None] + (0, 2, 3)]
     rest = np.flatnonzero((counts > 3) & ~fans)
-    if float((counts[rest].astype(float) ** 2).sum()) > MOST_CLIPPING:
+    if float((counts[rest].astype(float) ** 2).sum()) > MAX_CLIPPING:
         raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
     for k in rest:
         mine = start[k] + np.arange(counts[k])

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 LARGEST_LIBRARY_BYTES = 16 << 20
-MOST_LIBRARIES = 100
-MOST_OPTIONS = 64
+MAX_LIBRARIES = 100
+MAX_OPTIONS = 64
 """Largest number of option words before a texture's name."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
 _SEVERAL = re.compile(r"\S.*?\.mtl[\"']?(?=\s|$)", re.IGNORECASE)
@@ -92,7 +92,7 @@ class MaterialLibraries:
         self._reader = PictureReader(path)
         self._fields: dict[str, tuple[Path, dict[str, str]]] = {}
         lines = list(dict.fromkeys(libraries))
-        if len(lines) > MOST_LIBRARIES:
+        if len(lines) > MAX_LIBRARIES:
             raise UserError(f"{path} names {len(lines):,} material files; export it with one")
         for line in lines:
             self._read_line(unquoted(line))
@@ -119,7 +119,7 @@ class MaterialLibraries:
 
     def _read_line(self, line: str) -> None:
         """Read the libraries of one line: one with blanks in its name, or several."""
-        several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MOST_LIBRARIES]
+        several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MAX_LIBRARIES]
         failures = []
         for names in [[line], several] if several != [line] else [[line]]:
             failures = [why for name in names if (why := self._read(name))]
@@ -226,7 +226,7 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
 def _map_line(text: str) -> _MapLine:
     """Parse a map statement: options precede the name, which may contain blanks."""
     found, rest = _MapLine(""), text.strip()
-    for _ in range(MOST_OPTIONS):
+    for _ in range(MAX_OPTIONS):
         word, after = split_word(rest)
         option = word.lower()
         if option not in OPTION_WORDS:

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
-MOST_CORNERS, MOST_TESTS = 2000, 50
+MAX_CORNERS, MAX_TESTS = 2000, 50
 """Limits of ear clipping, whose cost is quadratic: corners of a polygon, and triangles tested per corner."""
 
 
@@ -55,11 +55,11 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     turns = _turn(np.roll(flat, 1, axis=0), flat, np.roll(flat, -1, axis=0))
     if not np.isfinite(flat).all() or (turns >= -1e-12 * np.abs(turns).max()).all():
         return fan(n)
-    out, left, tests = [], list(range(n)), MOST_TESTS * n
+    out, left, tests = [], list(range(n)), MAX_TESTS * n
     while len(left) > 3:
         k, looked = _ear(flat, left)
         tests -= looked
-        if n > MOST_CORNERS or tests < 0:
+        if n > MAX_CORNERS or tests < 0:
             raise ValueError(f"a concave polygon of {n:,} corners")
         if k < 0:  # the outline crosses itself
             return fan(n)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 HEADER_BYTES = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-MOST_SOLIDS = 4000
+MAX_SOLIDS = 4000
 _SOLID = re.compile(rb"\s*solid(?=\s|$)", re.IGNORECASE)
 _FACET = re.compile(rb"facet\s+normal\b|outer\s+loop\b|vertex\s+[-+.\d]", re.IGNORECASE)
 _END = re.compile(rb"(?<![^\s])endsolid\b", re.IGNORECASE)
@@ -114,9 +114,9 @@ def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
     *solids, rest = _END.split(text)
     if _VERTEX.search(rest) or not solids:
         raise UserError(f"{path} is cut short (no endsolid); copy or export it again")
-    if len(solids) > MOST_SOLIDS:
+    if len(solids) > MAX_SOLIDS:
         raise UserError(
-            f"{path} has {len(solids):,} solids and at most {MOST_SOLIDS:,} are taken; export it with fewer"
+            f"{path} has {len(solids):,} solids and at most {MAX_SOLIDS:,} are taken; export it with fewer"
         )
     out = []
     for number, solid in enumerate(solids):

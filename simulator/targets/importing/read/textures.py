@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.importing.read.raw_model import RawModel
 
 LARGEST_PX = 4096
-MOST_PIXELS_OF_ALL = 512 << 20
+MAX_PIXELS_OF_ALL = 512 << 20
 """Largest total size of a model's images: thirty of 4096 on a side."""
-LARGEST_PICTURE_BYTES, MOST_BYTES_OF_ALL = 256 << 20, 512 << 20
-MOST_PICTURES = 1000
+LARGEST_PICTURE_BYTES, MAX_BYTES_OF_ALL = 256 << 20, 512 << 20
+MAX_PICTURES = 1000
 NOT_READ = {
     b"\xabKTX": "a KTX texture (KHR_texture_basisu), which is not read",
     b"DDS ": "a DDS texture, which is not read",
@@ -33,7 +33,7 @@ NOT_READ = {
     b"<svg": "an SVG drawing, which is not read",
 }
 """Signatures of image formats that are not supported."""
-MOST_COLOURS = 6
+MAX_COLOURS = 6
 SAME_COLOUR = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
@@ -126,10 +126,10 @@ class PictureReader:
         self.count += 1
         self.pixels += width * height
         self.n_bytes += len(data)
-        if self.pixels > MOST_PIXELS_OF_ALL or self.n_bytes > MOST_BYTES_OF_ALL or self.count > MOST_PICTURES:
+        if self.pixels > MAX_PIXELS_OF_ALL or self.n_bytes > MAX_BYTES_OF_ALL or self.count > MAX_PICTURES:
             raise UserError(
-                f"{self.model}: its textures are more than {MOST_PICTURES}, or have together more than "
-                f"{MOST_PIXELS_OF_ALL >> 20} million pixels or {MOST_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
+                f"{self.model}: its textures are more than {MAX_PICTURES}, or have together more than "
+                f"{MAX_PIXELS_OF_ALL >> 20} million pixels or {MAX_BYTES_OF_ALL >> 20} MB; make them fewer or smaller"
             )
         image = decode_image(data)
         if image is None:
@@ -233,7 +233,7 @@ def bake_colours(model: RawModel) -> None:
 
 
 def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Cluster colours so that each is within SAME_COLOUR of its cluster, at most MOST_COLOURS clusters;
+    """Cluster colours so that each is within SAME_COLOUR of its cluster, at most MAX_COLOURS clusters;
     deterministic.
     """
     distinct, inverse = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
@@ -241,7 +241,7 @@ def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
         return distinct, inverse.ravel()
     sample = colours if len(colours) <= 20_000 else colours[:: len(colours) // 20_000 + 1]
     centres, label = sample, np.zeros(len(colours), np.int64)
-    for k in range(1, MOST_COLOURS + 1):
+    for k in range(1, MAX_COLOURS + 1):
         centres = _lloyd(sample, _spread(sample, k))
         label = np.argmin(((colours[:, None] - centres) ** 2).sum(axis=2), axis=1)
         if float(np.sqrt(((colours - centres[label]) ** 2).sum(axis=1).mean())) <= SAME_COLOUR:

@@ -32,7 +32,7 @@ ten times its size."""
 TURN_RAD = 2e-3
 FEW = 24
 """Number of faces in a plane up to which all pairs are compared."""
-MOST_PAIRS = 20_000_000
+MAX_PAIRS = 20_000_000
 CHUNK = 200_000
 
 
@@ -124,7 +124,7 @@ def coincident_pairs(
         for pairs in _candidates(corners_m, unit, group, float(within.max(initial=nearest)), asked):
             some = pairs if asked is None else pairs[asked[pairs].any(axis=1)]
             total += len(some)
-            if total > MOST_PAIRS:
+            if total > MAX_PAIRS:
                 return None
             for start in range(0, len(some), CHUNK):
                 few = some[start : start + CHUNK]
@@ -177,7 +177,7 @@ def _candidates(
         flat = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
         grid = PlaneGrid.over(np.concatenate([low[faces][:, flat].T, high[faces][:, flat].T]))
         listed = np.diff(grid.first)
-        if float((listed.astype(float) ** 2).sum()) > 2 * MOST_PAIRS:
+        if float((listed.astype(float) ** 2).sum()) > 2 * MAX_PAIRS:
             raise TooManyFacesError
         for f, m in zip(grid.first[:-1][listed > 1], listed[listed > 1], strict=True):
             members = faces[grid.listed[f : f + m]]

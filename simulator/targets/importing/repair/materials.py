@@ -15,7 +15,7 @@ from flyaround.simulator.targets.model import Material
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import TextureImage
 
-MOST_MATERIALS = 250
+MAX_MATERIALS = 250
 """Largest number of materials; the renderer stores the index in eight bits."""
 
 
@@ -27,7 +27,7 @@ def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[l
     for b in bodies:
         area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
     used = np.flatnonzero(area > 0)
-    kept = np.sort(used[np.argsort(-area[used], kind="stable")[:MOST_MATERIALS]])
+    kept = np.sort(used[np.argsort(-area[used], kind="stable")[:MAX_MATERIALS]])
     look = np.array([(*m.base_color, m.metallic, m.roughness) for m in materials])
     into = np.zeros(len(materials), np.int64)
     for k in used:

@@ -19,7 +19,7 @@ SMALLEST_DRAWN_M, LARGEST_DRAWN_M = 0.005, 10_000.0
 """Sizes that the cameras' ranges and the depth buffer support."""
 LIKELY_M = 30.0
 """Largest size for which a unit is proposed."""
-MOST_TRIANGLES, MOST_PARTS = 500_000, 4000
+MAX_TRIANGLES, MAX_PARTS = 500_000, 4000
 OFF, FARTHEST = 0.1, 100.0
 """Distance of the origin from the model, in extents, that is reported, and that is refused because vertices lose
 1e-5 of the craft."""
@@ -58,11 +58,11 @@ def check_count(model: RawModel, decimate: int | None) -> None:
     UserError
         Naming the count and the option.
     """
-    if decimate is not None and not 500 <= decimate <= MOST_TRIANGLES:
-        raise UserError(f"--decimate {decimate} is out of range; choose 500 to {MOST_TRIANGLES} triangles")
-    if decimate is None and model.triangle_count > MOST_TRIANGLES:
+    if decimate is not None and not 500 <= decimate <= MAX_TRIANGLES:
+        raise UserError(f"--decimate {decimate} is out of range; choose 500 to {MAX_TRIANGLES} triangles")
+    if decimate is None and model.triangle_count > MAX_TRIANGLES:
         raise UserError(
-            f"{model.path} has {model.triangle_count:,} triangles and at most {MOST_TRIANGLES:,} are taken; add "
+            f"{model.path} has {model.triangle_count:,} triangles and at most {MAX_TRIANGLES:,} are taken; add "
             "--decimate 200000, or reduce it in the modelling tool"
         )
 
@@ -75,9 +75,9 @@ def check_parts(model: RawModel) -> None:
     UserError
         Naming the count.
     """
-    if len(model.parts) > MOST_PARTS:
+    if len(model.parts) > MAX_PARTS:
         raise UserError(
-            f"{model.path} has {len(model.parts):,} parts and at most {MOST_PARTS:,} are taken; join them in the "
+            f"{model.path} has {len(model.parts):,} parts and at most {MAX_PARTS:,} are taken; join them in the "
             "modelling tool"
         )
 

@@ -221,7 +221,7 @@ def test_hostile_packets_take_no_memory(endpoint):
             if rng.random() < 0.3:
                 datagram[rng.randrange(len(datagram))] ^= 1 << rng.randrange(8)
             answer = camera.answer(bytes(datagram), PEER if rng.random() < 0.8 else OTHER)
-            assert answer is None or len(answer) <= gvcp.MOST_BYTES
+            assert answer is None or len(answer) <= gvcp.MAX_BYTES
             while pipe.poll():
                 pipe.recv()
         # a request for sixteen million packets

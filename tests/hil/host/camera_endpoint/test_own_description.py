@@ -8,8 +8,8 @@ import pytest
 from camera_kit import aravis, camera, config, images, need_aravis
 
 from flyaround.hil.host.camera_endpoint.genicam_xml import (
-    MOST_UNZIPPED_BYTES,
-    MOST_XML_BYTES,
+    MAX_UNZIPPED_BYTES,
+    MAX_XML_BYTES,
     read_xml,
     write_xml,
 )
@@ -87,12 +87,12 @@ ENTITIES = """<?xml version="1.0"?><!DOCTYPE RegisterDescription [<!ENTITY a "aa
         ("a.xml", ENTITIES.encode(), "document type"),
         ("a.xml", b"<!DOCTYPE r SYSTEM 'http://192.0.2.1/x'><RegisterDescription/>", "document type"),
         ("a.xml", b"<RegisterDescription>" + b"<a>" * 100, "deeper than"),
-        ("a.xml", bytes(MOST_XML_BYTES + 1), "at most 1.0 MB"),
+        ("a.xml", bytes(MAX_XML_BYTES + 1), "at most 1.0 MB"),
         ("a.zip", b"PK no zip", "damaged"),
         ("a.zip", zipped(OWN, OWN), "holds 2 files"),
         ("a.zip", zipped(), "holds 0 files"),
         ("a.zip", zipped(ENTITIES), "document type"),
-        ("a.zip", zipped(" " * (MOST_UNZIPPED_BYTES + 1)), "unpacks to more than 8 MiB"),
+        ("a.zip", zipped(" " * (MAX_UNZIPPED_BYTES + 1)), "unpacks to more than 8 MiB"),
         ("a.zip", zipped(OWN)[:-40] + zipped(OWN)[-30:], "damaged"),
     ],
 )

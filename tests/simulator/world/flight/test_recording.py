@@ -84,7 +84,7 @@ def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("t_s.npy", bytes(5_000_000))
     assert bomb.stat().st_size < 100_000
-    monkeypatch.setattr(recording, "MOST_BYTES", 1_000_000)
+    monkeypatch.setattr(recording, "MAX_BYTES", 1_000_000)
     with pytest.raises(
         UserError, match=r"bomb.npz is not a recording of a flight: unpacked it has 5,000,000"
     ):
