@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from flyaround.cli.terminal import say
-from flyaround.hil.host.audit import MAX_TOLD, audit_pictures, pictures_of
+from flyaround.hil.host.audit import MAX_LISTED, audit_pictures, pictures_of
 from flyaround.hil.host.bundle import write_bundle
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.report import write_report
@@ -82,7 +82,7 @@ def audit(
             ("answered frames without a picture", found.missing),
         ):
             if names:
-                more = ", ..." if len(names) > MAX_TOLD else ""
-                say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MAX_TOLD])}{more}")
+                more = ", ..." if len(names) > MAX_LISTED else ""
+                say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MAX_LISTED])}{more}")
     if not found.passed:
         raise typer.Exit(1)

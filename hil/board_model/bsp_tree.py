@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 ON_PLANE_M, FRONT_M = 2e-5, -2e-4
 
 # Planes tried at a node and nodes on the way to a leaf, at most; faces that are left then count as small ones.
-TRIED, DEEPEST = 200, 250
+MAX_PLANES, MAX_DEPTH = 200, 250
 
 
 @dataclass
@@ -61,7 +61,7 @@ def _grow(
     tree.plane.append((0.0, 0.0, 0.0, 0.0))
     tree.children.append((-1, -1))
     tree.members.append([])
-    if not len(big) or depth >= DEEPEST:
+    if not len(big) or depth >= MAX_DEPTH:
         tree.members[me] = _emit(tree, np.concatenate([big, small]), np.concatenate([big_of, small_of]))
         return me
     chosen, n, d = _best_plane(big, small)
@@ -95,7 +95,7 @@ def _emit(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
 def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
     """Return number and plane of the face that cuts the fewest others and divides them most evenly."""
     best: tuple[float, int, FloatArray, float] | None = None
-    for k in range(0, len(big), -(-len(big) // TRIED)):
+    for k in range(0, len(big), -(-len(big) // MAX_PLANES)):
         face = big[k]
         n = np.cross(face[2] - face[0], face[3] - face[1])
         n = n / np.linalg.norm(n)

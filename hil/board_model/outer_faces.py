@@ -23,7 +23,7 @@ MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 DIRECTIONS, PITCH = 32, 0.0022
 
 # Share of a hidden face's points that seem visible where the cover of one in front has a gap.
-LEAK = 0.015
+LEAK_SHARE = 0.015
 
 # More triangles than this no board can draw in time.
 MAX_TRIANGLES = 9000
@@ -31,10 +31,10 @@ MAX_TRIANGLES = 9000
 # Largest number of visible triangles, those of the parts with the largest visible area per triangle first. Triangles
 # within NEW of the coarse craft's surface and of its material add no information [share of the craft's size]. Least
 # visible area of a triangle and of a part [share of the size, squared].
-MAX_SEEN, NEW, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
+MAX_SEEN, NEW_SHARE, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
 
 # Weight of the area of parts that stand off the craft: they shape the outline and cast shadows.
-ALOFT = 3.0
+ALOFT_WEIGHT = 3.0
 
 
 def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
@@ -81,7 +81,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         seen += np.bincount(visible, minlength=len(triangles_m))
         looked += np.bincount(owner[front], minlength=len(triangles_m))
     # a cell left empty now and then lets a glimpse of the inside through
-    seen[seen < LEAK * looked] = 0.0
+    seen[seen < LEAK_SHARE * looked] = 0.0
     return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
 
 
@@ -127,7 +127,7 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     surface[first] = visible_area(triangles[first]) > least
     asked = np.flatnonzero(seen & ~first)
     new = np.zeros(len(triangles))
-    new[asked] = _distinctiveness(parts, triangles, owner, surface, asked, NEW * size)
+    new[asked] = _distinctiveness(parts, triangles, owner, surface, asked, NEW_SHARE * size)
     side = face_vectors(triangles)
     shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
@@ -150,7 +150,7 @@ def _distinctiveness(
     asked: IntArray,
     within_m: float,
 ) -> FloatArray:
-    """Return (len(asked),) weights of triangles beside a surface: 1 for another material, `ALOFT` well off it, else 0.
+    """Return (len(asked),) weights of triangles beside a surface: 1 for another material, `ALOFT_WEIGHT` well off it.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def _distinctiveness(
         return np.ones(len(asked))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[asked].mean(axis=1))
     other = (distance > within_m) | (np.concatenate(of)[nearest] != material[asked])
-    return np.where(distance > 3.0 * within_m, ALOFT, other.astype(float))
+    return np.where(distance > 3.0 * within_m, ALOFT_WEIGHT, other.astype(float))
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:

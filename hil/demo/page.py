@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
     from flyaround.simulator.scenario.plan import Plan
 
-THUMB = (480, 300)
+THUMBNAIL_PX = (480, 300)
 N_ANSWERS = 6
 INSET_SHARE = 0.55
 
@@ -81,8 +81,8 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
     drawn = draw_truth(image, truth, results.plan.target)
     plain = screen_rgb(image, truth.scene.sensor, truth.camera.pixel_encoding)
     names = {"truth": f"truth_{k:02d}.jpg", "plain": f"plain_{k:02d}.jpg"}
-    _write_small(place / names["truth"], with_inset(drawn, truth), THUMB)
-    _write_small(place / names["plain"], with_inset(plain, truth), THUMB)
+    _write_small(place / names["truth"], with_inset(drawn, truth), THUMBNAIL_PX)
+    _write_small(place / names["plain"], with_inset(plain, truth), THUMBNAIL_PX)
     seen = sum(p.state == "visible" for p in truth.keypoints)
     notes = [f"{truth.t_s:.0f} s", f"{_range(truth):.1f} m", f"{seen}/{len(truth.keypoints)} keypoints"]
     if not truth.feasible:

@@ -31,7 +31,7 @@ INDEX = "index.html"
 TILE_FOLDER = "page"
 
 # Failures shown of each kind and method, the worst first.
-SHOWN = 8
+TILES_PER_KIND = 8
 
 ABOUT = {
     "region": "none of the regions held the target",
@@ -124,15 +124,15 @@ def _small(low: str, high: str) -> Markup:
 
 
 # Larger unit of long numbers, and the factor between both.
-LARGER = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
+LARGER_UNITS = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
 
 
 def _number(value: float | None, unit: str, factor: float = 1.0) -> str:
     if value is None:
         return NONE
     x = value * factor
-    if unit in LARGER and abs(x) >= LARGER[unit][1]:
-        unit, many = LARGER[unit]
+    if unit in LARGER_UNITS and abs(x) >= LARGER_UNITS[unit][1]:
+        unit, many = LARGER_UNITS[unit]
         x /= many
     return f"{_digits(x)} {unit}".strip()
 
@@ -149,8 +149,8 @@ def _ranged(
     if value is None or interval is None:
         return text
     # in the unit of the value itself
-    if unit in LARGER and abs(value * factor) >= LARGER[unit][1]:
-        factor /= LARGER[unit][1]
+    if unit in LARGER_UNITS and abs(value * factor) >= LARGER_UNITS[unit][1]:
+        factor /= LARGER_UNITS[unit][1]
     return f"{text} ", _small(_digits(interval[0] * factor), _digits(interval[1] * factor))
 
 
@@ -162,8 +162,8 @@ def _axes(
 ) -> str:
     if middle is None or spread is None:
         return NONE
-    if unit in LARGER and max(map(abs, (*middle, *spread))) * factor >= LARGER[unit][1]:
-        unit, many = LARGER[unit]
+    if unit in LARGER_UNITS and max(map(abs, (*middle, *spread))) * factor >= LARGER_UNITS[unit][1]:
+        unit, many = LARGER_UNITS[unit]
         factor /= many
     both = zip(middle, spread, strict=True)
     return (
@@ -265,7 +265,7 @@ def _failures(
     for kind, found in kinds.items():
         if not found:
             continue
-        worst = sorted(found, key=lambda r: -(r.record.E_R_deg or 180.0))[:SHOWN]
+        worst = sorted(found, key=lambda r: -(r.record.E_R_deg or 180.0))[:TILES_PER_KIND]
         title = "falsely accepted" if kind == "accepted" else kind
         tiles = []
         for r in worst:

@@ -31,10 +31,10 @@ KINDS = ("region", "edges", "ambiguity", "correspondence")
 
 # A region serves when it holds this share of the true box (the published one leaves out a twentieth each way by its
 # definition, and the tips of antennas) and is at most this many times as large.
-HELD, TOO_LARGE = 0.5, 8.0
+MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 
 # Edges serve when this share of the visible model has one under it at the true pose.
-DRAWN = 0.35
+MIN_EDGE_SHARE = 0.35
 
 EDGE_FIELD_PX = 360
 
@@ -66,7 +66,7 @@ def failure_kind(
     if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
         return "region"
     q, t = quat_normalize(q_true), np.asarray(t_true, float)
-    if box_px is not None and _drawn(image, box_px, q, t, craft, noise) < DRAWN:
+    if box_px is not None and _drawn(image, box_px, q, t, craft, noise) < MIN_EDGE_SHARE:
         return "edges"
     for a in result.alternatives:
         if _is_coarse(q, t, a.q_camera_from_target_wxyz, a.t_camera_from_target_m):
@@ -86,7 +86,7 @@ def _serves(region: Region, box: tuple[float, float, float, float]) -> bool:
     h = max(0.0, min(region.y1, box[3]) - max(region.y0, box[1]))
     true = max((box[2] - box[0]) * (box[3] - box[1]), 1.0)
     area = max((region.x1 - region.x0) * (region.y1 - region.y0), 1.0)
-    return w * h / true >= HELD and area / true <= TOO_LARGE
+    return w * h / true >= MIN_BOX_SHARE and area / true <= MAX_BOX_RATIO
 
 
 def _drawn(

@@ -19,7 +19,7 @@ WRONG_AT = 5.0
 NORMAL = 1.4826
 
 # Least number of poses for a spread, and the smallest standard deviation reported.
-MIN_POSES, LEAST = 10, 1e-6
+MIN_POSES, MIN_SIGMA = 10, 1e-6
 
 
 class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,8 +51,8 @@ def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     turn = np.radians(np.array([r.turn_camera_deg for r in accepted], float))
     parts = np.concatenate([shift, turn], axis=1)
     robust = NORMAL * np.median(np.abs(parts), axis=0)
-    right = np.all(np.abs(parts) <= WRONG_AT * np.maximum(robust, LEAST), axis=1)
-    rms = np.maximum(np.sqrt(np.mean(parts[right] ** 2, axis=0)), LEAST)
+    right = np.all(np.abs(parts) <= WRONG_AT * np.maximum(robust, MIN_SIGMA), axis=1)
+    rms = np.maximum(np.sqrt(np.mean(parts[right] ** 2, axis=0)), MIN_SIGMA)
     return PoseSpread(
         across_share=float(np.hypot(rms[0], rms[1]) / np.sqrt(2)),
         along_share=float(rms[2]),

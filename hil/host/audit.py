@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 IMAGES_TOPIC = "/camera/image_raw"
 # disagreements of each kind that are listed one by one
-MAX_TOLD = 20
+MAX_LISTED = 20
 
 
 @dataclass(kw_only=True)

@@ -14,7 +14,7 @@ from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_dee
 MAX_BYTES = 10_000_000
 
 # Limits of a sine or a share: outside of them a value is no plausible accuracy.
-LEAST, MOST = 1e-7, 3.2
+MIN_VALUE, MAX_VALUE = 1e-7, 3.2
 
 
 class _Metrics(msgspec.Struct, frozen=True):
@@ -49,8 +49,10 @@ def read_pose_noise(path: Path) -> PoseNoise:
             f"{where} has no spread of poses, which takes ten accepted ones; evaluate more frames"
         )
     sizes = (spread.across_share, spread.along_share, spread.tilt_rad, spread.roll_rad)
-    if not all(LEAST <= x <= MOST for x in sizes):
-        raise UserError(f"{where} has errors of {sizes}, allowed: {LEAST:g} to {MOST:g}; evaluate again")
+    if not all(MIN_VALUE <= x <= MAX_VALUE for x in sizes):
+        raise UserError(
+            f"{where} has errors of {sizes}, allowed: {MIN_VALUE:g} to {MAX_VALUE:g}; evaluate again"
+        )
     return PoseNoise(
         across_m=0.0,
         across_share=spread.across_share,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 # Frames of each process drawn ahead of the one on the wire: one keeps it busy while the board thinks.
-AHEAD = 2
+FRAMES_AHEAD = 2
 
 # Frames of the flight, evenly in time, that each process draws before the first is due, and the time for them.
 WARM_UP_FRAMES, WARM_UP_S = 24, 15.0
@@ -48,7 +48,7 @@ def frames_of_plan(
         processes=workers,
         device_index=device_index,
         first=plan.scene(0),
-        ahead=AHEAD,
+        ahead=FRAMES_AHEAD,
     ) as producer:
         if warm_up:
             for _ in producer.frames(_moments(plan, workers)):

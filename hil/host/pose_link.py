@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # from mid-exposure to a pose: what `hybrid` takes for a picture of 1920 x 1200 on a slow core
 LATENCY_S = 0.3
-ACTING = (Delay, Jitter, Drop)
+SUPPORTED_FAULTS = (Delay, Jitter, Drop)
 """Faults of the line that affect a link of poses."""
 
 
@@ -55,7 +55,7 @@ class PoseLink:
             If there is a fault that only a picture or a line could have.
         """
         for fault in (*faults.camera, *faults.line):
-            if not isinstance(fault, ACTING):
+            if not isinstance(fault, SUPPORTED_FAULTS):
                 raise UserError(
                     f"a fault {fault.name!r} needs pictures and a line: fly on a board's poses, or leave it out; "
                     "without pictures there are delay, jitter and drop"
@@ -66,7 +66,7 @@ class PoseLink:
         """Return the delay of an image's pose after its exposure at ``t_s``; None if lost."""
         delay_s = self.latency_s
         for k, fault in enumerate(self.faults):
-            if not isinstance(fault, ACTING) or not fault.acts(t_s):
+            if not isinstance(fault, SUPPORTED_FAULTS) or not fault.acts(t_s):
                 continue
             drawn = np.random.default_rng([self.seed, 2, k, number]).random()
             if isinstance(fault, Delay):

@@ -22,8 +22,8 @@ GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a
 # shares of the craft's radius: distance of a ray's origin from its face, so that the face does not hide it; and from
 # a face covered by a decal, so that of a sheet under cells or blankets only the gaps between them are visible
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
-_COVERED = 0.4  # share of the directions that a decal covers
-_PROBE = 4  # every fourth direction tests if a place is covered
+_COVERED_SHARE = 0.4  # share of the directions that a decal covers
+_PROBE_STEP = 4  # every fourth direction tests if a place is covered
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")
@@ -159,9 +159,9 @@ def _covered(
         low[node] = cosines[node, k] * (distance * (face[node] @ directions[k]) < DECAL_HEIGHT * radius_m)
         return low
 
-    probed = range(0, len(directions), _PROBE)
+    probed = range(0, len(directions), _PROBE_STEP)
     hidden = np.sum(_in_threads(low, probed), axis=0)
-    return np.asarray(hidden > _COVERED * cosines[:, probed].sum(axis=1)), hits
+    return np.asarray(hidden > _COVERED_SHARE * cosines[:, probed].sum(axis=1)), hits
 
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:

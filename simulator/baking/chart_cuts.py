@@ -12,9 +12,9 @@ from flyaround.simulator.geometry.triangles import face_vectors
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-_COPLANAR = 0.9998  # cosine between neighbours in one plane
-_SAME = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
-_BENT = 0.9995  # cosine with the mean normal of a set of such neighbours that bends on and on
+_COPLANAR_COSINE = 0.9998  # cosine between neighbours in one plane
+_SAME_PLANE_COSINE = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
+_BENT_COSINE = 0.9995  # cosine with the mean normal of a set of such neighbours that bends on and on
 _PATCH_TEXELS = 3  # along each side of a patch of a round face
 # to a unit of each component of a normal: those of a patch differ by some 10 degrees; by some 20 where it is in pieces
 _NORMAL_BINS, _FEWER_BINS = 6, 3
@@ -43,11 +43,11 @@ def cut_charts(
     pairs = np.stack([edge, other], axis=1) // 3
     i, j = pairs.T
     cosine = np.einsum("kc,kc->k", normal[i], normal[j])
-    plain = cosine > _COPLANAR
+    plain = cosine > _COPLANAR_COSINE
     plane = components(pairs[plain], len(triangles))[1]
     bent = _bends(plane, normal, area)[plane]
     if bent.any():
-        plain &= ~bent[i] | (cosine > _SAME)
+        plain &= ~bent[i] | (cosine > _SAME_PLANE_COSINE)
         plane = components(pairs[plain], len(triangles))[1]
     key, small = _patch_keys(
         corners,
@@ -100,7 +100,7 @@ def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
     # nothing is known of a sliver's normal
-    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT) & (area > 1e-14)
+    off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT_COSINE) & (area > 1e-14)
     return np.bincount(sets, off) > 0
 
 

@@ -34,7 +34,7 @@ _TILT, _STEP = (
 _MARGIN = 0.35  # share of the tile repeated around it
 _MOTTLE_POWER = -1.4
 _BEND = 0.9  # standard deviation of the smoothing of creases [texels]
-_UNEVEN = 4.0  # variance of the small facets relative to the mottle
+_FACET_VARIANCE = 4.0  # variance of the small facets relative to the mottle
 
 
 def crease_levels() -> list[ByteArray]:
@@ -59,7 +59,9 @@ def make_creases() -> FloatArray:
     level = 0.5 + np.clip(mottle / (6 * mottle.std()), -0.5, 0.5)
     level += 0.5 - level.mean()
     # here the film is smooth, there it was crumpled
-    uneven = np.sqrt(np.clip(1 + _UNEVEN * (np.roll(level, SIZE // 2, axis=0) - 0.5), 0.1, 2))[..., None]
+    uneven = np.sqrt(np.clip(1 + _FACET_VARIANCE * (np.roll(level, SIZE // 2, axis=0) - 0.5), 0.1, 2))[
+        ..., None
+    ]
     slopes = layers[0] + layers[1] + uneven * (layers[2] + layers[3])
     # creases are round, and their lines have no steps
     soft = np.exp(-2 * (np.pi * _BEND * f) ** 2)

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
 FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette
 _PLACE_M = 1e-6  # corners nearer than this are one
-_FARTHEST = 0.004  # largest distance of two edges compared, as a share of the mesh's extent
+_SEARCH_RADIUS = 0.004  # largest distance of two edges compared, as a share of the mesh's extent
 _PLACES = 3, 12  # along an edge that are looked around from: at least, at most
-_APART = 0.02  # spacing of the places along a long edge, as a share of the mesh's extent
-_LOOKED_AT = 6  # nearest places of other edges
-_SAME_PLANE, _PARALLEL = 0.999, 0.95  # cosines
-_BEYOND = 0.02  # share of its length by which an edge may end before the other's place
-_SHORTEST = 0.003  # share of the mesh's extent: shorter edges cost little
+_PLACE_SPACING = 0.02  # spacing of the places along a long edge, as a share of the mesh's extent
+_NEIGHBOURS = 6  # nearest places of other edges
+_SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95  # cosines
+_END_TOLERANCE = 0.02  # share of its length by which an edge may end before the other's place
+_MIN_LENGTH = 0.003  # share of the mesh's extent: shorter edges cost little
 _MAX_EDGES = 200_000  # pairs are not searched in finer meshes
 
 
@@ -185,24 +185,28 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     length = np.linalg.norm(end - start, axis=1)
     along = (end - start) / length[:, None]
     extent = float(np.linalg.norm(np.ptp(edges.vertices_m, axis=0)))
-    farthest, apart = _FARTHEST * extent, _APART * extent
+    farthest, apart = _SEARCH_RADIUS * extent, _PLACE_SPACING * extent
     # places on the creases, close enough to each other that the nearest crease is among the nearest places
     of, share = _places(creases, np.ceil(length[creases] / farthest))
     tree = cKDTree(start[of] + share[:, None] * (end - start)[of])
-    long = np.flatnonzero(length > _SHORTEST * extent)
+    long = np.flatnonzero(length > _MIN_LENGTH * extent)
     if not len(long):
         return found
     asked, at = _places(long, np.clip(np.ceil(length[long] / apart), *_PLACES))
     place = start[asked] + at[:, None] * (end - start)[asked]
     reach = np.hypot(farthest, farthest / 2)
-    row = np.asarray(tree.query(place, k=_LOOKED_AT, distance_upper_bound=reach)[1])
+    row = np.asarray(tree.query(place, k=_NEIGHBOURS, distance_upper_bound=reach)[1])
     asking, column = np.nonzero(row < len(of))
     other, own = of[row[asking, column]], asked[asking]
     # next to it, not beyond its ends; nearly parallel; another edge
     to = place[asking] - start[other]
     step = np.einsum("ij,ij->i", to, along[other])
-    good = (step >= -_BEYOND * length[other]) & (step <= (1 + _BEYOND) * length[other]) & (other != own)
-    good &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL
+    good = (
+        (step >= -_END_TOLERANCE * length[other])
+        & (step <= (1 + _END_TOLERANCE) * length[other])
+        & (other != own)
+    )
+    good &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
     asking, other, own, to, step = (v[good] for v in (asking, other, own, to, step))
     away = np.linalg.norm(to - step[:, None] * along[other], axis=1)
     normals = edges.planes[:, :3]
@@ -210,7 +214,7 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
         mine = normals[edges.faces[own, k]]
         same = np.zeros(len(own), bool)
         for other_face in edges.faces[other].T:
-            same |= np.einsum("ij,ij->i", normals[other_face], mine) > _SAME_PLANE
+            same |= np.einsum("ij,ij->i", normals[other_face], mine) > _SAME_PLANE_COSINE
         nearest = np.full(len(asked), np.inf)
         np.minimum.at(nearest, asking[same], away[same])
         starts = np.flatnonzero(np.diff(asked, prepend=-1))

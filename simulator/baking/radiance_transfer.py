@@ -40,7 +40,7 @@ BOUNCES = 4
 INTERREFLECTION_STEP = 2.0**-16  # the parts return no more than the sunlight
 PATCH = 4  # nodes along each side of a patch that returns light as one
 _BLOCK = 1 << 17  # products
-_INSIDE = 0.3  # share of back faces in view above which a node is inside another part
+_INSIDE_SHARE = 0.3  # share of back faces in view above which a node is inside another part
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ def solve_radiosity(
     looking = seen.cosines[seen.node, seen.direction]
     within = np.bincount(seen.node, weights=looking * (seen.hit_back & closed), minlength=n)
     whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
-    good = within < _INSIDE * whole
+    good = within < _INSIDE_SHARE * whole
     visibility = _visibility(charts, seen, good)
     # transfer from patches to nodes
     patch, count = _patches(charts, side)

@@ -32,7 +32,11 @@ if TYPE_CHECKING:
 
     PoseFinder = Callable[[Reference], PoseEstimate | None]
 
-AIRS = {"100 km": ENVIRONMENTS["full"], "25 km": ENVIRONMENTS["thesis"], "none": ENVIRONMENTS["airless"]}
+ATMOSPHERES = {
+    "100 km": ENVIRONMENTS["full"],
+    "25 km": ENVIRONMENTS["thesis"],
+    "none": ENVIRONMENTS["airless"],
+}
 """The atmospheres for the comparison of binary edges: ours, the thesis's, none."""
 
 
@@ -120,8 +124,8 @@ def compare_pictures(
 def edges_by_atmosphere(
     renderer: Renderer, scene: SceneState, target: Target, image: ByteArray
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return binary edges of the scene under each of `AIRS`, with the same exposure, noise and threshold; only one in
-    space.
+    """Return binary edges of the scene under each of `ATMOSPHERES`, with the same exposure, noise and
+    threshold; only one in space.
 
     Parameters
     ----------
@@ -131,7 +135,7 @@ def edges_by_atmosphere(
     if image_statistics(image).space:
         return {"100 km": binary_edges(image, threshold)}
     edges = {}
-    for name, air in AIRS.items():
+    for name, air in ATMOSPHERES.items():
         aired = replace(scene, environment=air)
         edges[name] = binary_edges(_picture(aired, renderer.render(aired, target).radiance), threshold)
     return edges

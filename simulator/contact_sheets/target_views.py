@@ -47,7 +47,7 @@ ORBIT_M = 7e6
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
 PIECES = 60
-SKIN = 0.006
+SURFACE_TOLERANCE = 0.006
 """Share of the craft's diagonal by which a label may lie under its surface."""
 
 
@@ -156,7 +156,7 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
     canvas = drawn.image.copy()
     pose, camera = drawn.scene.camera_from_target, drawn.scene.camera
     low, high = bounds_m(target)
-    skin_m = SKIN * float(np.linalg.norm(high - low))
+    skin_m = SURFACE_TOLERANCE * float(np.linalg.norm(high - low))
     eye = np.asarray(pose.inverse().t_m)
     s = (np.arange(PIECES + 1) / PIECES)[:, None]
     for edge in target.wireframe:

@@ -22,10 +22,10 @@ NOTABLE_SHARE = 0.05
 _DARK = 5.0
 
 # Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.
-_KEPT, _BELOW = 0.98, 0.9
+_UNCLIPPED_SHARE, _TARGET_SIGNAL = 0.98, 0.9
 
 # Ratio of the frames' exposures above which one number cannot serve all.
-_FAR_APART = 4.0
+_MAX_EXPOSURE_RATIO = 4.0
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def measure_clipping(frame: Frame) -> Clipping:
     # for a colour pixel the band that saturates first
     brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
     clipped = int(np.count_nonzero(brightest * scene.exposure_s >= 1.0))
-    high = float(np.quantile(brightest, _KEPT))
-    return Clipping(len(brightest), clipped, scene.exposure_s, _BELOW / high if high > 0 else 0.0)
+    high = float(np.quantile(brightest, _UNCLIPPED_SHARE))
+    return Clipping(len(brightest), clipped, scene.exposure_s, _TARGET_SIGNAL / high if high > 0 else 0.0)
 
 
 def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> ClippingSummary | None:
@@ -118,7 +118,7 @@ def _advice(frames: Sequence[Clipping], document: dict[str, Any]) -> str:
     fitting = [f.fitting_s for f in frames if f.fitting_s > 0]
     best, longest = min(fitting), max(fitting)
     number = f"exposure_s = {_two_digits(best)} in [sensor] (here {frames[0].exposure_s:g})"
-    if longest > _FAR_APART * best:
+    if longest > _MAX_EXPOSURE_RATIO * best:
         return (
             f"add [sensor.auto_exposure], for frames want {_two_digits(best)} to {_two_digits(longest)} s; or, for the "
             f"brightest, {number}"

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MAX_PICTURE_BYTES = 500_000_000
-LOOKED_AT = 8  # pictures of a set that are looked at for colour, evenly over it
+COLOUR_SAMPLES = 8  # pictures of a set that are looked at for colour, evenly over it
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
     16,
@@ -96,7 +96,7 @@ def check_grey(found: PosedPictures) -> None:
     """
     if not found.usual_camera or not found.pictures:
         return
-    places = np.linspace(0, len(found.pictures) - 1, min(len(found.pictures), LOOKED_AT)).astype(int)
+    places = np.linspace(0, len(found.pictures) - 1, min(len(found.pictures), COLOUR_SAMPLES)).astype(int)
     for k in np.unique(places):
         path = found.pictures[int(k)].path
         if is_coloured(read_picture(path)):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FOLDER = "second"
 
 # Poses of one frame agree as numbers do [m, 1].
-SAME = 1e-9
+POSE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -137,5 +137,5 @@ def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, s
         if a.epoch_utc != b.epoch_utc or a.exposure_s != b.exposure_s:
             yield k, "the two cameras' pictures are not of one instant"
         apart = np.abs(np.subtract(t, b.t_camera_from_target_m)).max()
-        if abs(abs(np.dot(q, b.q_camera_from_target_wxyz)) - 1) > SAME or apart > SAME:
+        if abs(abs(np.dot(q, b.q_camera_from_target_wxyz)) - 1) > POSE_TOLERANCE or apart > POSE_TOLERANCE:
             yield k, f"the target's poses in the two cameras differ from the pair's geometry by {apart:.3g} m"

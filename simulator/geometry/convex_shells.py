@@ -27,14 +27,14 @@ CLOSEST_M = 0.15
 it."""
 BOX = 0.05
 """Size of a box of triangles or edges, as a share of the radius."""
-_PLACE = 2e-6  # share of the radius: closer corners are one
+_WELD_DISTANCE = 2e-6  # share of the radius: closer corners are one
 _MOST = 4  # shells of one craft: each takes time, and the largest hide most
 _MIN_SHARE = 0.1  # share of the largest shell's area
-_APART = 0.05  # share of the radius: a shell that protrudes less from a larger one hides little more
+_MIN_PROTRUSION = 0.05  # share of the radius: a shell that protrudes less from a larger one hides little more
 _MAX_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
 _MAX_BODIES = 160  # bodies of a part that are considered
 _MIN_BODY = 0.003  # share of the largest body's area
-_BULGE = 1e-5  # share of the radius by which corners may be outside a convex shell's planes
+_PLANE_TOLERANCE = 1e-5  # share of the radius by which corners may be outside a convex shell's planes
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +147,7 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
         least = _MIN_BODY * shells[0].area_m2 if shells else 0.0
         if areas[k] < least:
             break
-        for body in _connected_bodies(corners[k], _PLACE * radius_m, least):
+        for body in _connected_bodies(corners[k], _WELD_DISTANCE * radius_m, least):
             shell = _as_convex_shell(body, radius_m)
             if shell is not None:
                 shells.append(shell)
@@ -165,7 +165,11 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
     kept: list[ConvexShell] = []
     for shell in bodies:
         small = shell.area_m2 < _MIN_SHARE * bodies[0].area_m2
-        if len(kept) < _MOST and not small and all(_protrusion(shell, of) > _APART * radius_m for of in kept):
+        if (
+            len(kept) < _MOST
+            and not small
+            and all(_protrusion(shell, of) > _MIN_PROTRUSION * radius_m for of in kept)
+        ):
             kept.append(shell)
     return tuple(kept)
 
@@ -211,7 +215,7 @@ def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     planes = face_planes(corners)
     normals = planes[:, :3]
     points = corners.reshape(-1, 3)
-    if (points @ normals.T + planes[:, 3]).max() > _BULGE * radius_m:
+    if (points @ normals.T + planes[:, 3]).max() > _PLANE_TOLERANCE * radius_m:
         return None
     # each side of a triangle has a twin that runs the other way
     n = int(places.max()) + 1
@@ -221,7 +225,7 @@ def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     if not np.array_equal(ours[first], theirs[second]) or np.any(np.diff(ours[first]) == 0):
         return None
     # triangles of one flat face share a plane
-    steps = planes / [1e-6, 1e-6, 1e-6, _BULGE * radius_m]
+    steps = planes / [1e-6, 1e-6, 1e-6, _PLANE_TOLERANCE * radius_m]
     _, row, flat = np.unique(np.rint(steps), axis=0, return_index=True, return_inverse=True)
     faces = flat.ravel()[np.stack([first // 3, second // 3], axis=1)]
     real = (start < end)[first] & (faces[:, 0] != faces[:, 1])

@@ -19,7 +19,7 @@ SAMPLES = 20_000
 NEAREST = 6
 SURFACE_POINTS = 300_000
 FINEST_STEPS = 4000
-SEARCHES = 12
+BISECTION_STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
     # the count grows about with the square of the steps, on sheets and on solids alike
     steps, best, best_count = 48.0, 2, 0
     too_many = float(FINEST_STEPS)
-    for _ in range(SEARCHES):
+    for _ in range(BISECTION_STEPS):
         tried = max(2, int(min(steps, too_many - 1, FINEST_STEPS)))
         count = sum(len(_collapsed(b, _cells(b, low, extent / tried))) for b in bodies)
         if count > most:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NEAR_M = 1e-3  # near plane: closer points and those behind the camera have no projection
 # Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
 FLAT, FLAT_M2 = 1e-15, 1e-12
-SHORTEST = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
+MIN_STRETCH = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,7 @@ def _gaps(
     farthest = np.maximum.accumulate(edge * len(last) + rank)
     reached = np.concatenate([[0.0], last[by_value[farthest - edge * len(last)]][:-1]])
     reached[np.flatnonzero(np.diff(edge, prepend=-1))] = 0.0
-    gaps = np.flatnonzero(first - reached > SHORTEST)
+    gaps = np.flatnonzero(first - reached > MIN_STRETCH)
     found: list[list[tuple[float, float]]] = [[] for _ in range(n_edges)]
     for k, a, b in zip(edge[gaps].tolist(), reached[gaps].tolist(), first[gaps].tolist(), strict=True):
         found[k].append((a, b))

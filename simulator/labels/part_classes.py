@@ -51,7 +51,7 @@ _STEMS: dict[PartClass, str] = {
 }
 """Words recognised within longer ones, for run-together names."""
 _RULES = tuple((name, re.compile(rf"(?:^|_)(?:{words})(?:_|$)")) for name, words in _WORDS.items())
-_WITHIN = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
+_STEM_RULES = tuple((name, re.compile(stems)) for name, stems in _STEMS.items())
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")
 
 
@@ -61,7 +61,7 @@ def known_class(part: str) -> PartClass | None:
     Words are told apart by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
     """
     name = "_".join(_WORD.findall(part)).lower()
-    found = (c for rules in (_RULES, _WITHIN) for c, rule in rules if rule.search(name))
+    found = (c for rules in (_RULES, _STEM_RULES) for c, rule in rules if rule.search(name))
     return next(found, None)
 
 

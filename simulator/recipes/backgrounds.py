@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 MAX_DRAWS = 1000
-_SUNLIT, _DAY = 0.999, 0.05
+_MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
 """Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, that count as lit."""
 _OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
 
@@ -74,7 +74,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
         r_sun, bodies = sun_eci_m(now.tt1, now.tt2), bodies_at(now, body)
         centre, v_centre = body.geocentric_state(now)
         r = (body.radius_m + library.altitude_km * 1e3) * up
-        sunlit = sun_fraction_past_bodies(bodies, centre + r, r_sun) > _SUNLIT
+        sunlit = sun_fraction_past_bodies(bodies, centre + r, r_sun) > _MIN_SUN_SHARE
         to_sun = (r_sun - centre) / np.linalg.norm(r_sun - centre)
         behind = R[:, 2] @ to_sun > -np.cos(np.radians(library.max_phase_deg))
         if not sunlit or behind or _sunlit_share(camera, R, body.radius_m, r, to_sun) < library.least_share:
@@ -118,4 +118,4 @@ def _sunlit_share(
     inside = along**2 - r_m @ r_m + radius_m**2
     met = (inside > 0) & (along < 0)
     ground = r_m + (-along - np.sqrt(np.maximum(inside, 0)))[:, None] * rays
-    return float(np.mean(met & (ground @ to_sun > _DAY * radius_m)))
+    return float(np.mean(met & (ground @ to_sun > _MIN_SUN_SINE * radius_m)))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _SEQUENCES = 0x5E0
 _MAX_STARTS = 30
-_LIT = 0.5
+_LIT_SHARE = 0.5
 
 
 def flown_scene(
@@ -102,7 +102,7 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
                 scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
             )
         plan = plan_flight(scenario, times=(0.0,), seed=seed)
-        lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT for t in (0.0, duration))
+        lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
         if lit or not poses.sunlit:
             return plan
     raise UserError(

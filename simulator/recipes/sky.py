@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
-LIT = 0.9
+LIT_DIP_SHARE = 0.9
 """Share of the horizon's dip by which the Sun may be below the horizontal with the target still lit."""
 
 
@@ -92,7 +92,7 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
     night = rng.random() < sky.night_share
     radius = body_named(sky.body).radius_m
     dip = np.sin(np.arccos(radius / (radius + sky.altitude_km * 1e3)))
-    lowest = -LIT * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
+    lowest = -LIT_DIP_SHARE * dip if sky.least_sun_elevation_sine is None else sky.least_sun_elevation_sine
     for _ in range(MAX_DRAWS):
         sun = in_cone(rng, np.array([0.0, 0.0, -1.0]), 0.0, sky.max_phase_deg)
         nadir = in_cone(rng, np.array([0.0, 0.0, 1.0]), *sky.nadir_off_boresight_deg)

@@ -33,7 +33,7 @@ BLUR_PX = 1.5
 LINES = 40
 
 # Lines are looked for this far around the region, share of its diagonal: one that leaves it keeps its true end.
-AROUND = 0.25
+SEARCH_MARGIN = 0.25
 
 # Corners of the Harris detector.
 HARRIS_CORNERS, HARRIS_K = 60, 0.04
@@ -201,7 +201,7 @@ def find_streams(
         Of the whole image.
     """
     diagonal = region.diagonal_px
-    rows, cols = crop_of(region, image, AROUND * diagonal)
+    rows, cols = crop_of(region, image, SEARCH_MARGIN * diagonal)
     origin = (float(cols.start), float(rows.start))
     shift = np.array([*origin, *origin])
     crop = np.ascontiguousarray(image[rows, cols])

@@ -49,7 +49,7 @@ MIN_CORNERS = 7
 BORDER_PX = 2.5
 
 # Poses that are compared for being distinct, and the differences from which they are [rad, share of the range].
-RANKED, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
+RANKED_POSES, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
 
 
 class ScoredPose(NamedTuple):
@@ -154,7 +154,7 @@ class PublishedEstimator(Estimator):
         error, inliers = reprojection(q, t, self.corners, self.camera, image)
         key = error / image.cap_px - (inliers if self.config.ransac else 0.0)
         chosen: List[int] = []
-        for k in np.argsort(key, kind="stable")[:RANKED]:
+        for k in np.argsort(key, kind="stable")[:RANKED_POSES]:
             if all(
                 quat.angle_rad(q[c], q[k]) > DISTINCT_RAD
                 or np.linalg.norm(t[c] - t[k]) > DISTINCT_SHARE * t[k, 2]

@@ -31,8 +31,8 @@ _NARROW_PX2 = 0.8
 _PYRAMID_ERROR = 0.02
 _KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
 _WIDEST_DISC_PX = 2.0
-_SEEN = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
-_CHECKED = np.linspace(0, 0.5, 26)
+_MAX_FREQUENCY = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
+_FREQUENCIES = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
 _ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
 _PIECE_VALUES = 1 << 18  # stay in a processor's cache
@@ -124,7 +124,7 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
     """Return diffraction as a pyramid at a quarter of the kernel's cost; None if it is too coarse, as for a wide disc.
 
     It is used where its transfer function is within `_PYRAMID_ERROR` of the optics', or not further off than the
-    kernel's own, up to `_SEEN`.
+    kernel's own, up to `_MAX_FREQUENCY`.
     """
     if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
         return None
@@ -137,9 +137,9 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
         # mean intensity of the rings: the light beyond r is 2 per_px / (pi^2 r)
         wing_px=per_px / np.pi**3 if optics.psf == "airy" and disc_px <= 0 else 0.0,
     )
-    fx, fy = np.meshgrid(_CHECKED, _CHECKED)
+    fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     ideal = optics_mtf(fx, fy, optics, sensor, disc_px)
-    seen = np.hypot(fx, fy) <= _SEEN
+    seen = np.hypot(fx, fy) <= _MAX_FREQUENCY
     error = float(np.abs(found.transfer(fx, fy) - ideal)[seen].max())
     if error > _PYRAMID_ERROR:
         kernel = psf_kernel(optics, sensor, disc_px)
@@ -154,7 +154,7 @@ def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid |
     if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
         return None
     found = fit_kernel(kernel)
-    fx, fy = np.meshgrid(_CHECKED, np.concatenate([-_CHECKED[:0:-1], _CHECKED]))
+    fx, fy = np.meshgrid(_FREQUENCIES, np.concatenate([-_FREQUENCIES[:0:-1], _FREQUENCIES]))
     error = np.abs(found.transfer(fx, fy) - kernel_transfer(kernel, fx, fy)).max()
     return found if error <= _KERNEL_ERROR else None
 
@@ -203,8 +203,8 @@ def gaussian_taps(sigma_px: float) -> Float32Array:
     reach = max(int(np.ceil(3 * sigma_px)), 1)
     if sigma_px**2 >= _NARROW_PX2:
         return np.asarray(cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)[:, 0], np.float32)
-    waves = np.cos(2 * np.pi * np.outer(_CHECKED, np.arange(reach + 1)))
-    wanted = np.exp(-2 * (np.pi * _CHECKED * sigma_px) ** 2)
+    waves = np.cos(2 * np.pi * np.outer(_FREQUENCIES, np.arange(reach + 1)))
+    wanted = np.exp(-2 * (np.pi * _FREQUENCIES * sigma_px) ** 2)
     half, _ = nnls(waves, wanted)
     taps = np.concatenate([half[:0:-1] / 2, half[:1], half[1:] / 2])
     return np.asarray(taps / taps.sum(), np.float32)

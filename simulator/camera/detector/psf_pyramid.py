@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-REACH = (3, 2, 2, 2, 2, 2, 2, 3)
+TAPS_PER_SIDE = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps on each side of the centre, at full size, half, quarter, ..."""
 _BINOMIAL = (
     np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
@@ -121,7 +121,7 @@ def fit_pyramid(
     wing_weight = _WING_WEIGHT / wing if wing_px > 0 else np.zeros(wing.size)
     columns: list[FloatArray] = []
     places: list[tuple[int, set[tuple[int, int]]]] = []
-    for level, reach in enumerate(REACH):
+    for level, reach in enumerate(TAPS_PER_SIDE):
         at_f = [
             _base_transfer(level, _FREQUENCIES) * np.cos(2 * np.pi * _FREQUENCIES * a * 2**level)
             for a in range(reach + 1)
@@ -142,9 +142,9 @@ def fit_pyramid(
                 places.append((level, pairs))
     wanted = np.concatenate([(transfer(fx, fy) * weight).ravel(), wing * wing_weight])
     shares, _ = nnls(np.stack(columns, axis=1), wanted)
-    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in REACH]
+    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
     for share, (level, pairs) in zip(shares / shares.sum(), places, strict=True):
-        n = REACH[level]
+        n = TAPS_PER_SIDE[level]
         signed = {(n + s * a, n + t * b) for a, b in pairs for s in (1, -1) for t in (1, -1)}
         for column, row in signed:
             taps[level][row, column] += share / len(signed)
@@ -160,7 +160,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
     wanted[down : down + kernel.shape[0], across : across + kernel.shape[1]] = kernel
     columns: list[FloatArray] = []
     places: list[tuple[int, int, int]] = []
-    for level, n in enumerate(REACH):
+    for level, n in enumerate(TAPS_PER_SIDE):
         wide = 4 * (2**level - 1)
         for y, x in np.ndindex(2 * n + 1, 2 * n + 1):
             y_px, x_px = (y - n) * 2**level, (x - n) * 2**level
@@ -171,7 +171,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
     # the wings are faint, and round a bright point they are all that is seen
     weight = (wanted.ravel() / wanted.max() + _FAINT) ** -0.5
     shares, _ = nnls(np.stack(columns, axis=1) * weight[:, None], wanted.ravel() * weight)
-    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in REACH]
+    taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
     for share, (level, y, x) in zip(shares / shares.sum(), places, strict=True):
         taps[level][y, x] = share
     return Pyramid(tuple(t.astype(np.float32) for t in taps))

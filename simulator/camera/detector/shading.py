@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from flyaround.simulator.camera.detector.psf_pyramid import REACH, Pyramid
+from flyaround.simulator.camera.detector.psf_pyramid import TAPS_PER_SIDE, Pyramid
 
 if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.optics import Optics
@@ -20,7 +20,7 @@ _NEAR_PX = 128
 _CORE_DEG = 0.3  # nearer to the Sun than its own disc the glare is part of the picture of the disc
 _GLOW_STEP_PX = 4  # pixels joined before so wide a blur: its error is far below a step of the picture
 # The tail is two Gaussians of half the light each, the second so much wider: nearer to a tail's power law than one.
-_WIDER = 3.0
+_WIDTH_RATIO = 3.0
 _SCATTER_TAPS = 2
 _SCATTER_POWER = 2.5  # power of the distance by which the wings of the PSF fall
 
@@ -146,7 +146,7 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
         image, (-(-width // _GLOW_STEP_PX), -(-height // _GLOW_STEP_PX)), interpolation=cv2.INTER_AREA
     ).astype(np.float32)
     tail = np.zeros_like(small)
-    for factor in (1.0, _WIDER):
+    for factor in (1.0, _WIDTH_RATIO):
         sigma = max(factor * optics.glow_radius_px / _GLOW_STEP_PX, 0.5)
         tail += 0.5 * cv2.GaussianBlur(small, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
     whole = cv2.resize(tail, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -171,7 +171,7 @@ def scatter(image: Float32Array, optics: Optics) -> Float32Array:
 @lru_cache(maxsize=8)
 def scattering_pyramid(share: float) -> Pyramid:
     """Return the wings as Gaussians an octave apart, one per pyramid level, which approximate a power law."""
-    weights = 2.0 ** (-(_SCATTER_POWER - 2) * np.arange(1, len(REACH)))
+    weights = 2.0 ** (-(_SCATTER_POWER - 2) * np.arange(1, len(TAPS_PER_SIDE)))
     at = np.arange(-_SCATTER_TAPS, _SCATTER_TAPS + 1)
     bell = np.exp(-(at**2) / 2)
     bell /= bell.sum()

@@ -26,7 +26,7 @@ SHIFT = 0.5
 """Tolerance of the median of the noise [sigma]."""
 QUIET_STEPS = 1.2
 """Noise, in steps of the digital numbers, below which rounding dominates the difference from the twin."""
-FEWEST, ENOUGH = 200, 500_000
+MIN_PIXELS, SUFFICIENT_PIXELS = 200, 500_000
 """Minimum number of pixels for a statistic, and the number that suffices for a whole image."""
 
 
@@ -94,25 +94,25 @@ def _check_band(
         top = 2**sensor.bits - 1 - black
         step_of = step_share(signal_of * full / top, encoding) * top / full
         rounding_of = step_of / 2
-    rows = np.s_[:: clean.size // ENOUGH | 1]  # odd: rows of both colours of a mosaic
+    rows = np.s_[:: clean.size // SUFFICIENT_PIXELS | 1]  # odd: rows of both colours of a mosaic
     for where, what in ((on_craft, "on the craft"), (rows, "in the picture")):
         twin = clean[where].ravel()
         sigma, inside, rounding = sigma_of[twin], inside_of[twin], rounding_of[twin]
         residual = (image[where].ravel().astype(float) - twin) / full - heat
         quiet = sigma < QUIET_STEPS * step_of[twin]
         still, noisy = inside & quiet, inside & ~quiet
-        if np.count_nonzero(still) >= FEWEST:
+        if np.count_nonzero(still) >= MIN_PIXELS:
             beyond = np.abs(residual[still]) > 2 * rounding[still] + 4 * sigma[still]
             if beyond.mean() > 0.01:
                 return f"{what} the image is not its clean twin, but for rounding and a noise of less than one step"
-        if np.count_nonzero(noisy) < FEWEST:
+        if np.count_nonzero(noisy) < MIN_PIXELS:
             continue
         spread = float(np.minimum(np.abs(residual[noisy] / sigma[noisy]), 10).mean())
         if not spread_limits[0] < spread < spread_limits[1] or _is_off(residual, sigma, noisy, rounding):
             return f"{what} the image less its clean twin is {spread:.2f} sigma of the noise, not about 0.8"
     # clipping below zero does not move the median of larger values
     dark = ~inside & (signal_of < 0.5)[twin]
-    if np.count_nonzero(dark) >= FEWEST and _is_off(residual, sigma, dark, rounding):
+    if np.count_nonzero(dark) >= MIN_PIXELS and _is_off(residual, sigma, dark, rounding):
         return "the clean twin is not as dark as the image where there is little light"
     return ""
 

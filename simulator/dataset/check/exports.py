@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 SHARE = 0.05
-FEWEST, MAX_OF_SMALL, PICTURES = 4, 10, 24
+MIN_FRAMES, MAX_OF_SMALL, PICTURES = 4, 10, 24
 """Minimum number of compared frames, the number for few formats, and the product of frames and formats between."""
 MAX_BYTES = 2**30
 POSE_WITHIN = 1e-9
@@ -131,7 +131,7 @@ class ExportsCheck:
 def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
     """Select the frames whose contents are compared, some of each split."""
     order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
-    fewest = min(MAX_OF_SMALL, max(FEWEST, PICTURES // n_formats))
+    fewest = min(MAX_OF_SMALL, max(MIN_FRAMES, PICTURES // n_formats))
     chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
     for split in set(splits.values()):
         chosen.add(next((k for k in order if splits.get(k) == split), order[0]))

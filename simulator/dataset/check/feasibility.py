@@ -42,7 +42,7 @@ SPACING_PX, REACH_PX = (
     4.0,
     2.0,
 )  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
-ALONG = 1e-4  # step along an edge to find its direction, in x / z
+DIRECTION_STEP = 1e-4  # step along an edge to find its direction, in x / z
 ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
 ROUNDING = 1e-5
 
@@ -168,7 +168,7 @@ def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatAr
         if length < 1.0:
             continue
         rays = ends_m / ends_m[:, 2:]
-        step = (rays[1] - rays[0]) * ALONG / np.linalg.norm(rays[1] - rays[0])
+        step = (rays[1] - rays[0]) * DIRECTION_STEP / np.linalg.norm(rays[1] - rays[0])
         for a, b in view.stretches:
             n = max(round((b - a) * length / SPACING_PX), 1)
             share = a + (np.arange(n) + 0.5) * (b - a) / n

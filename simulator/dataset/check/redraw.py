@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 SHARE = 0.02  # share of a data set's frames that are rendered again
-FEWEST = 3
+MIN_FRAMES = 3
 BLUR_PX = 2.0
 LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # white noise left after that blur
 SIGMAS = 6.0
@@ -79,7 +79,7 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
     """
     if share <= 0 or not frames:
         return []
-    count = min(len(frames), max(FEWEST, math.ceil(share * len(frames))))
+    count = min(len(frames), max(MIN_FRAMES, math.ceil(share * len(frames))))
     chosen = np.random.default_rng([seed % 2**63, len(frames)]).choice(len(frames), count, replace=False)
     return [frames[k] for k in sorted(chosen.tolist())]
 

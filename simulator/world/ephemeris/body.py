@@ -31,7 +31,7 @@ BUILT_IN = {
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
 MAX_LAYERS = 13
 """Largest number of heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
-_UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
+_IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 SLOWEST_TURN_RAD_S = 1e-5
 """Rotation rate below which the ground seen from a low orbit moves by less than 1 % of the orbital motion."""
 
@@ -214,7 +214,7 @@ def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
 
 
 def earth_and_moon(
-    r_moon_eci_m: Vec3, q_itrs_from_eci_wxyz: Quat = _UNTURNED, q_moon_from_eci_wxyz: Quat = _UNTURNED
+    r_moon_eci_m: Vec3, q_itrs_from_eci_wxyz: Quat = _IDENTITY, q_moon_from_eci_wxyz: Quat = _IDENTITY
 ) -> tuple[BodyState, BodyState]:
     """Return the states of the Earth and of a Moon at a given position."""
     return (

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _ROUNDING_S = 1e-6
-_BESIDE = 12
+_MARGIN_LINES = 12
 """Lines before and after a flight that the spline includes."""
 _QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
 _EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
@@ -93,8 +93,8 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import: maps are begun before
 
     segment, times = _segment_over(text, where, epoch, duration_s)
-    low = max(int(np.searchsorted(times, 0.0)) - _BESIDE, 0)
-    high = min(int(np.searchsorted(times, duration_s)) + _BESIDE + 1, len(times))
+    low = max(int(np.searchsorted(times, 0.0)) - _MARGIN_LINES, 0)
+    high = min(int(np.searchsorted(times, duration_s)) + _MARGIN_LINES + 1, len(times))
     for k in range(low + 1, high):
         segment.refuse_gap(times, k)
     q = _attitudes(segment, times, epoch)[low:high]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
-_GAP = 5.0
+_GAP_FACTOR = 5.0
 """Factor over the median spacing above which lines are taken to be missing, and nothing is interpolated."""
 _AROUND = 5
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
@@ -168,7 +168,7 @@ class Segment:
         """
         steps = np.diff(times_s[max(k - 1 - _AROUND, 0) : k + 1 + _AROUND])
         step = float(times_s[k] - times_s[k - 1])
-        if step > _GAP * float(np.median(steps)):
+        if step > _GAP_FACTOR * float(np.median(steps)):
             raise UserError(
                 f"{self.where}, line {self.rows[k][0]}: {step:.0f} s are missing before it, and the "
                 "flight falls among them: choose another epoch or fill the gap"

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.formats.document import Document
 
 _DATA_SHEET = {"focal_length_mm", "pixel_pitch_um", "sensor_size_mm", "aperture_angle_deg"}
-_OWN = {*CameraFile.__struct_fields__, *LensFile.__struct_fields__} - {"name", "notes", "distortion"}
+_FIELDS = {*CameraFile.__struct_fields__, *LensFile.__struct_fields__} - {"name", "notes", "distortion"}
 
 
 def is_native(document: Document) -> bool:
     """Return True for a file of this project: a camera, or a record or card that holds one."""
-    return bool(_OWN & document.table.keys()) or _holds_camera(document)
+    return bool(_FIELDS & document.table.keys()) or _holds_camera(document)
 
 
 def _holds_camera(document: Document) -> bool:

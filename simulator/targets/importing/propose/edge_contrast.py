@@ -28,7 +28,7 @@ POINTS = 450_000
 ASIDE_PX = 2.5
 """Distance from the edge at which brightness is compared [pixels of 256], as an estimator does on a craft of 100 to
 200 pixels."""
-SKIN = 0.012
+SURFACE_TOLERANCE = 0.012
 """Share of the craft by which a point of an edge may lie behind the image's surface and count as visible."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
 """Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
@@ -66,7 +66,7 @@ def contrast_of(
         length = np.linalg.norm(along, axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(length[:, None], 1e-12)
         row, column = np.rint(xy).astype(int)[..., 1], np.rint(xy).astype(int)[..., 0]
-        visible = (at[..., 2] >= depth[row, column] - SKIN * 2 * radius - skin_m[:, None]) & (
+        visible = (at[..., 2] >= depth[row, column] - SURFACE_TOLERANCE * 2 * radius - skin_m[:, None]) & (
             length > 0.02 * radius
         )[:, None]
         sides = []

@@ -24,15 +24,15 @@ from flyaround.simulator.targets.model import Keypoint
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-WANTED = 16
+N_KEYPOINTS = 16
 MAX_CANDIDATES = 4000
-FEWEST_VIEWS = 3
-CLOSEST = 0.02
+MIN_VIEWS = 3
+MIN_DISTANCE = 0.02
 """Least distance between keypoints as a share of the craft; closer ones are one to an estimator."""
 SAMPLES, NEIGHBOURHOOD = 6000, 0.12
 """Number of surface points, and the radius around a keypoint as a share of the craft, for telling a boom from a
 body."""
-BROAD, ON_A_BOOM = 0.4, 0.3
+BROAD_RATIO, BOOM_WEIGHT = 0.4, 0.3
 """Ratio of principal axes above which a surface is no boom, and the weight of a point on a boom."""
 TURN_COS = float(np.cos(np.deg2rad(25.0)))
 
@@ -52,8 +52,8 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
     order = np.lexsort(np.round(points / (1e-6 * extent)).T)
     points, is_corner = points[order], is_corner[order]
     seen = visible_directions_count(bodies, points)
-    visible = seen >= FEWEST_VIEWS
-    if visible.sum() >= WANTED:
+    visible = seen >= MIN_VIEWS
+    if visible.sum() >= N_KEYPOINTS:
         points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
     on_hull = _on_hull(points)
     weight = (
@@ -62,16 +62,16 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
         * np.where(
             on_hull,
             1.0,
-            ON_A_BOOM + (1 - ON_A_BOOM) * np.clip(_breadth(bodies, points, extent) / BROAD, 0, 1),
+            BOOM_WEIGHT + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BROAD_RATIO, 0, 1),
         )
         * (0.3 + seen / len(DIRECTIONS)) ** 1.5
     )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     distance = np.linalg.norm(points - centre, axis=1)
     chosen: list[int] = []
-    while len(chosen) < min(WANTED, len(points)):
+    while len(chosen) < min(N_KEYPOINTS, len(points)):
         k = int(np.argmax(np.round(distance * weight / extent, 6)))
-        if chosen and distance[k] < CLOSEST * extent:
+        if chosen and distance[k] < MIN_DISTANCE * extent:
             break
         gap = np.linalg.norm(points - points[k], axis=1)
         distance = gap if not chosen else np.minimum(distance, gap)

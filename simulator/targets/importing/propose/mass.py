@@ -12,7 +12,7 @@ from flyaround.simulator.targets.model import MassProperties
 DENSITY_KG_M3 = 250.0
 """Default density: whole spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
 SHELL_KG_M2 = 10.0
-HOLLOW = 1e-3
+SHEET_RATIO = 1e-3
 """Volume over area to the 3/2 below which a mesh is made of sheets, not bodies (a sphere has 0.094)."""
 
 
@@ -29,7 +29,7 @@ def mass_properties_of(
     c = corners - origin
     volume = np.einsum("ij,ij->i", c[:, 0], np.cross(c[:, 1], c[:, 2])) / 6
     total_m3 = float(volume.sum())
-    if total_m3 > HOLLOW * float(area.sum()) ** 1.5:
+    if total_m3 > SHEET_RATIO * float(area.sum()) ** 1.5:
         found = _moments(c, volume, apex=True)
         if found is not None:
             mass = mass_kg or total_m3 * (density_kg_m3 or DENSITY_KG_M3)

@@ -23,9 +23,9 @@ HULL_POINTS = 1500
 """Number of points of a hull during the search for cuts."""
 MAX_PIECES = 40
 MAX_TRIANGLES = 600
-SMALLEST = 0.0015
+MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
-SETTLED = 0.01
+HULL_TOLERANCE = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
 CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
 SIDE_PX = 48
@@ -54,13 +54,13 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
     leaves = [
         leaf
         for a, b in itertools.pairwise(ends.tolist())
-        if (leaf := _leaf(surface.points_m[order[a:b]], extent, SMALLEST * whole)) is not None
+        if (leaf := _leaf(surface.points_m[order[a:b]], extent, MIN_PIECE_SHARE * whole)) is not None
     ]
     leaves = _not_inside(sorted(leaves, key=lambda x: -x.shadow), extent)[: 2 * MAX_PIECES]
     total = sum(x.shadow for x in leaves)
     while leaves and len(leaves) < MAX_PIECES:
         worst = max(leaves, key=lambda x: x.excess)
-        if worst.excess < SETTLED * total:
+        if worst.excess < HULL_TOLERANCE * total:
             break
         leaves.remove(worst)
         halves = _cut(worst, extent)

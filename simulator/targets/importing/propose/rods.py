@@ -11,11 +11,11 @@ from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, vec3
 from flyaround.simulator.targets.model import Edge
 
-SLENDER = 5.0
+MIN_SLENDERNESS = 5.0
 """Ratio of length to radius above which a round piece is a rod."""
-ROUND = 0.25
+MAX_ROUNDNESS_SPREAD = 0.25
 """Relative spread of the surface's distance from the axis; tapered and faceted rods are below, bars above."""
-THICKEST, SHORTEST = 0.05, 0.03
+MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
 FEWEST_FACES = 12
 
@@ -53,9 +53,9 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     distance = np.linalg.norm(away, axis=1).reshape(-1, 3)[side].mean(axis=1)
     share = weight[side] / weight[side].sum()
     radius = float(share @ distance)
-    if length < SLENDER * radius or length < SHORTEST * extent or radius > THICKEST * extent:
+    if length < MIN_SLENDERNESS * radius or length < MIN_LENGTH * extent or radius > MAX_RADIUS * extent:
         return None
-    if np.sqrt(share @ (distance - radius) ** 2) > ROUND * radius:
+    if np.sqrt(share @ (distance - radius) ** 2) > MAX_ROUNDNESS_SPREAD * radius:
         return None
     # round: its sides look every way about the axis, which a flat bar's do not
     turned = np.einsum("ij,ik,i->jk", normal[side], normal[side], share)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 CREASE_COS = float(np.cos(np.deg2rad(30.0)))
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
 """Cosine of the largest bend at which a chain continues; rims of twelve or more sides are followed."""
-STRAIGHT = 0.004
-SHORTEST = 0.03
+MAX_DEVIATION = 0.004
+MIN_LENGTH = 0.03
 """Largest deviation of a stretch from its straight line, and its least length, as shares of the craft."""
 BEVEL = 0.006
 """Distance within which parallel edges are merged, as a share of the craft."""
@@ -38,11 +38,11 @@ FEWEST_EDGES, MAX_EDGES = 40, 100
 MAX_LOOKED_AT = 600
 FEWEST_SEEN = 0.04
 """Least share of the views and of its length in which an edge must be visible."""
-FAINTEST = 0.1
+MIN_CONTRAST = 0.1
 """Least mean brightness step across an edge, relative to the brightest surface."""
-ENOUGH = 0.97
+VISIBILITY_SHARE = 0.97
 """Share of the total visibility (length times contrast times frequency) after which further edges are clutter."""
-GAP = 0.06
+MAX_GAP = 0.06
 """Largest gap between collinear stretches that are joined, as a share of the craft: fittings interrupt a plate's
 edge."""
 PARALLEL = float(np.cos(np.deg2rad(1.0)))
@@ -64,7 +64,7 @@ def propose_wireframe(
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
     stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
-    stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= SHORTEST * extent]
+    stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
     if stretches:
         covered = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
         stretches = [s for s, c in zip(stretches, covered, strict=True) if not c]
@@ -79,10 +79,10 @@ def propose_wireframe(
     # the brightness does not change at a rod's axis: both its sides contrast with the background
     step = np.where(skin > 0, np.maximum(step, 0.3), step)
     shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * seen / extent, 6)
-    good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= FAINTEST))
+    good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= MIN_CONTRAST))
     good = good[np.argsort(-shows[good], kind="stable")]
     share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
-    count = int(np.clip(np.searchsorted(share, ENOUGH) + 1, FEWEST_EDGES, MAX_EDGES))
+    count = int(np.clip(np.searchsorted(share, VISIBILITY_SHARE) + 1, FEWEST_EDGES, MAX_EDGES))
     edges = []
     for number, k in enumerate(good[:count], start=1):
         name = f"edge_{number:03d}"
@@ -131,7 +131,7 @@ def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolAr
     along = np.einsum("kij,kj->ki", offset, direction)
     aside = np.linalg.norm(offset - along[..., None] * direction[:, None], axis=2).max(axis=1)
     gap = np.maximum(along.min(axis=1) - length, -along.max(axis=1))
-    return np.asarray(parallel & (aside < STRAIGHT * extent) & (gap < GAP * extent))
+    return np.asarray(parallel & (aside < MAX_DEVIATION * extent) & (gap < MAX_GAP * extent))
 
 
 def _same_sides(one: FloatArray, other: FloatArray) -> bool:
@@ -179,7 +179,7 @@ def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
             continue
         side = 1 if follow[seed, 0] < 0 or follow[seed, 1] >= 0 else 0
         chain = _walk(seed, side, ends, follow, done)
-        out += _split(chain, p, ends, (left, right), STRAIGHT * extent)
+        out += _split(chain, p, ends, (left, right), MAX_DEVIATION * extent)
     return out
 
 

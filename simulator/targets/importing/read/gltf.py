@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
     from flyaround.simulator.targets.model import Material
 
-ELSEWHERE = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
+SKIPPED_PARTS = {"animations": "animations (the pose of the nodes is taken)", "cameras": "cameras"}
 """Parts of a document that are reported and skipped."""
 
 
@@ -112,7 +112,7 @@ class _Reader:
             "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
         ):
             self.lost.add("skins and morph targets (the rest pose is taken)")
-        self.lost |= {what for key, what in ELSEWHERE.items() if document.get(key)}
+        self.lost |= {what for key, what in SKIPPED_PARTS.items() if document.get(key)}
         parts = []
         for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)

@@ -26,7 +26,7 @@ KINDS = {"ply": "PLY", "off": "OFF", "dae": "COLLADA", "3mf": "3MF", "step": "ST
 ENDINGS = ("glb", "gltf", "obj", "stl", *KINDS)
 OBJ_WORDS = {"v", "vn", "vt", "f", "o", "g", "mtllib", "usemtl", "s", "vp", "l", "p"}
 MARKS = {b"ply": "ply", b"OFF": "off", b"COFF": "off", b"NOFF": "off", b"ISO-10303-21": "step"}
-OTHERS = {
+FOREIGN_MARKS = {
     b"version https://git-lfs": "a Git LFS pointer instead of the mesh (`git lfs pull` brings it)",
     b"PK": "a ZIP archive (USDZ or packed files)",
     b"\x89PN": "a PNG image",
@@ -97,7 +97,7 @@ def detected_format(data: bytes) -> str:
         return "dae"
     if data[:2] == b"PK" and b"3D/" in data:
         return "3mf"
-    for magic, what in OTHERS.items():
+    for magic, what in FOREIGN_MARKS.items():
         if head.startswith(magic):
             return what
     words = [split_word(line)[0].lower() for line in text_lines(data[:65536])[:-1] or text_lines(data)]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
     from flyaround.simulator.targets.importing.read.raw_model import RawPart
 
-THINNEST = 3e-7
+MIN_FACE_HEIGHT = 3e-7
 """Height of a face, as a share of the craft, below which float32 cannot represent its normal."""
 ALMOST_CLOSED = 0.02
 """Share of open edges up to which the signed volume determines the outside."""
@@ -87,7 +87,7 @@ def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> Mesh
     p = body.positions_m[body.triangles]
     longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
     twice_area = np.linalg.norm(body.face_vectors, axis=1)
-    thin = twice_area <= np.maximum(THINNEST * extent * longest, 2e-14)
+    thin = twice_area <= np.maximum(MIN_FACE_HEIGHT * extent * longest, 2e-14)
     counts.zero_area += int(thin.sum())
     body = body.kept(~thin)
     again = _copies(body.triangles)

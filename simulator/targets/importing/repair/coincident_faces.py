@@ -30,7 +30,7 @@ NEAREST = 1e-5
 """Distance between surfaces, as a share of the craft, below which the 24-bit depth buffer cannot separate them at
 ten times its size."""
 TURN_RAD = 2e-3
-FEW = 24
+MAX_ALL_PAIRS = 24
 """Number of faces in a plane up to which all pairs are compared."""
 MAX_PAIRS = 20_000_000
 CHUNK = 200_000
@@ -163,7 +163,7 @@ def _candidates(
         wanted = np.add.reduceat(asked[order].astype(np.int64), begin) > 0
         begin, size = begin[wanted], size[wanted]
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
-    few = (size > 1) & (size <= FEW)
+    few = (size > 1) & (size <= MAX_ALL_PAIRS)
     n = size[few]
     # the places of all faces of small groups, and how many of its group follow each
     ends = np.cumsum(n)
@@ -172,7 +172,7 @@ def _candidates(
     a = np.repeat(place, left)
     b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(left) - left, left)
     yield _meeting(np.stack([order[a], order[b]], axis=1), low, high)
-    for start, count in zip(begin[size > FEW], size[size > FEW], strict=True):
+    for start, count in zip(begin[size > MAX_ALL_PAIRS], size[size > MAX_ALL_PAIRS], strict=True):
         faces = order[start : start + count]
         flat = [k for k in range(3) if k != int(np.argmax(np.abs(unit[faces[0]])))]
         grid = PlaneGrid.over(np.concatenate([low[faces][:, flat].T, high[faces][:, flat].T]))

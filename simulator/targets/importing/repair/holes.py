@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.topology import MeshBody
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-THIN = 1e-4
+SHEET_RATIO = 1e-4
 """Volume over area to the 3/2 below which a closed surface is a double sheet; a sphere has 0.094."""
 BEFORE_GLASS = 0.01
 """Share of an opening's width within which another part's face counts as its filling."""
@@ -127,7 +127,7 @@ def _solid_pieces(faces: FaceTable, caps: list[_Cap]) -> set[int]:
     volume = np.abs(np.bincount(piece, six_volumes(corners - centre), n)) / 6
     vectors = face_vectors(corners)
     area = np.bincount(piece, np.linalg.norm(vectors, axis=1), n) / 2
-    return {c.piece for c in caps if volume[c.piece] > THIN * area[c.piece] ** 1.5}
+    return {c.piece for c in caps if volume[c.piece] > SHEET_RATIO * area[c.piece] ** 1.5}
 
 
 def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
