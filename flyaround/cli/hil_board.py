@@ -60,14 +60,14 @@ def board(run: Run) -> None:
             agent = make_agent(url, str(path), given, own)
     if url.startswith(SCHEME):
         hello = describe_board(name, sha256, given["method"], compiled=True)
-        _told(run_camera_board(url, camera_board_options(given), make, hello))
+        _report_and_exit(run_camera_board(url, camera_board_options(given), make, hello))
         return
     try:
         summary = serve_sessions(agent, reconnect=given["reconnect"], start=[])
     except NoSessionError as error:
         say(f"flyaround: {error}", stderr=True)
         raise typer.Exit(ExitCode.NO_SESSION) from error
-    _told(summary)
+    _report_and_exit(summary)
 
 
 def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str, str]:
@@ -80,7 +80,7 @@ def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str,
     return make, model.name, model.sha256
 
 
-def _told(summary: BoardSummary) -> None:
+def _report_and_exit(summary: BoardSummary) -> None:
     """Print how the agent ended, and exit with its code unless it is 0."""
     say(f"{summary.frames} frames, {summary.accepted} accepted: {summary.ended}", stderr=True)
     if summary.hung:

@@ -70,17 +70,17 @@ def serve_camera(run: CameraRun) -> None:
     def note(sentence: str) -> None:
         say(sentence, stderr=True)
 
-    told: dict[str, Any] = {"ledger": ledger, "on_opened": opened, "on_note": note}
+    callbacks: dict[str, Any] = {"ledger": ledger, "on_opened": opened, "on_note": note}
     try:
         if run.loop is not None:
-            run_camera(loop_of(plan, device_index=run.gpu), config, **told)
+            run_camera(loop_of(plan, device_index=run.gpu), config, **callbacks)
             return
         with open_frames(
             image_alone, processes=1, device_index=run.gpu, first=plan.scene(0), restarts=True
         ) as producer:
             drawn = DrawnPictures(plan, producer)
             drawn.warm_up()
-            run_camera(drawn, config, **told)
+            run_camera(drawn, config, **callbacks)
     finally:
         if ledger is not None:
             summary = ledger.close()
@@ -138,11 +138,11 @@ def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger 
 def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url: str | None) -> str:
     """Return the camera's address, who may control it, and the command to type."""
     address = config.interface.address
-    told = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
+    options = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
     return (
         f"camera endpoint on {interface}, {address}; controllers: {', '.join(config.allowed)}. {WARNING}\n"
         f"Try: arv-tool-0.8 --address {address} control ExposureTime   or: arv-viewer-0.8   Ctrl-C ends it\n"
-        f"or a board: flyaround hil board gige://{address} --target {plan.target.name}{told}"
+        f"or a board: flyaround hil board gige://{address} --target {plan.target.name}{options}"
     )
 
 

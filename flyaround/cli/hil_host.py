@@ -200,13 +200,13 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     pose: Literal["truth", "noisy"] = "truth" if run.closed_loop.pose == "truth" else "noisy"
     flown = load_flown(run.scenario, "hil host")
     plan = plan_flight(flown, n=1, seed=run.seed)
-    told = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(run.pictures.every_s, plan))
+    settings = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(run.pictures.every_s, plan))
     struck = _faults(run, flown)
     link = PoseLink.without_pictures(struck)
     log = _path(run.recording.log)
     if log is not None:
         empty_folder(log, option="--log")
-    result = fly_without_pictures(plan, told, pose, link)
+    result = fly_without_pictures(plan, settings, pose, link)
     summary = summary_without_pictures(result, pose, plan.seed)
     if log is not None:
         write_run(log, run)
@@ -277,17 +277,21 @@ def _send(
     return ends[0]
 
 
-def _recorders(told: Recording) -> tuple[Recorder, ...]:
+def _recorders(recording: Recording) -> tuple[Recorder, ...]:
     """Open the run's recorders before anything is drawn, so that a mistake is reported early."""
     recorders: list[Recorder] = []
-    if told.mcap is not None or told.live is not None:
-        ros_log = RosLog(_path(told.mcap), None if told.live is None else ("127.0.0.1", told.live))
+    if recording.mcap is not None or recording.live is not None:
+        ros_log = RosLog(
+            _path(recording.mcap), None if recording.live is None else ("127.0.0.1", recording.live)
+        )
         recorders.append(ros_log)
-        if told.live is not None:
+        if recording.live is not None:
             say(f"live view: ws://127.0.0.1:{ros_log.port} in Foxglove or Lichtblick", stderr=True)
-    if told.ccsds is not None:
-        log = _path(told.log)
-        recorders.append(SpacePacketSink(told.ccsds, None if log is None else log / "telemetry.xtce.xml"))
+    if recording.ccsds is not None:
+        log = _path(recording.log)
+        recorders.append(
+            SpacePacketSink(recording.ccsds, None if log is None else log / "telemetry.xtce.xml")
+        )
     return tuple(recorders)
 
 

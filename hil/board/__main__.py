@@ -114,10 +114,10 @@ def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
 
 def _serve_camera(options: argparse.Namespace) -> int:
     """Read a camera until done and return the exit code."""
-    told = camera_board_options(vars(options))
+    camera_options = camera_board_options(vars(options))
     make, name, sha256 = estimator_factory(options.model, options.method)
     hello = describe_board(name, sha256, options.method, compiled=True)
-    summary = run_camera_board(options.url, told, make, hello)
+    summary = run_camera_board(options.url, camera_options, make, hello)
     # the standard output may be the poses'
     sys.stderr.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
     return exit_code(summary)

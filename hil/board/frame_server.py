@@ -174,7 +174,7 @@ class FrameServer:
         try:
             self._send(declined)
         except LinkClosed as error:
-            logger.warning("frame %d: the host cannot be told (%s)", frame_id, error)
+            logger.warning("frame %d: the host cannot be informed (%s)", frame_id, error)
         self._over.set()
 
     # --- estimating -------------------------------------------------------------------------

@@ -108,7 +108,7 @@ def run_campaign(
     ----------
     path : of the campaign file. folder : new, empty, or of the same campaign.
     board_command : starts a board; URL, target and method are appended. workers : runs at a time.
-    command : the words on the command line, for the record. say : told which runs are flown again, and why.
+    command : the words on the command line, for the record. say : called with the runs to repeat, and the reason.
 
     Raises
     ------
@@ -263,7 +263,7 @@ def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> Non
             )
 
 
-def _flown(ready: ReadyCase, results: Sequence[RunResult]) -> FlownCase:
+def _flown_case(ready: ReadyCase, results: Sequence[RunResult]) -> FlownCase:
     boards = {r.board: None for r in results if r.board is not None}
     return FlownCase(
         name=ready.case.name,
@@ -312,7 +312,7 @@ def _outcome(
             }.values()
         ),
         flown=tuple(
-            _flown(case, [r for run, r in zip(runs, results, strict=True) if run.case == case.case.name])
+            _flown_case(case, [r for run, r in zip(runs, results, strict=True) if run.case == case.case.name])
             for case in cases
         ),
     )

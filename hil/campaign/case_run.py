@@ -148,7 +148,7 @@ def fly_case(task: RunTask) -> None:
     part = folder.with_name(f".{folder.name}.{os.getpid()}.{secrets.token_hex(4)}{PART}")
     part.mkdir(parents=True)
     try:
-        result = _flown(task, part)
+        result = _fly_unattended(task, part)
         write_document(part / RESULT_JSON, result)
         with contextlib.suppress(OSError):  # another one has flown it meanwhile
             part.rename(folder)
@@ -171,7 +171,7 @@ def read_result(folder: Path) -> RunResult:
         raise UserError(f"{path} is damaged ({error}): delete {folder} and begin again") from error
 
 
-def _flown(task: RunTask, part: Path) -> RunResult:
+def _fly_unattended(task: RunTask, part: Path) -> RunResult:
     """Fly a run unattended: an error makes it a failed run, and the next begins."""
     failure, board, renderer = "", None, ""
     values: dict[str, float | str] = {}
@@ -183,7 +183,7 @@ def _flown(task: RunTask, part: Path) -> RunResult:
         record = RunRecord.read(part)
         board, renderer = record.summary.board, _renderer(part)
         values = _measured(task, record)
-    except Exception as error:  # noqa: BLE001 - told in the result
+    except Exception as error:  # noqa: BLE001 - reported in the result
         kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
         failure = f"{kind}{error}"[:1000]
     return RunResult(
@@ -218,24 +218,24 @@ def _fly(task: RunTask, part: Path) -> None:
     faults = msgspec.structs.replace(task.ready.faults, seed=seed)
     n = None if case.every_s is not None else case.frames or FRAMES
     plan = plan_flight(task.ready.scenario, n=n, every_s=case.every_s, seed=seed)
-    told = None
+    loop = None
     if case.closed_loop:
-        told = ClosedLoopConfig(seed=seed, frame_every=frame_every(case.every_s, plan))
-    if told is not None and case.pose != "board":
-        result = fly_without_pictures(plan, told, case.pose, PoseLink.without_pictures(faults))
+        loop = ClosedLoopConfig(seed=seed, frame_every=frame_every(case.every_s, plan))
+    if loop is not None and case.pose != "board":
+        result = fly_without_pictures(plan, loop, case.pose, PoseLink.without_pictures(faults))
         flown = FlownRecord.of(plan, task.ready.source, task.command)
         write_terms(part, terms_without_board(flown, faults, ""))
         write_steps(part, result.steps)
         summary = summary_without_pictures(result, case.pose, seed)
         write_document(part / SUMMARY_JSON, msgspec.structs.replace(summary, started_utc=""))
         return
-    _fly_with_board(task, plan, told, faults, part)
+    _fly_with_board(task, plan, loop, faults, part)
     if case.mode == "lockstep":
         _drop_wall_clock(part)
 
 
 def _fly_with_board(
-    task: RunTask, plan: Plan, told: ClosedLoopConfig | None, faults: Faults, part: Path
+    task: RunTask, plan: Plan, loop: ClosedLoopConfig | None, faults: Faults, part: Path
 ) -> None:
     """Fly like ``hil host`` with ``hil board``, or with an external board."""
     case, settings = task.ready.case, task.ready.case.link
@@ -252,7 +252,7 @@ def _fly_with_board(
         key=None if task.ready.key is None else read_key(str(task.ready.key)),
     )
     config = RunConfig(link=link, log_dir=part, latency_s=case.latency_s, deadline_s=case.deadline_s)
-    options = FlightOptions(closed_loop=told, source_text=task.ready.source, command=task.command)
+    options = FlightOptions(closed_loop=loop, source_text=task.ready.source, command=task.command)
     flight = FlightRun(plan, config, options)
     if settings.listen is not None:
         flight.run()

@@ -81,15 +81,15 @@ def fly(task: MapFlight) -> list[str]:
     """Fly an approach and return its row of the table."""
     # only rendering depends on the plan's seed
     plan = _plan(task.scenario, 0 if task.board_command is None else task.seed)
-    told = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
+    loop = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
     cell = task.cell
     # the same draws in every cell: a lossier link loses what a better one loses, and more
     faults = (Jitter(most_ms=1e3 * cell.jitter_s), Drop(chance=cell.drops))
     link = PoseLink(latency_s=cell.latency_s, faults=faults, seed=task.seed)
     if task.board_command is None:
-        flown = figures(fly_without_pictures(plan, told, "noisy", link), "noisy", task.seed)
+        flown = figures(fly_without_pictures(plan, loop, "noisy", link), "noisy", task.seed)
     else:
-        flown = _drawn(plan, told, link, task.board_command)
+        flown = _fly_with_board(plan, loop, link, task.board_command)
     good = (
         flown.outcome == "arrived"
         and flown.final_error_m <= WITHIN_M
@@ -112,8 +112,8 @@ def _plan(scenario: str, seed: int) -> Plan:
     return plan_flight(load_scenario(scenario), n=1, seed=seed)
 
 
-def _drawn(
-    plan: Plan, told: ClosedLoopConfig, link: PoseLink, board_command: tuple[str, ...]
+def _fly_with_board(
+    plan: Plan, loop: ClosedLoopConfig, link: PoseLink, board_command: tuple[str, ...]
 ) -> ClosedLoopFigures:
     """Fly with every frame rendered and every pose from a board; delays and losses act on the flight's clock.
 
@@ -125,7 +125,7 @@ def _drawn(
     wire = LinkConfig(
         url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_S
     )
-    flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=told, pose_link=link))
+    flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=loop, pose_link=link))
     summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))
     if summary.ended != "completed" or summary.closed_loop is None:
         raise UserError(

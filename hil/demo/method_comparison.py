@@ -76,7 +76,7 @@ def compare_methods(
     target : Target
         The target that all show.
     progress : callable
-        Is told how many estimates are done, of how many.
+        Called with the number of estimates done, and the total.
     """
     numbers = sorted(k for k, frame in frames.items() if frame.truth is not None)
     numbers = numbers[:: max(len(numbers) // N_COMPARED, 1)][:N_COMPARED]

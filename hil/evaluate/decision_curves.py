@@ -54,15 +54,15 @@ class Reliability:
 
 def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
     """Return availability and false accepts at every threshold; other reasons to decline are ignored."""
-    told = np.array([r.confidence for r in rows])
-    order = np.argsort(-told, kind="stable")
+    confidence = np.array([r.confidence for r in rows])
+    order = np.argsort(-confidence, kind="stable")
     feasible = np.array([r.record.feasible for r in rows], bool)[order]
     wrong = ~np.array([r.record.coarse for r in rows], bool)[order]
     accepted = np.arange(1, len(rows) + 1)
     # frames of one confidence are accepted together
-    last = np.append(np.diff(told[order]) != 0, True)
+    last = np.append(np.diff(confidence[order]) != 0, True)
     return TradeOff(
-        told[order][last],
+        confidence[order][last],
         (np.cumsum(feasible) / max(int(feasible.sum()), 1))[last],
         (np.cumsum(wrong) / accepted)[last],
     )
@@ -70,13 +70,13 @@ def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
 
 def reliability(rows: Sequence[EvaluatedFrame]) -> list[Reliability]:
     """Return the share of right answers in each bin of confidence; bins without frames are left out."""
-    told = np.array([r.confidence for r in rows])
+    confidence = np.array([r.confidence for r in rows])
     right = np.array([r.record.coarse for r in rows], bool)
     out = []
     for low, high in pairwise(BINS):
-        inside = (told >= low) & ((told < high) | (high == BINS[-1]))
+        inside = (confidence >= low) & ((confidence < high) | (high == BINS[-1]))
         n, k = int(inside.sum()), int(right[inside].sum())
         interval = wilson_interval(k, n)
         if interval is not None:
-            out.append(Reliability(float(told[inside].mean()), k / n, *interval, n))
+            out.append(Reliability(float(confidence[inside].mean()), k / n, *interval, n))
     return out

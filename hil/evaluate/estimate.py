@@ -75,7 +75,7 @@ def estimate(
     pixels = image if isinstance(image, np.ndarray) else read_png(Path(image))
     checked = checked_picture(pixels, intrinsics, where)
     # one that remembers the pictures it was shown is made anew
-    find = _made if MethodChoice(method).in_order else _kept
+    find = _make_estimator if MethodChoice(method).in_order else _cached_estimator
     estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
     return estimator.estimate(checked, sun_camera=sun_camera)
 
@@ -118,7 +118,7 @@ class _Craft:
     target: Target = field(compare=False)
 
 
-def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
+def _make_estimator(craft: _Craft, camera: Camera, method: str) -> Estimator:
     try:
         intrinsics = CameraIntrinsics.from_dict(msgspec.to_builtins(camera))
         return any_estimator(board_model(craft.target), intrinsics, MethodChoice(method))
@@ -127,5 +127,5 @@ def _made(craft: _Craft, camera: Camera, method: str) -> Estimator:
 
 
 @functools.lru_cache(maxsize=_MAX_IN_USE)
-def _kept(craft: _Craft, camera: Camera, method: str) -> Estimator:
-    return _made(craft, camera, method)
+def _cached_estimator(craft: _Craft, camera: Camera, method: str) -> Estimator:
+    return _make_estimator(craft, camera, method)

@@ -66,7 +66,7 @@ def failure_kind(
     if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
         return "region"
     q, t = quat_normalize(q_true), np.asarray(t_true, float)
-    if box_px is not None and _drawn(image, box_px, q, t, craft, noise) < MIN_EDGE_SHARE:
+    if box_px is not None and _edge_share(image, box_px, q, t, craft, noise) < MIN_EDGE_SHARE:
         return "edges"
     for a in result.alternatives:
         if _is_coarse(q, t, a.q_camera_from_target_wxyz, a.t_camera_from_target_m):
@@ -89,7 +89,7 @@ def _serves(region: Region, box: tuple[float, float, float, float]) -> bool:
     return w * h / true >= MIN_BOX_SHARE and area / true <= MAX_BOX_RATIO
 
 
-def _drawn(
+def _edge_share(
     image: NDArray[Any],
     box: tuple[float, float, float, float],
     q: NDArray[np.float64],

@@ -139,7 +139,7 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     ----------
     kernels : what the estimators' inner loops ran in: ``native`` and the library's file, or ``none`` and the reason.
     pictures : what they were, in words. grey_from_colour : whether they were in colour and taken in grey.
-    mean_predictor : errors of the mean pose of the feasible frames, told for each of them; None where there is none.
+    mean_predictor : errors of the mean pose as the answer to every feasible frame; None if there is none.
     """
 
     schema: str = SCHEMA

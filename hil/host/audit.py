@@ -59,7 +59,7 @@ def audit_pictures(
 
     Parameters
     ----------
-    rows : of the ledger. pictures : name and image of each. place : of the code, as the run was told.
+    rows : of the ledger. pictures : name and image of each. place : of the code, as set for the run.
     """
     place = CodePlace() if place is None else place
     known, seen, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()

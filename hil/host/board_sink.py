@@ -131,7 +131,7 @@ class BoardSink:
             return
         self._writer = LedgerWriter(config.log_dir)
         self._terms = run_terms(
-            config.flown, deadline_ms=self._deadline_ms, faults=config.link.faults, **self._told()
+            config.flown, deadline_ms=self._deadline_ms, faults=config.link.faults, **self._run_settings()
         )
         try:
             write_terms(config.log_dir, self._terms)
@@ -141,7 +141,7 @@ class BoardSink:
             self._writer = None
             raise
 
-    def _told(self) -> dict[str, Any]:
+    def _run_settings(self) -> dict[str, Any]:
         """Return the run's settings for both terms and summary."""
         link = self.config.link
         return {
@@ -223,7 +223,7 @@ class BoardSink:
             closed_loop=None if self.config.closed_loop is None else self.config.closed_loop(),
             board=self._board(),
             link=self.link.counts,
-            **self._told(),
+            **self._run_settings(),
         )
 
     def _submit(self, frame: Frame, due_ns: int | None) -> None:

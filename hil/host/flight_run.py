@@ -42,7 +42,7 @@ class FlightOptions:
 
     Parameters
     ----------
-    closed_loop : fly on the poses, so told; None follows the plan.
+    closed_loop : settings of a flight on the poses; None follows the plan.
     pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
         the line's faults delay them.
     pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``hybrid``.
@@ -112,7 +112,7 @@ class FlightRun:
 
         Parameters
         ----------
-        recorders : told each frame and its outcome, besides.
+        recorders : additional recorders of each frame and its outcome.
         """
         options, loop, log_dir = self._options, self._loop, self._config.log_dir
         if loop is not None:

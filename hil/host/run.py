@@ -48,9 +48,9 @@ def run_host(
     frames : as `flyaround.hil.host.plan_frames` has them from the loop, drawn as they are needed.
     config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
         machines reach needs a key.
-    on_row : told each row once its outcome is known, in that order.
-    on_listening : told the URLs once the ports are open.
-    on_end : told the summary once the books are closed, also of a run that is interrupted or fails; Ctrl-C waits
+    on_row : called with each row once its outcome is known, in that order.
+    on_listening : called with the URLs once the ports are open.
+    on_end : called with the summary after the ledger is closed, also if the run is interrupted or fails; Ctrl-C waits
         for it.
 
     Raises

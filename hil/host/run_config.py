@@ -33,7 +33,7 @@ class RunConfig:
     deadline_s : a frame not answered within this is a miss; realtime's default is the frame interval.
     latency_s : realtime: the camera hands a picture over so long after the end of its exposure, whatever drawing took.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
-    recorders : told each frame and its outcome; closed with the books.
+    recorders : record each frame and its outcome; closed with the ledger.
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
     decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
         exposure, with all poses that have come by then in.

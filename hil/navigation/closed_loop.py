@@ -41,7 +41,7 @@ class ClosedLoopConfig:
     seed : of the dispersion of the start and of what the thrusters give.
     frame_every : periods of control from picture to picture.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
-    thrust_sigma : of a pulse over what was commanded, each axis; the filter is told the same.
+    thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
     rules, filter : of guidance and filter. inertia_known : whether the filter turns the target as a rigid body.
     """
 
@@ -65,7 +65,7 @@ class LoopStep:
     ----------
     t_s : start of the period. phase, reason : of guidance. status : of the filter.
     position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
-    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) what the thrusters were told to give, and what they gave.
+    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
     estimate : foretold to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
     pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
     pointing_error_rad : the camera against the attitude that it should have at its true place.

@@ -18,7 +18,7 @@ class ScaleSettings:
     Parameters
     ----------
     prior_poses : as many poses as the factor of 1 that it starts from weighs.
-    kept : share of what poses told that is left at the next one; the rest goes back to the start.
+    kept : share of the information from poses that remains at the next one; the rest returns to the prior.
     least, most : bounds of a factor.
     """
 

@@ -59,9 +59,9 @@ class PoseErrors:
         self._before = q, t
         if not is_there:
             return None
-        told = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
-        new = told.new_errors()
-        error = told.remembered_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ other
+        pose = self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz)
+        new = pose.new_errors()
+        error = pose.remembered_errors() @ self._bias + np.linalg.cholesky(new @ new.T) @ other
         if is_wrong:
             error = np.concatenate([0.1 * np.linalg.norm(t) * anywhere[:3], 2.0 * anywhere[3:]])
         return self._noise.measured(

@@ -217,7 +217,7 @@ class MotionModel:
             moved = moved + h / 6 * (first + 4 * middle + last)
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T
-        q, w = self._turned(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
+        q, w = self._rotated(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
         return replace(
             estimate,
             t_s=estimate.t_s + h,
@@ -235,7 +235,7 @@ class MotionModel:
         turned = np.array([c * x + s * y, c * y - s * x, z])
         return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
 
-    def _turned(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+    def _rotated(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         """Return attitude and rate after one classical Runge-Kutta step of the rate; the attitude uses its mean
         (error h^3).
         """

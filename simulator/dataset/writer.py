@@ -50,7 +50,7 @@ class CheckAndEncode:
     Parameters
     ----------
     card : what the labels must agree with.
-    target : the model that is drawn; in another process, which is told its name alone, None.
+    target : the model that is rendered; None in another process, which gets its name alone.
     """
 
     card: DatasetCard

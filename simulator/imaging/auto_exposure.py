@@ -68,14 +68,14 @@ class ExposureTrack:
         step = self.settings.lag_s / STEPS_PER_LAG
         last = int(np.floor(t_s / step + 1e-9))
         first = max(0, last - STEPS_PER_LAG * MEMORY_LAGS)
-        log = np.log(self._wanted(first, step))
+        log = np.log(self._metered_s(first, step))
         for k in range(first, last + 1):
             span = step if k < last else t_s - last * step
-            wanted = np.log(self._wanted(k, step))
+            wanted = np.log(self._metered_s(k, step))
             log = wanted + (log - wanted) * np.exp(-max(span, 0.0) / self.settings.lag_s)
         return float(np.exp(log))
 
-    def _wanted(self, k: int, step_s: float) -> float:
+    def _metered_s(self, k: int, step_s: float) -> float:
         if k not in self._known:
             self._known[k] = self.wanted_s(k * step_s)
         return self._known[k]

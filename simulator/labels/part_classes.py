@@ -58,7 +58,7 @@ _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[^\W\d_A-Z]+|[A-Z]+|\d+")
 def known_class(part: str) -> PartClass | None:
     """Return the class that a part's name implies, or None.
 
-    Words are told apart by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
+    Words are separated by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
     """
     name = "_".join(_WORD.findall(part)).lower()
     found = (c for rules in (_RULES, _STEM_RULES) for c, rule in rules if rule.search(name))

@@ -152,7 +152,7 @@ class Docking:
             self._armed = False
             contact = replace(contact, t_s=after.t_s)
             self.contacts.append(contact)
-            news = (_told(contact),)
+            news = (_contact_news(contact),)
         if at_port and contact.docked:
             self.docked = True
             return self.held_at(after.t_s, flight), news
@@ -206,7 +206,7 @@ def _camera_point(chaser: ChaserState, q_eci_from_target_wxyz: FloatArray) -> Fl
     return np.asarray(matrix_from_quat(q_eci_from_target_wxyz).T @ np.array(chaser.position_eci_m))
 
 
-def _told(contact: Contact) -> News:
+def _contact_news(contact: Contact) -> News:
     if contact.docked:
         return "note", f"docked at T+{contact.t_s:.1f} s, score {contact.score}"
     return "warning", f"contact at T+{contact.t_s:.1f} s is no docking: {'; '.join(contact.misses)}"

@@ -89,7 +89,7 @@ class FlightRecorder:
         """Add a state, later than the last. A full disk does not end a flight: see `trouble`."""
         row = state_row(state)
         self._rows.numbers.extend(row)
-        self._put(row)
+        self._write_row(row)
 
     def leave_after(self, t_s: float) -> None:
         """Discard the recorded flight after ``t_s``."""
@@ -149,9 +149,9 @@ class FlightRecorder:
         except OSError as error:
             self._fail(error)
         for k in range(len(self)):
-            self._put(self._rows.rows(k))
+            self._write_row(self._rows.rows(k))
 
-    def _put(self, row: Sequence[float]) -> None:
+    def _write_row(self, row: Sequence[float]) -> None:
         if self._lines is None or self._kept is None:
             return
         folder, scenario = self._kept

@@ -41,8 +41,8 @@ def board_pose(
     towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
     axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
     roll = np.radians(rng.uniform(-20, 20))
-    tilted = _turned(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
-    turned = tilted @ _turned(np.array([0.0, 0.0, roll])) @ facing
+    tilted = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
+    turned = tilted @ _rotation(np.array([0.0, 0.0, roll])) @ facing
     share = rng.uniform(0.55, 0.8)
     near = _distance_for_span(camera, rim @ turned.T, share * size)
     rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
@@ -98,7 +98,7 @@ def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArra
     return float(distances[-1])
 
 
-def _turned(rotvec_rad: FloatArray) -> FloatArray:
+def _rotation(rotvec_rad: FloatArray) -> FloatArray:
     return matrix_from_quat(quat_from_rotvec(rotvec_rad))
 
 
@@ -108,4 +108,4 @@ def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
         return np.eye(3)
-    return _turned(axis / sine * np.arctan2(sine, float(a @ b)))
+    return _rotation(axis / sine * np.arctan2(sine, float(a @ b)))

@@ -72,8 +72,8 @@ def scene_problem(scene: SceneState) -> str | None:
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too
             # a whole number may have more digits than a float takes
-            told = f"{value:g}" if abs(value) < 2**63 else "far beyond"
-            return f"{name} is {told}, allowed: {low:g} to {high:g}"
+            text = f"{value:g}" if abs(value) < 2**63 else "far beyond"
+            return f"{name} is {text}, allowed: {low:g} to {high:g}"
     variation = scene.target.variation
     if not isinstance(variation, UnsetType):
         factors = [x for s in variation.surfaces.values() for x in (s.reflectance, s.roughness)]

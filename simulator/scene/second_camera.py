@@ -74,7 +74,7 @@ def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
         lamp = msgspec.structs.replace(lamp, offset_m=vec3(np.asarray(lamp.offset_m) - at))
     if any(light.frame != "target" for light in scene.area_lights):
         raise UserError(
-            'area lights fixed to the camera cannot be told to a second one: set frame = "target" in [[lights]], or '
+            'area lights fixed to the camera have no place in a second one: set frame = "target" in [[lights]], or '
             "leave [second_camera] out"
         )
     R_eci_from_first = matrix_from_quat(scene.q_camera_from_eci_wxyz).T

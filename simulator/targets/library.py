@@ -102,7 +102,7 @@ def _added(plugin: Plugin) -> Target:
 def target_in_use(name: str, sha256: str) -> Target:
     """Load a target as `load_target` does, cached by craft, so that derived data of its mesh are kept.
 
-    For processes that are told a target's name with each frame. A mesh that the user imports anew has another hash and
+    For processes that get a target's name with each frame. A mesh that the user imports anew has another hash and
     is read anew.
 
     Parameters

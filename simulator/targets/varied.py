@@ -119,15 +119,15 @@ def _part(part: Part, v: CraftVariation, normal_matrix: FloatArray) -> Part:
     return replace(
         part,
         positions_m=v.moved(part.positions_m).astype(np.float32),
-        normals=_turned(part.normals, normal_matrix).astype(np.float32),
+        normals=_transform_normals(part.normals, normal_matrix).astype(np.float32),
     )
 
 
 def _edge(edge: Edge, v: CraftVariation, normal_matrix: FloatArray) -> Edge:
-    normals: tuple[Vec3, ...] = tuple(vec3(_turned(n, normal_matrix)) for n in edge.normals)
+    normals: tuple[Vec3, ...] = tuple(vec3(_transform_normals(n, normal_matrix)) for n in edge.normals)
     return replace(edge, a_m=vec3(v.moved(edge.a_m)), b_m=vec3(v.moved(edge.b_m)), normals=normals)
 
 
-def _turned(normals: ArrayLike, matrix: FloatArray) -> FloatArray:
+def _transform_normals(normals: ArrayLike, matrix: FloatArray) -> FloatArray:
     turned = np.asarray(normals, float) @ matrix.T
     return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30))

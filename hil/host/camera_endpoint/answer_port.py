@@ -34,7 +34,7 @@ class AnswerPort:
 
     Parameters
     ----------
-    terms : how the board connects and what it is told.
+    terms : connection of the board, with camera and target.
     report : given each picture's outcome, with the number that it was announced by as ``frame_id``.
     note : given a sentence on boards that come and go.
 
@@ -52,7 +52,7 @@ class AnswerPort:
         self._report, self._note = report, note
         self._requests: dict[int, int] = {}
         self._in_flight = FramesInFlight(self._came_to, terms.link.timeout_s)
-        self._board = BoardSession(terms.link, self._told, self._in_flight)
+        self._board = BoardSession(terms.link, self._report_event, self._in_flight)
         self._board.terms = Terms(terms.ack, 0, 0)
         self._pending = PendingLinks(lambda reason: note(f"a connection was closed: {reason}"))
 
@@ -137,7 +137,7 @@ class AnswerPort:
     def _came_to(self, record: FrameRecord) -> None:
         self._report(replace(record, frame_id=self._requests.pop(record.frame_id)))
 
-    def _told(self, event: object) -> None:
+    def _report_event(self, event: object) -> None:
         if isinstance(event, BoardUp):
             self._note(f"a board answers from {event.peer}: {event.board.name}, method {event.board.method}")
         elif isinstance(event, BoardDown):

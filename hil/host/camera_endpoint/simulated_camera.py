@@ -51,9 +51,9 @@ def run_camera(
     Parameters
     ----------
     pictures : where its pictures come from.
-    ledger : told of each picture and of what a board made of it, where ``config`` has boards answer.
-    on_opened : told once it can be found, with the URL where boards answer.
-    on_note : told of controllers and boards that come, go or are refused, a sentence each.
+    ledger : records each image and the answer of a board, if ``config`` has an answer port.
+    on_opened : called once it can be discovered, with the URL for answers.
+    on_note : called with a sentence when a controller or board comes, goes or is refused.
     stopped : asked several times a second; never stops without it but by Ctrl-C.
 
     Raises

@@ -124,16 +124,16 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     board: Board | None = None
 
 
-def run_terms(flown: FlownRecord | None, **told: Any) -> RunTerms:  # noqa: ANN401 - its fields
+def run_terms(flown: FlownRecord | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - its fields
     """Return the terms of a run of this process, from the plan and the other fields of ``RunTerms``."""
     known = {} if flown is None else msgspec.structs.asdict(flown)
-    return RunTerms(versions=Versions.here(), **known, **told)
+    return RunTerms(versions=Versions.here(), **known, **terms)
 
 
 def terms_without_board(flown: FlownRecord, faults: Faults, started_utc: str) -> RunTerms:
     """Return the terms of a closed loop that sends no frames."""
-    told = {"mode": "lockstep", "truth": "off", "url": "", "timeout_s": 0.0}
-    return run_terms(flown, faults=faults, started_utc=started_utc, **told)
+    terms = {"mode": "lockstep", "truth": "off", "url": "", "timeout_s": 0.0}
+    return run_terms(flown, faults=faults, started_utc=started_utc, **terms)
 
 
 def write_terms(folder: Path, terms: RunTerms) -> None:

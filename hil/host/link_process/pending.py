@@ -26,7 +26,7 @@ class PendingLinks:
 
     Parameters
     ----------
-    gone : told why each one left that became no session.
+    gone : called with the reason of each one that became no session.
     """
 
     def __init__(self, gone: Callable[[str], None]) -> None:

@@ -91,7 +91,7 @@ def decode_packet(data: bytes) -> Packet:
     """Return the packet in ``data``, which must hold nothing else.
 
     The CRC is checked before anything else is believed, the version after it: header layout and CRC
-    are the same in every version of the protocol, so that a mismatch can be told from damage.
+    are the same in every version of the protocol, so that a mismatch can be distinguished from damage.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class Pyramid:
     def blur(self, image: Float32Array, gain: float) -> Float32Array:
         """Blur the image, (H, W) or (H, W, n), times ``gain``; the result does not depend on the number of threads."""
         height, reach = image.shape[0], self.taps[0].shape[0] // 2
-        core = _turned(self.taps[0], gain)
+        core = _flipped(self.taps[0], gain)
         out = np.empty(image.shape, np.float32)
         edges = np.linspace(0, height, NOISE_BANDS + 1).astype(int)
 
@@ -92,7 +92,7 @@ class Pyramid:
         total: Float32Array | None = None
         for k in range(last, 0, -1):
             if self.taps[k].any():
-                taps = _turned(self.taps[k], gain)
+                taps = _flipped(self.taps[k], gain)
                 here = cv2.filter2D(levels[k], cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE)
                 total = np.asarray(here if total is None else cv2.add(here, total, dst=here))
             if total is not None:
@@ -177,7 +177,7 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
     return Pyramid(tuple(t.astype(np.float32) for t in taps))
 
 
-def _turned(taps: Float32Array, gain: float) -> Float32Array:
+def _flipped(taps: Float32Array, gain: float) -> Float32Array:
     """Return flipped taps for OpenCV's filter2D, which correlates."""
     return np.ascontiguousarray(taps[::-1, ::-1] * np.float32(gain), np.float32)
 

@@ -87,7 +87,7 @@ def _rod_agrees(
 ) -> bool:
     """Return True if a point of a rod's axis is visible or hidden as labelled, ignoring the rod's own surface.
 
-    What lies before the axis is told from the rod's own surface by its distance from the axis.
+    Surfaces in front of the axis are distinguished from the rod itself by their distance from the axis.
     """
     way = (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-12)
     if abs(float(way @ point)) > SHARPEST_COSINE * float(np.linalg.norm(point)):

@@ -42,13 +42,15 @@ class NpzWriter:
 
     def write(self, frame: LabelledFrame) -> None:
         """Write one file."""
-        _put(self._output, f"{frame.split or 'train'}/{frame.number:06d}.npz", arrays_of(frame), encode_npz)
+        _write_output(
+            self._output, f"{frame.split or 'train'}/{frame.number:06d}.npz", arrays_of(frame), encode_npz
+        )
 
     def finish(self) -> None:
         """Do nothing: the format has no file for all frames."""
 
 
-def _put(output: FormatOutput, name: str, arrays: Arrays, encode: Callable[[Arrays], bytes]) -> None:
+def _write_output(output: FormatOutput, name: str, arrays: Arrays, encode: Callable[[Arrays], bytes]) -> None:
     if isinstance(output, ArraysOutput):
         output.write_arrays(name, arrays)
     else:
@@ -98,7 +100,7 @@ class ExrWriter:
         """Write one image of many channels, and the record."""
         stem = f"{frame.split or 'train'}/{frame.number:06d}"
         channels = {name: np.asarray(plane, np.float32) for name, plane in channels_of(frame).items()}
-        _put(self._output, f"{stem}.exr", channels, encode_channels)
+        _write_output(self._output, f"{stem}.exr", channels, encode_channels)
         self._output.write(f"{stem}.json", frame.read("json"))
 
     def finish(self) -> None:
