@@ -30,6 +30,7 @@ from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ def run(request: Request) -> dict[str, Any]:
         recorder=None if request.record is None else recorder,
     )
     options = options_of(session, request.overlays)
+    progress = ProgressLine()
     with (
         _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
         open_frames(
@@ -129,6 +131,7 @@ def run(request: Request) -> dict[str, Any]:
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
             gives_way=GIVES_WAY,
+            progress=progress,
         ) as producer,
     ):
         if request.record is not None:
@@ -143,6 +146,7 @@ def run(request: Request) -> dict[str, Any]:
             feeds=further_feeds(turns, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,
+            progress=progress.read,
         )
         if script is not None:
             console.play(script)
@@ -199,6 +203,7 @@ class ConsoleLoop:
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, saved)
         console.help.about = self._layout.about()
+        console.recent += [name for name in saved.recent if name not in console.recent]
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)

@@ -82,8 +82,10 @@ class Canvas:
             self.tip(at, self.size(text), tip)
 
     def tip(self, corner: Point, size: Point, text: str) -> None:
-        """What the mouse over a place tells."""
+        """Give a place a hover text, in the letters of the panels."""
+        self._imgui.push_font(self._window.text_font, 0.0)
         hover_text.tell_place(self._imgui, corner, size, text)
+        self._imgui.pop_font()
 
     # --- lines
 

@@ -106,6 +106,11 @@ def number(
     return Argument(name, "number", about, least=least, most=most, unit=unit, optional=optional)
 
 
+def word(name: str, about: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
+    """Return an argument that is a text, or one of the words that are allowed."""
+    return Argument(name, "word", about, choices, optional=optional)
+
+
 STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
 """The argument of what is switched."""
 
@@ -130,8 +135,8 @@ class Command:
     help: str
     run: Callable[..., object]
     keys: tuple[str, ...] = ()
-    held: bool = False
     arguments: tuple[Argument, ...] = ()
+    held: bool = False
     state: Callable[[Any], bool] | None = None
     flies: bool = False
 
@@ -195,6 +200,34 @@ class Command:
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
         """Arguments from a button or a test, by the same rules as a script's."""
         return self.read([word_of(v) for v in values])
+
+
+def switch(
+    name: str,
+    title: str,
+    about: str,
+    run: Callable[..., object],
+    state: Callable[[Any], bool],
+    keys: tuple[str, ...] = (),
+    *,
+    flies: bool = False,
+) -> Command:
+    """Return a command that switches something on and off; ``state`` is True while it is on."""
+    return Command(name, title, about, run, keys, (STATE,), state=state, flies=flies)
+
+
+def setting(
+    name: str, title: str, about: str, holder: Callable[[Any], object], field: str, keys: tuple[str, ...] = ()
+) -> Command:
+    """Return a command that switches a field of an object of the console, which ``holder`` finds."""
+    return switch(
+        name,
+        title,
+        about,
+        lambda console, on: setattr(holder(console), field, on),
+        lambda console: bool(getattr(holder(console), field)),
+        keys,
+    )
 
 
 class CommandTable:

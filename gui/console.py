@@ -19,7 +19,7 @@ from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, ST
 from flyaround.simulator.piloting.orders import PilotCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
-KEPT_MESSAGES = 500
+KEPT_MESSAGES, KEPT_RECENT = 500, 6
 UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
@@ -101,11 +101,13 @@ class WindowRequests:
     Parameters
     ----------
     screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to be raised.
+    enlarged : panel that fills the window; empty for none.
     """
 
     close: bool = False
     full_screen: bool = False
     preset: str = ""
+    enlarged: str = ""
     screenshot: Path | None = None
     clipboard: str = ""
     front: str = ""
@@ -162,8 +164,12 @@ class Console:
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
+    progress: Callable[[], str] = str
+    """Text on what the render process prepares; empty if it prepares nothing."""
     source: str = ""
     """Built-in name or file of the scenario that flies; empty for one that is in no file."""
+    recent: list[str] = field(default_factory=list)
+    """Built-in names and files of the scenarios flown last, the newest first."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
     history: SettingsHistory = field(default_factory=SettingsHistory)
@@ -172,7 +178,13 @@ class Console:
     _player: Player | None = None
 
     def __post_init__(self) -> None:
+        self.remember(self.source)
         self.jobs = Jobs(self.say, self.do)
+
+    def remember(self, source: str) -> None:
+        """Put a scenario first among the recent ones."""
+        if source:
+            self.recent = [source, *(name for name in self.recent if name != source)][:KEPT_RECENT]
 
     def close(self) -> None:
         """End what runs beside the window."""
@@ -312,6 +324,7 @@ class Console:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
         self.session, self.source = session, self.opener.source
+        self.remember(self.source)
         self.hand.armed = False
         self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
@@ -341,6 +354,11 @@ class Console:
         """All of them were seen."""
         for message in self.waiting:
             message.acknowledged, message.acknowledged_ms = True, self.clock_ms
+
+    @property
+    def preparing(self) -> str:
+        """Sentence on what a view waits for."""
+        return f"preparing: {self.progress() or 'the picture'}"
 
     def open_panel(self, name: str, *, shown: bool | None = None) -> None:
         """Open a panel or view (left out: the other of open and closed), and bring it to the front."""

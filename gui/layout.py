@@ -36,25 +36,25 @@ NARROW = 900.0
 VERSION = 1
 LARGEST_BYTES = 400_000
 RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
-
-
+LOWEST, HIGHEST = 0.2, 0.5
+"""Bounds of the bottom dock's share of the height, which leaves the view the form of its picture."""
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
     "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
     "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
-    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target"}),
-    "estimate": frozenset({"camera", "estimator", "keypoints", "picture"}),
+    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target", "parts", "depth"}),
+    "estimate": frozenset({"camera", "estimator", "keypoints", "parts", "picture"}),
     "link": frozenset({"camera", "board-link", "chaser", "log"}),
 }
 """Panels that are open in each layout."""
 
 
 class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
-    """What is kept of a layout.
+    """A layout as it is kept.
 
     Parameters
     ----------
-    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form.
+    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form. recent : scenarios.
     """
 
     version: int = VERSION
@@ -62,6 +62,7 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
     docking: dict[str, str] = {}
     font_scale: float = 1.0
     tour_seen: bool = False
+    recent: list[str] = []
 
 
 def layout_file() -> Path:
@@ -141,6 +142,8 @@ class Layout:
         self._saved = saved
         self._form: Form | None = None
         self._build = False
+        self._aspect, self._bottom_open = 1.6, False
+        """Of the camera's picture, and whether a panel lies below the view."""
         self._to_raise: list[str] = []
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
@@ -168,6 +171,9 @@ class Layout:
             if kept:
                 self._window.imgui.load_ini_settings_from_memory(kept)
             self._build = not kept
+        camera = console.session.plan.camera
+        self._aspect = camera.width_px / camera.height_px
+        self._bottom_open = any(console.shown.get(p.name) for p in self.panels if p.place == "bottom")
 
     def keep(self, console: Console, path: Path) -> None:
         """Write the layout; a disk that is full is no reason to fail."""
@@ -175,7 +181,7 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
-        self._saved.font_scale = console.window.font_scale
+        self._saved.font_scale, self._saved.recent = console.window.font_scale, console.recent
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))
@@ -200,7 +206,11 @@ class Layout:
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
         hovered = ""
         for panel in self.panels:
-            if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
+            if panel.name == console.window.enlarged:
+                self._enlarged(console, panel)
+            elif console.shown.get(panel.name) and (
+                console.options.panel or panel.place in {"centre", "over"}
+            ):
                 hovered = panel.name if self._panel(console, panel) else hovered
         if self._build:
             # tabs that are new come up by themselves for some frames; one window a frame takes the focus
@@ -296,6 +306,21 @@ class Layout:
             console.do(f"panel.{panel.name}", False)
         return hovered
 
+    def _enlarged(self, console: Console, panel: Panel) -> None:
+        """Draw a panel over all others; its dock is kept for it."""
+        imgui, screen = self._window.imgui, self._window.imgui.get_main_viewport()
+        imgui.set_next_window_pos(screen.work_pos)
+        imgui.set_next_window_size(screen.work_size)
+        flags = imgui.WindowFlags_
+        fixed = flags.no_docking | flags.no_saved_settings | flags.no_resize | flags.no_collapse
+        visible, stays = imgui.begin(f"{panel.title}, enlarged###enlarged", True, fixed)
+        note_window(imgui, console, panel.name)
+        if visible:
+            panel.draw(console)
+        imgui.end()
+        if not stays or imgui.is_key_pressed(imgui.Key.escape, False):
+            console.do("window.enlarge")
+
     def _dock_of(self, panel: Panel) -> int:
         """The dock of an open panel of the same place; the middle otherwise."""
         internal = self._window.imgui.internal
@@ -330,7 +355,9 @@ class Layout:
             split("right-low", "right-middle", imgui.Dir.down, 0.5)
             # docks whose panels are closed take no room
             split("left", "centre", imgui.Dir.left, LEFT)
-            split("bottom", "centre", imgui.Dir.down, BOTTOM)
+            view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect
+            share = min(max(1 - view / screen.work_size.y, LOWEST), HIGHEST)
+            split("bottom", "centre", imgui.Dir.down, share if self._bottom_open else BOTTOM)
         for panel in self.panels:
             if panel.place != "over":
                 internal.dock_builder_dock_window(

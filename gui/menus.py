@@ -78,6 +78,7 @@ MENUS: tuple[tuple[str, Entries], ...] = (
             ("Label images", ("panel.depth", "panel.parts", "panel.keypoints")),
             "panel.camera",
             "window.panels",
+            "window.enlarge",
             ("Layout", ("layout.*",)),
             "window.full-screen",
             "window.larger-text",

@@ -29,6 +29,11 @@ PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
 BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 """Too dark for letters and thin lines on the console's ground; for areas."""
 
+PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)
+"""Fill of a primary action's button: `BLUE`, darker, so that letters read on it."""
+GUARDED: Rgba = (0.42, 0.14, 0.06, 1.0)
+"""Fill of the abort button while its guard is closed."""
+
 ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
 WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION

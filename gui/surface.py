@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import cv2
 import numpy as np
 
-from flyaround.gui import style
+from flyaround.gui import icons, style
 from flyaround.simulator.errors import missing_extra
 
 if TYPE_CHECKING:
@@ -96,6 +96,10 @@ class Surface(ABC):
         folder = files("imgui_bundle") / "assets" / "fonts"
         size = FONT_PX * self._monitor_scale
         text = fonts.add_font_from_file_ttf(str(folder / "Roboto" / "Roboto-Regular.ttf"), size)
+        if (folder / icons.FONT).is_file():
+            merged = self.imgui.ImFontConfig()
+            merged.merge_mode = True
+            fonts.add_font_from_file_ttf(str(folder / icons.FONT), 0.85 * size, merged)
         figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
         return text, figures
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
+from flyaround.gui.icons import labelled
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -37,9 +38,11 @@ class TransportStrip:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
         em, session = imgui.get_font_size(), console.session
-        w.button(console, "time.pause", label="Play" if session.clock.paused else "Pause", width=4 * em)
+        paused = session.clock.paused
+        look = ("Play", "play") if paused else ("Pause", "time.pause")
+        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, fill=style.PRIMARY)
         imgui.same_line()
-        w.button(console, "time.step", label="Step", width=3.5 * em)
+        w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
         self._rate(console, 7 * em)
         imgui.same_line()
@@ -57,7 +60,10 @@ class TransportStrip:
             self.scrubber(console, timeline, end_s, w.width - right)
             imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
-        self._hand_control(console, 8 * em)
+        on = console.hand.armed
+        look = ("HAND ON", "hand-on") if on else ("HAND OFF", "hand-off")
+        fill = style.WARN if on else style.EDGE
+        w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
         self._abort(console, 7 * em)
 
@@ -91,24 +97,15 @@ class TransportStrip:
         if changed:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
 
-    def _hand_control(self, console: Console, width: float) -> None:
-        """Show whether keys fly the chaser; a click arms or disarms them."""
-        imgui, w = self._w.imgui, self._w
-        on = console.hand.armed
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
-        w.coloured(style.GROUND if on else style.INK)
-        if imgui.button("HAND ON##hand" if on else "HAND OFF##hand", w.vec(width, 0)):
-            console.do("steer.arm")
-        imgui.pop_style_color(2)
-        w.about(console, "steer.arm")
-
     def _abort(self, console: Console, width: float) -> None:
         """Abort by two clicks: the first opens the guard for three seconds. The key needs one."""
         imgui, w = self._w.imgui, self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.BAD if opened else style.EDGE)))
-        w.coloured(style.GROUND if opened else style.BAD)
-        if imgui.button("ABORT NOW##abort" if opened else "ABORT##abort", w.vec(width, 0)):
+        fill = style.BAD if opened else style.GUARDED
+        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*fill))
+        w.coloured(style.GROUND if opened else style.INK)
+        label = labelled("docking.abort", "ABORT NOW" if opened else "ABORT")
+        if imgui.button(f"{label}##abort", w.vec(width, 0)):
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms

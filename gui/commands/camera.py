@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, number, word
 from flyaround.gui.picture.sensor_terms import checked_change
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
@@ -51,7 +51,7 @@ COMMANDS = (
         "a number of the sensor for the console's pictures",
         _set,
         arguments=(
-            Argument("name", "word", "of the number"),
+            word("name", "of the number"),
             number("value", "its value, in the unit that the panel shows", unit="its unit"),
         ),
     ),

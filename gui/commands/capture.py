@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, Command, word
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.program import new_folder
 from flyaround.simulator.errors import UserError
@@ -74,11 +74,9 @@ COMMANDS = (
         _start,
         arguments=(
             Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
-            Argument("what", "word", f"scenario, recipe or file; {THIS} unless given", optional=True),
-            Argument(
-                "folder", "word", f"new or empty; {NEW}, or left out: one in out/console", optional=True
-            ),
-            Argument("formats", "word", "beside the native one, with commas", optional=True),
+            word("what", f"scenario, recipe or file; {THIS} unless given", optional=True),
+            word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
+            word("formats", "beside the native one, with commas", optional=True),
             Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
         ),
     ),

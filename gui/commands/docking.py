@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import Command, switch, word
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.orders import Abort, Approach, Go, JudgeBy, NoGo, TakeAxisHere
@@ -24,15 +24,14 @@ def _abort(console: Console) -> None:
 
 
 COMMANDS = (
-    Command(
+    switch(
         "docking.approach",
         "Autopilot",
         "fly to the next hold point and, once all are passed, into the port",
         _approach,
+        lambda console: bool(console.session.craft.steering.autopilot),
         ("b",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.autopilot,
     ),
     Command(
         "docking.go",
@@ -55,7 +54,7 @@ COMMANDS = (
         "Limits",
         "whose limits colour the figures and judge the contact",
         order(JudgeBy),
-        arguments=(Argument("preset", "word", "of which", tuple(PRESETS)),),
+        arguments=(word("preset", "of which", tuple(PRESETS)),),
     ),
     Command(
         "docking.axis-here",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Command, word
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -58,14 +58,14 @@ COMMANDS = (
         "Copy",
         "a text to the clipboard",
         _copy_text,
-        arguments=(Argument("text", "word", "what to copy"),),
+        arguments=(word("text", "what to copy"),),
     ),
     Command(
         "log.save",
         "Save script",
         "keep what was done as a script, in out/console",
         _save,
-        arguments=(Argument("path", "word", "of the file", optional=True),),
+        arguments=(word("path", "of the file", optional=True),),
     ),
     Command("log.copy", "Copy script", "what was done, to the clipboard", _copy),
 )

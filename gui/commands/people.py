@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
@@ -84,6 +84,11 @@ def _open(console: Console, path: str) -> None:
         )
 
 
+def _enlarge(console: Console, panel: str | None = None) -> None:
+    window = console.window
+    window.enlarged = "" if window.enlarged else panel or console.help.hovered or "lvlh-map"
+
+
 COMMANDS = (
     Command(
         "settings.undo",
@@ -121,12 +126,20 @@ COMMANDS = (
         ("ctrl+minus",),
     ),
     Command(
+        "window.enlarge",
+        "Enlarge a panel",
+        "the panel under the mouse fills the window; once more, or Esc, puts it back",
+        _enlarge,
+        ("ctrl+m",),
+        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
+    ),
+    Command(
         "help.panel",
         "About this panel",
         "what the panel under the mouse is, and its commands",
         _help,
         ("slash",),
-        arguments=(Argument("panel", "word", "its name; left out: under the mouse", optional=True),),
+        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
     ),
     Command("help.tour", "Tour", "six things to do, each ticked when it was done", _tour),
     Command("help.tour-next", "Next step", "the tour's next step", lambda console: _tour_step(console, 1)),
@@ -145,14 +158,14 @@ COMMANDS = (
         "PNG of the whole window into out/console",
         _screenshot,
         ("ctrl+f12",),
-        arguments=(Argument("path", "word", "of the file, .png", optional=True),),
+        arguments=(word("path", "of the file, .png", optional=True),),
     ),
     Command(
         "film.start",
         "Film the view",
         "the camera's pictures as they come, H.264, into out/console",
         _film,
-        arguments=(Argument("path", "word", "of the file, .mp4", optional=True),),
+        arguments=(word("path", "of the file, .mp4", optional=True),),
     ),
     Command("film.stop", "End the film", "close the film's file", _film_end),
     Command(
@@ -160,6 +173,6 @@ COMMANDS = (
         "Open file",
         "a scenario flies, a mesh becomes this scenario's target; as files dropped on the window",
         _open,
-        arguments=(Argument("path", "word", "a .toml, or a mesh"),),
+        arguments=(word("path", "a .toml, or a mesh"),),
     ),
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Command, word
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -48,14 +48,14 @@ COMMANDS = (
         "Open scenario",
         "fly another scenario: a built-in name or a TOML file",
         _open,
-        arguments=(Argument("scenario", "word", "built-in name or TOML file"),),
+        arguments=(word("scenario", "built-in name or TOML file"),),
     ),
     Command(
         "scenario.edit",
         "Edit scenario",
         "the text of a scenario, left out: of this one",
         _edit,
-        arguments=(Argument("scenario", "word", "built-in name or TOML file", optional=True),),
+        arguments=(word("scenario", "built-in name or TOML file", optional=True),),
     ),
     Command("scenario.check", "Check text", "whether the edited text is a scenario", _check),
     Command(
@@ -63,7 +63,7 @@ COMMANDS = (
         "Save text",
         "write the edited text, if it is right",
         _save,
-        arguments=(Argument("path", "word", "file that ends in .toml"),),
+        arguments=(word("path", "file that ends in .toml"),),
     ),
     Command("scenario.fly", "Fly text", "fly what was edited, from its beginning", _fly),
     Command(
@@ -71,6 +71,6 @@ COMMANDS = (
         "Another target",
         "fly this scenario again with another craft",
         _target,
-        arguments=(Argument("target", "word", "name of the craft, as flyaround targets lists it"),),
+        arguments=(word("target", "name of the craft, as flyaround targets lists it"),),
     ),
 )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, number, switch, word
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.control_laws import STILL, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
@@ -96,14 +96,13 @@ _HELD = (
 )
 
 COMMANDS = (
-    Command(
+    switch(
         "steer.arm",
         "Hand control",
         "let keys fly the chaser; typing in a field and opening a scenario end it, abort (Del) needs none",
         _arm,
+        lambda console: bool(console.hand.armed),
         ("ctrl+h", "insert"),
-        arguments=(STATE,),
-        state=lambda console: console.hand.armed,
     ),
     *(
         Command(
@@ -145,25 +144,23 @@ COMMANDS = (
         state=lambda console: console.session.craft.mode == "steer",
     ),
     Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), flies=True),
-    Command(
+    switch(
         "steer.lvlh",
         "LVLH axes",
         "W and S along the flight, A and D across it, R and F up and down; off: along the camera's axes",
         order(lambda on: Control(axes="lvlh" if on else "camera")),
+        lambda console: bool(console.session.craft.steering.axes == "lvlh"),
         ("n",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.axes == "lvlh",
     ),
-    Command(
+    switch(
         "steer.pulses",
         "Pulses",
         "a press of a key gives 1 cm/s or 0.2 deg; off: as long as it is held",
         order(lambda on: Control(thrust="pulse" if on else "continuous")),
+        lambda console: bool(console.session.craft.steering.thrust == "pulse"),
         ("m",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.thrust == "pulse",
     ),
     Command(
         "steer.attitude",
@@ -173,14 +170,14 @@ COMMANDS = (
         _attitude,
         ("y",),
         flies=True,
-        arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
+        arguments=(word("mode", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
     Command(
         "steer.pulse",
         "One pulse",
         "1 cm/s, or 0.2 deg",
         order(Pulse),
-        arguments=(Argument("direction", "word", "as of the keys", SWITCHES),),
+        arguments=(word("direction", "as of the keys", SWITCHES),),
     ),
     Command(
         "steer.stick-thrust",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Command, word
 from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
 
@@ -69,7 +69,7 @@ COMMANDS = (
         "Rate",
         "simulated seconds per second",
         lambda console, rate: console.session.clock.set_rate(float(rate)),
-        arguments=(Argument("rate", "word", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
+        arguments=(word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
     ),
     Command(
         "time.restart",

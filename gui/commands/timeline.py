@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, number, word
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
@@ -175,7 +175,7 @@ COMMANDS = (
         "mark this place, with a note",
         _bookmark,
         ("ctrl+b",),
-        arguments=(Argument("note", "word", "of one line", optional=True),),
+        arguments=(word("note", "of one line", optional=True),),
     ),
     Command(
         "timeline.unbookmark",
@@ -193,7 +193,7 @@ COMMANDS = (
         "Keep flight",
         "what was flown as a scenario that replays it, in out/console/flights",
         _keep,
-        arguments=(Argument("folder", "word", "empty or to be made", optional=True),),
+        arguments=(word("folder", "empty or to be made", optional=True),),
     ),
     Command(
         "timeline.dataset",

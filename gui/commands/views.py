@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, number, word
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
 from flyaround.gui.picture.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 
@@ -68,7 +68,7 @@ COMMANDS = (
         "Orbit camera about",
         "what the free camera circles and looks at",
         _about,
-        arguments=(Argument("about", "word", "the centre", ABOUT),),
+        arguments=(word("about", "the centre", ABOUT),),
     ),
     Command(
         "orbit-camera.place",

@@ -43,7 +43,7 @@ NO_TARGET = "the camera sees no target"
 class _LabelView(Panel):
     """A view of the feed of labels; each kind makes its picture once for every frame."""
 
-    name, title, place, shown = "", "", "left", False
+    name, title, place, shown = "", "", "bottom", False
     bare = True
     legend_tip = ""
 
@@ -63,7 +63,7 @@ class _LabelView(Panel):
             feed.look()
             picture = feed.newest
         if picture is None or picture.frame.truth is None:
-            canvas.text((place[0] + 8, place[1] + 6), "the first labels are made ...", style.QUIET)
+            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
         else:
             if picture is not self._made_of:
                 self._part = close_up(picture.frame)

@@ -50,13 +50,10 @@ class OrbitCameraView(Panel):
         self._mouse(console)
         canvas = Canvas(self._window)
         feed = console.feeds.get(ORBIT_CAMERA)
-        if feed is None:
-            canvas.text((place[0] + 8, place[1] + 6), "no pictures here", style.QUIET)
-            return
-        feed.look()
-        picture = feed.newest
-        if picture is None:
-            canvas.text((place[0] + 8, place[1] + 6), "the first picture is drawn ...", style.QUIET)
+        if feed is not None:
+            feed.look()
+        if feed is None or (picture := feed.newest) is None:
+            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)

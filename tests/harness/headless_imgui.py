@@ -28,6 +28,7 @@ CONTROLS = frozenset(
 )
 TEXTS = frozenset({"text_unformatted"})
 FIGURE = re.compile(r"\d")
+ICON = re.compile("^[\ue000-\uf8ff]\\s*")
 
 
 @dataclass
@@ -57,6 +58,7 @@ class NotedModule:
 
         def call(*arguments: Any) -> Any:
             label = str(arguments[0]) if arguments and name not in {"progress_bar", "image"} else name
+            label = ICON.sub("", label)
             given = found(*arguments)
             if hasattr(self._module, "get_item_rect_min"):
                 low, high = self._module.get_item_rect_min(), self._module.get_item_rect_max()
