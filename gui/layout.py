@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import platformdirs
 
+from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
@@ -363,6 +364,9 @@ class Layout:
                 internal.dock_builder_dock_window(
                     _window_name(panel), nodes.get(panel.place, nodes["centre"])
                 )
+        for node in nodes.values():
+            # until a panel has drawn its ground there, which else is white
+            internal.dock_builder_get_node(node).last_bg_color = self._w.color(style.GROUND)
         internal.dock_builder_finish(self._dockspace)
 
 

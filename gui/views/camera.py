@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float, float]
 """x, y, width and height on the screen."""
-MARGIN, GAP = 14.0, 26.0
-"""Between figures and the view's edge, and between columns of figures, in screen units."""
+MARGIN, WIDEST_GAP = 12.0, 140.0
+"""Between figures and the view's edge, and at most between columns of figures, in screen units."""
 OLD_S = 1.0
 """A picture's age is marked beyond this, at 1x."""
 NAME = "CLOSING "
@@ -42,6 +42,9 @@ class Row(NamedTuple):
     value: str
     colour: style.Rgba
     tip: str
+
+
+Groups = tuple[tuple[Row, ...], ...]
 
 
 class CameraView(Panel):
@@ -111,7 +114,7 @@ class CameraView(Panel):
     # --- places
 
     def _placed(
-        self, canvas: Canvas, place: Place, image: tuple[int, int], groups: tuple[tuple[Row, ...], ...]
+        self, canvas: Canvas, place: Place, image: tuple[int, int], groups: Groups
     ) -> tuple[Letterbox, Place | None]:
         """Return where the picture goes, and where its figures go beside it; None if they lie over it.
 
@@ -119,56 +122,40 @@ class CameraView(Panel):
         """
         x, y, width, height = place
         box = Letterbox.fit(image, place)
-        self._push()
         across, down = width - box.width, height - box.height
-        column = max((self._width(canvas, g) for g in groups), default=0.0) + 2 * MARGIN
-        tall = sum(len(g) for g in groups) * self._line + 2 * MARGIN
-        rows = self._wrapped(canvas, groups, width - 2 * MARGIN)
-        high = sum(max(len(g) for g in row) for row in rows) * self._line + (len(rows) + 1) * MARGIN
+        self._push()
+        widths = [self._width(canvas, rows) for rows in _columns(groups)]
         self._imgui.pop_font()
-        if groups and down >= high:
+        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + 2 * MARGIN
+        tall = self._line * sum(len(rows) for rows in groups) + 2 * MARGIN
+        if groups and down >= deep and sum(widths) + 4 * MARGIN <= width:
             top = Letterbox(box.x, y, box.width, box.height, box.scale)
             return top, (x, y + box.height, width, down)
-        if groups and across >= column and height >= tall:
+        if groups and across >= max(widths) + 2 * MARGIN and height >= tall:
             left = Letterbox(x, box.y, box.width, box.height, box.scale)
             return left, (x + box.width, y, across, height)
         return box, None
 
-    def _wrapped(
-        self, canvas: Canvas, groups: tuple[tuple[Row, ...], ...], width: float
-    ) -> list[list[tuple[Row, ...]]]:
-        """Return groups in rows that are no wider than this."""
-        rows: list[list[tuple[Row, ...]]] = []
-        used = np.inf
-        for group in groups:
-            wide = self._width(canvas, group) + GAP
-            if used + wide > width + GAP:
-                rows.append([])
-                used = 0.0
-            rows[-1].append(group)
-            used += wide
-        return rows
-
-    def _in_columns(self, canvas: Canvas, place: Place, groups: tuple[tuple[Row, ...], ...]) -> None:
-        """Draw the figures beside the picture."""
+    def _in_columns(self, canvas: Canvas, place: Place, groups: Groups) -> None:
+        """Draw the figures below the picture in columns, or one below the other beside it."""
         self._push()
-        y = place[1] + MARGIN
-        for row in self._wrapped(canvas, groups, place[2] - 2 * MARGIN):
-            x = place[0] + MARGIN
-            for group in row:
-                self._write(canvas, (x, y), group, plate=False)
-                x += self._width(canvas, group) + GAP
-            y += max(len(g) for g in row) * self._line + (MARGIN if place[2] > place[3] else 0)
+        columns = _columns(groups)
+        widths = [self._width(canvas, rows) for rows in columns]
+        below = sum(widths) + 4 * MARGIN <= place[2]
+        gap = min((place[2] - sum(widths) - 2 * MARGIN) / 2, WIDEST_GAP)
+        x, y = place[0] + MARGIN, place[1] + MARGIN
+        for rows, width in zip(columns, widths, strict=True):
+            self._write(canvas, (x, y), rows, plate=False)
+            x, y = (x + width + gap, y) if below else (x, y + len(rows) * self._line)
         self._imgui.pop_font()
 
-    def _corners(self, canvas: Canvas, place: Place, groups: tuple[tuple[Row, ...], ...]) -> None:
+    def _corners(self, canvas: Canvas, place: Place, groups: Groups) -> None:
         """Draw the figures over the picture's corners; in a small view those that matter most."""
         if not groups:
             return
         x, y, width, height = place
         self._push()
-        flying, moment, motion, state, light = groups
-        right = (*state, *light)
+        flying, moment, motion, right = groups
         column = self._width(canvas, right)
         tall = height > self._line * (len(moment) + len(right) + 3)
         wide = width > 2 * column + 64
@@ -185,8 +172,8 @@ class CameraView(Panel):
     # --- figures
 
     @staticmethod
-    def _groups(session: FlightSession, feed: Feed, picture: Picture) -> tuple[tuple[Row, ...], ...]:
-        """Return figures by subject: who flies, moment, motion, place and light."""
+    def _groups(session: FlightSession, feed: Feed, picture: Picture) -> Groups:
+        """Return figures by subject: who flies, moment, motion, place with light."""
         r, image = picture.telemetry, picture.frame.image
         badge, colour = _badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
@@ -233,11 +220,14 @@ class CameraView(Panel):
                     "RATE", f"{turning:10.3f} deg/s", style.INK, "how fast the target turns before the camera"
                 ),
             ),
-            tuple(
-                Row(name, f"{v:+10.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
-                for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
+            (
+                *(
+                    Row(name, f"{v:+10.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
+                    for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
+                ),
+                row("PHASE"),
+                row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD),
             ),
-            (row("PHASE"), row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD)),
         )
 
     def _write(
@@ -245,7 +235,7 @@ class CameraView(Panel):
     ) -> None:
         """Draw figures one below the other, over the picture on a dark plate."""
         x, y = at
-        step = canvas.size(NAME)[0] if rows[0].name else 0.0
+        step = canvas.size(NAME)[0]
         width = self._width(canvas, rows)
         if plate:
             ground = (x - 8, y - 6, width + 16, len(rows) * self._line + 9)
@@ -254,7 +244,7 @@ class CameraView(Panel):
         for k, row in enumerate(rows):
             top = y + k * self._line
             canvas.plain_text((x, top), row.name, style.QUIET, row.tip)
-            canvas.plain_text((x + step, top), row.value, row.colour, row.tip)
+            canvas.plain_text((x + step if row.name else x, top), row.value, row.colour, row.tip)
 
     def _times(self, canvas: Canvas, place: Place, feed: Feed, below: float) -> None:
         """Draw each pass's time with a bar as long as its share of the picture's."""
@@ -288,12 +278,16 @@ class CameraView(Panel):
     @staticmethod
     def _width(canvas: Canvas, rows: tuple[Row, ...]) -> float:
         """Return the width of figures one below the other."""
-        names = canvas.size(NAME)[0] if rows and rows[0].name else 0.0
-        return names + max((canvas.size(row.value)[0] for row in rows), default=0.0)
+        return max(canvas.size(NAME + row.value if row.name else row.value)[0] for row in rows)
 
     @property
     def _line(self) -> float:
-        return float(self._imgui.get_text_line_height_with_spacing())
+        return float(1.12 * self._imgui.get_text_line_height())
+
+
+def _columns(groups: Groups) -> list[tuple[Row, ...]]:
+    """Return the groups as columns: who flies stands over the moment."""
+    return [(*groups[0], *groups[1]), *groups[2:]] if groups else []
 
 
 def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
