@@ -81,6 +81,12 @@ class Canvas:
         if tip:
             self.tip(at, self.size(text), tip)
 
+    def label(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+        """Letters on a plate, so that no line of a map runs through them."""
+        width, height = self.size(text)
+        self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
+        self.plain_text(at, text, rgba, tip)
+
     def tip(self, corner: Point, size: Point, text: str) -> None:
         """Give a place a hover text, in the letters of the panels."""
         self._imgui.push_font(self._window.text_font, 0.0)

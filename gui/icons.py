@@ -26,4 +26,4 @@ PRIMARY = frozenset(
 
 def labelled(name: str, text: str) -> str:
     """Return a label with the icon of a command before it, if there is one."""
-    return f"{ICONS[name]}  {text}" if name in ICONS else text
+    return f"{ICONS[name]}  {text}".strip() if name in ICONS else text

@@ -36,7 +36,7 @@ SAMPLES = 40
 
 @dataclass(frozen=True)
 class Grip:
-    """What of which burn the pointer holds, and in which plane."""
+    """The node or handle of a burn that the pointer holds, and the plane."""
 
     burn: PlannedBurn
     what: Literal["node", "handle"]
@@ -105,7 +105,7 @@ class BurnNodes:
         width, height = canvas.size(text)
         at = (min(tip[0] + 8, x + w - width - 4), min(max(tip[1] - height / 2, y), y + h - height))
         if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
-            canvas.text(
+            canvas.label(
                 at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
             )
             written.append(at)
@@ -169,7 +169,7 @@ class BurnNodes:
         self._of = ()
 
     def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
-        """When the chaser is nearest to the pointer, of what is foretold; not in the next seconds."""
+        """Return when the predicted path is nearest to the pointer; not in the next seconds."""
         path = self._path
         if path is None:
             session.craft.take_over()
