@@ -166,6 +166,15 @@ class Canvas:
         for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
+    def keypoint(self, at: Point, rgba: style.Rgba, seen: str) -> None:
+        """A keypoint by form and colour: a dot is visible, a diamond shadowed, a ring hidden."""
+        if seen == "hidden":
+            self.circle(at, 4.0, rgba, 1.4)
+        elif seen == "shadowed":
+            self.diamond(at, 5.0, rgba)
+        else:
+            self.dot(at, 4.0, rgba)
+
     def picture(
         self,
         view: str,

@@ -110,7 +110,7 @@ class SteeringPanel(Panel):
         w.section("Planned burns")
         burns = session.craft.steering.burns.burns
         rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
-        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross [m/s]", ""))
+        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "delta-v [m/s]", ""))
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
         w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)

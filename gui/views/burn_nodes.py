@@ -103,7 +103,8 @@ class BurnNodes:
         """A burn's size beside its handle, inside the map, unless another's is there already."""
         x, y, w, h = port.rect
         width, height = canvas.size(text)
-        at = (min(tip[0] + 8, x + w - width - 4), min(max(tip[1] - height / 2, y), y + h - height))
+        # below the handle: the chaser and its boresight lie along the path
+        at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
         if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
             canvas.label(
                 at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
@@ -36,6 +35,8 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float, float]
 SCALE_STEPS = 32
+LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
+"""States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
 
@@ -219,16 +220,6 @@ class KeypointsView(_LabelView):
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
-                mark(canvas, box.at(k.pixel_px), k.state)
+                seen = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
+                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], seen)
         self._legend(canvas, legend, rows)
-
-
-def mark(canvas: Canvas, at: Point, state: KeypointState | Any) -> None:  # noqa: ANN401 - a word of the labels
-    """A keypoint by form as well as by colour: a dot is seen, a diamond is not lit, a ring is hidden."""
-    colour = STATE_COLOURS[state]
-    if state in {"visible", "saturated"}:
-        canvas.dot(at, 4.0, colour)
-    elif state in {"shadowed", "eclipsed", "below_noise"}:
-        canvas.diamond(at, 5.0, colour)
-    else:
-        canvas.circle(at, 4.5, colour, 1.4)

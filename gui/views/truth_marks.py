@@ -74,12 +74,7 @@ class TruthMarks:
         # by form as well as by colour: a dot is lit, a diamond in shadow, a ring hidden
         for pixel, seen, _ in marks.keypoints:
             at = box.at(pixel)
-            if seen == "hidden":
-                canvas.circle(at, 4.0, SEEN_COLORS[seen], 1.4)
-            elif seen == "shadowed":
-                canvas.diamond(at, 5.0, SEEN_COLORS[seen])
-            else:
-                canvas.dot(at, 4.0, SEEN_COLORS[seen])
+            canvas.keypoint(at, SEEN_COLORS[seen], seen)
         if options.overlays.names:
             self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
 

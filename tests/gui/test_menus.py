@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from flyaround.gui.layout import Layout, SavedLayout
-from flyaround.gui.menus import MENUS, commands_of, named
+from flyaround.gui.menus import MENUS, commands_of
 from flyaround.gui.transport import GUARD_MS
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
@@ -108,7 +108,8 @@ def test_seven_menus_hold_every_command_once(screen: Screen) -> None:
     held = [
         name
         for _, entries in MENUS
-        for entry in named(entries)
+        for _, names in entries
+        for entry in names
         for name in commands_of(screen.console.table, entry)
     ]
     assert len(MENUS) == 7
