@@ -85,8 +85,10 @@ def _open(console: Console, path: str) -> None:
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:
-    window = console.window
-    window.enlarged = "" if window.enlarged else panel or console.help.hovered or "lvlh-map"
+    window, wanted = console.window, panel or console.help.hovered or "lvlh-map"
+    if f"panel.{wanted}" not in console.table:
+        raise UserError(f"there is no panel '{wanted}' to enlarge; F1 lists them as panel.NAME")
+    window.enlarged = "" if window.enlarged else wanted
 
 
 COMMANDS = (

@@ -128,3 +128,15 @@ def test_abort_takes_two_clicks_and_its_guard_closes_by_itself(screen: Screen) -
     assert done == []
     screen.click(abort)
     assert done == ["docking.abort"]
+
+
+def test_a_panel_fills_the_window_until_escape(screen: Screen) -> None:
+    screen.console.do("window.enlarge", "lvlh-map")
+    screen.turn()
+    x, _, width, _ = screen.console.help.rects["lvlh-map"]
+    assert (x, width) == (0.0, screen.window.size[0])
+    screen.escape()
+    assert screen.console.window.enlarged == ""
+    screen.console.do("window.enlarge", "no-such-panel")
+    screen.turn()
+    assert "there is no panel" in screen.console.messages[-1].text

@@ -13,7 +13,7 @@ import pytest
 from flyaround.gui.panels.all import PANELS
 
 ROOT = Path(__file__).parents[3]
-SIZES = ("640x480", "1280x800", "2560x1440")
+SIZES = ("800x600", "1280x800", "1920x1080")
 EACH_S = 0.8
 
 DRAWN = """
