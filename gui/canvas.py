@@ -1,4 +1,4 @@
-"""What is drawn over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
+"""Drawing over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 MOST_POINTS = 600
-"""Of one line: more than a panel has pixels cost time and show nothing."""
+"""Points of one line: more than a panel has pixels cost time and show nothing."""
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 
@@ -65,7 +65,7 @@ class Canvas:
     # --- letters
 
     def text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Letters with an outline: they read on black and on white; ``tip`` is told over them."""
+        """Draw letters with an outline, which read on black and on white; ``tip`` is their hover text."""
         # whole pixels: between them letters blur
         x, y = float(round(at[0])), float(round(at[1]))
         halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
@@ -76,13 +76,13 @@ class Canvas:
             self.tip(at, self.size(text), tip)
 
     def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Letters without an outline, for a dark ground."""
+        """Draw letters without an outline, for a dark ground."""
         self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)
         if tip:
             self.tip(at, self.size(text), tip)
 
     def label(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Letters on a plate, so that no line of a map runs through them."""
+        """Draw letters on a plate, so that no line of a map runs through them."""
         width, height = self.size(text)
         self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
         self.plain_text(at, text, rgba, tip)
@@ -194,11 +194,11 @@ class Canvas:
 
 
 def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
-    """Every so manieth point of a line, its last one among them.
+    """Return a line with fewer points, evenly chosen; its last point stays.
 
     Parameters
     ----------
-    points : (n, 2). most : of the points that are left, about.
+    points : (n, 2). most : approximate number of points that remain.
     """
     if len(points) <= most:
         return points

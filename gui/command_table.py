@@ -59,14 +59,14 @@ class Argument:
 
     @property
     def about(self) -> str:
-        """A line for people: its name, unit and bounds, what it is, and the words that are allowed."""
+        """Description: its name, unit and bounds, meaning, and the words that are allowed."""
         unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
         words = f" ({', '.join(self.choices)})" if self.choices else ""
         return f"{self.name}{unit}{bounds}: {self.help}{words}"
 
     def read(self, text: str, command: str) -> Value:
-        """The value of a word of a script.
+        """Return the value of a word of a script.
 
         Raises
         ------
@@ -157,29 +157,29 @@ class Command:
 
     @property
     def at_once(self) -> bool:
-        """Whether it needs no argument."""
+        """True if it needs no argument."""
         return all(a.optional for a in self.arguments)
 
     @property
     def form(self) -> str:
-        """What one writes: its name, and its arguments after it."""
+        """Synopsis: its name, and its arguments after it."""
         return " ".join(
             [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
         )
 
     def about(self, *given: Value) -> str:
-        """What people read over its button or control: what it does, by which key, and what it takes.
+        """Return the hover text of its control: purpose, key and arguments.
 
         Parameters
         ----------
-        given : the arguments that the button has; the others are told with their units.
+        given : arguments that the control has; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.about for a in self.arguments[len(given) :] if a.kind != "switch"]
         return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, given) if given else self.form])
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
-        """The arguments of a script's line.
+        """Return the arguments of a script's line.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class Command:
         self.run(console, *values)
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Arguments from a button or a test, by the same rules as a script's."""
+        """Return checked arguments of a button or a test, by the rules of a script."""
         return self.read([word_of(v) for v in values])
 
 
@@ -264,18 +264,18 @@ class CommandTable:
         return iter(self._by_name.values())
 
     def groups(self) -> list[tuple[str, list[Command]]]:
-        """Commands by group, in the order they were given; one group of a name."""
+        """Return commands by group, in the order given."""
         by_group: dict[str, list[Command]] = {}
         for command in self:
             by_group.setdefault(command.group, []).append(command)
         return list(by_group.items())
 
     def held(self, keys_down: Iterable[str]) -> frozenset[str]:
-        """Names of the held commands whose keys are down."""
+        """Return the names of held commands whose keys are down."""
         return frozenset(c.name for k in keys_down if (c := self._by_key.get(k)) is not None and c.held)
 
     def pressed(self, keys_hit: Iterable[str], *, ctrl: bool) -> list[Command]:
-        """The single commands of the keys that went down; with Ctrl a key's own command only if it has none with it."""
+        """Return the single commands of the keys that went down; with Ctrl, a chord's command goes first."""
         hit = []
         for key in keys_hit:
             command = (self._by_key.get(f"ctrl+{key}") if ctrl else None) or self._by_key.get(key)
@@ -284,17 +284,17 @@ class CommandTable:
         return hit
 
     def keys(self) -> frozenset[str]:
-        """Every key that does something, without chords."""
+        """Return every key of a command, without chords."""
         return frozenset(k.removeprefix("ctrl+") for k in self._by_key)
 
 
 def word_of(value: Value) -> str:
-    """A value as a script writes it: figures whole, so that the same value is read again."""
+    """Return a value as a script writes it, with all digits, so that the same value is read again."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return repr(value) if isinstance(value, float) else str(value)
 
 
 def line_of(name: str, values: Sequence[Value]) -> str:
-    """A command with its arguments as a script writes it."""
+    """Return a command with its arguments as a script writes it."""
     return " ".join([name, *(shlex.quote(word_of(v)) for v in values)])

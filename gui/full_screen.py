@@ -73,7 +73,7 @@ class FullScreen:
 
     @property
     def open(self) -> bool:
-        """Whether nobody has closed it or pressed Escape."""
+        """True until it is closed or Escape is pressed."""
         glfw = self._glfw
         escape = glfw.get_key(self._window, glfw.KEY_ESCAPE) == glfw.PRESS
         return not (escape or glfw.window_should_close(self._window))

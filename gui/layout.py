@@ -152,11 +152,11 @@ class Layout:
         """Panels that lie on the window's own ground, as of the last frame."""
 
     def first_shown(self) -> dict[str, bool]:
-        """Which panels are open at the start."""
+        """Return which panels are open at the start."""
         return {p.name: self._saved.shown.get(p.name, p.shown and p.place != "over") for p in self.panels}
 
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
-        """What cannot be done while a frame is laid out: another form's docking is loaded."""
+        """Load the docking of another form or preset, which is impossible while a frame is laid out."""
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
         if console.window.preset:
             open_ = PRESETS[console.window.preset]
@@ -256,7 +256,7 @@ class Layout:
 
     @property
     def tour_seen(self) -> bool:
-        """Whether the tour was ended or skipped once."""
+        """True once the tour was ended or skipped."""
         return self._saved.tour_seen
 
     def about(self) -> dict[str, tuple[str, str]]:
@@ -371,7 +371,7 @@ class Layout:
 
 
 def _description(panel: type[Panel]) -> str:
-    """What a panel's own file and class say of it, for people."""
+    """Return the description of a panel: the docstrings of its file and class."""
     module = sys.modules[panel.__module__].__doc__ or ""
     own = (panel.__doc__ or "").partition("Parameters\n")[0]
     return " ".join(f"{module} {own}".split())

@@ -190,11 +190,11 @@ class Player:
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left."""
+        """True once nothing is left."""
         return not self._lines
 
     def next_ms(self) -> int | None:
-        """When the next line is due, in the operator's time."""
+        """Return when the next line is due, in the operator's time."""
         return self._lines[0].t_ms if self._lines else None
 
     def due(self, t_ms: int) -> list[Line]:

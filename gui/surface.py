@@ -1,4 +1,4 @@
-"""What the console is drawn on: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
+"""The surface of the console: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class Surface(ABC):
     @property
     @abstractmethod
     def open(self) -> bool:
-        """Whether the operator has not closed it."""
+        """True until the operator closes it."""
 
     @property
     @abstractmethod
@@ -143,7 +143,7 @@ class Surface(ABC):
 
     @abstractmethod
     def wait(self, longest_s: float) -> bool:
-        """Take what input there is, waiting for it at most so long; whether some came."""
+        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
         """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
@@ -178,7 +178,7 @@ class Surface(ABC):
         try:
             yield
         except BaseException:
-            # a panel that failed left parts of itself open, which is not what is to be told
+            # a panel that failed left parts of itself open, which is not the error to report
             with suppress(RuntimeError):
                 self.imgui.end_frame()
             raise

@@ -105,7 +105,7 @@ class Window(Surface):
 
     @property
     def open(self) -> bool:
-        """Whether the operator has not closed it."""
+        """True until the operator closes it."""
         return not self._glfw.window_should_close(self._native)
 
     @property
@@ -130,7 +130,7 @@ class Window(Surface):
         self._glfw.set_window_should_close(self._native, True)
 
     def wait(self, longest_s: float) -> bool:
-        """Take what input there is, waiting for it at most so long; whether some came."""
+        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
         return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s

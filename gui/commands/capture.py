@@ -24,7 +24,7 @@ THIS, NEW = "this-flight", "new"
 
 
 def _what(console: Console, what: str) -> str:
-    """What `flyaround capture` is given: a name, a file, or this flight's scenario written as one."""
+    """Return the argument of `flyaround capture`: a name, a file, or this flight's scenario written as one."""
     if what != THIS:
         return what
     scenario = console.session.plan.scenario

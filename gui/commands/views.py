@@ -1,4 +1,4 @@
-"""Commands of maps and further pictures: what of the world they show."""
+"""Commands of maps and further pictures: their place and scale."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ COMMANDS = (
     Command(
         "map.zoom",
         "Map: zoom",
-        "the LVLH map so many times as large",
+        "enlarge the LVLH map by a factor",
         _zoom,
         arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),),
     ),

@@ -127,7 +127,7 @@ class Estimates:
 
     @property
     def state(self) -> State:
-        """What it is at."""
+        """State of the estimator."""
         if not self.on:
             return "off"
         if self._under_way is not None:
@@ -147,7 +147,7 @@ class Estimates:
         return (len(last) - 1) / span if span > 0 else 0.0
 
     def take_troubles(self) -> list[str]:
-        """What went wrong since the last call, each in one sentence."""
+        """Return the failures since the last call, a sentence each."""
         troubles, self._troubles = self._troubles, []
         return troubles
 

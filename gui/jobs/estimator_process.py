@@ -48,7 +48,7 @@ class EstimateRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What the process says of a picture; ``stages`` holds a JPEG file of each stage by name."""
+    """The estimate of a picture; ``stages`` holds a JPEG file of each stage by name."""
 
     accepted: bool
     reason: str
@@ -62,7 +62,7 @@ class Answer:
 
 
 class EstimatesByProcess:
-    """What the process holds: a few estimators, made when a method, a camera or a craft is first asked for."""
+    """Estimators of the process, made when a method, a camera or a craft is first requested."""
 
     info = "ready"
 

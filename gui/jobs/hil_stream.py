@@ -75,7 +75,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
         pass
     except UserError as error:
         ends.append(Failed(str(error)))
-    except Exception as error:  # noqa: BLE001 - the console is told, whatever it was
+    except Exception as error:  # noqa: BLE001 - every failure is reported to the console
         ends.append(Failed(f"the session failed ({type(error).__name__}: {error})"))
     with contextlib.suppress(OSError, KeyboardInterrupt):
         for end in ends:
@@ -132,7 +132,7 @@ def _handed(ready: deque[Frame]) -> Iterator[Frame]:
 
 
 class _ToConsole(logging.Handler):
-    """What the link logs goes to the operator."""
+    """A logging handler that sends records to the operator."""
 
     def __init__(self, pipe: Connection) -> None:
         super().__init__(logging.INFO)

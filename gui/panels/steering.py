@@ -82,7 +82,7 @@ class SteeringPanel(Panel):
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
-        """Three numbers and two ways to read them: a place, or a way from here."""
+        """Draw three numbers with two ways to use them: as a point, or as a way from here."""
         w, imgui = self._w, self._w.imgui
         w.section("Fly to a point")
         imgui.set_next_item_width(w.width)
@@ -105,7 +105,7 @@ class SteeringPanel(Panel):
         )
 
     def _burns(self, console: Console) -> None:
-        """A row for each planned burn, whose numbers can be typed, and one for a new one."""
+        """Draw a table of the planned burns, whose numbers can be typed, and a button for a new one."""
         w, session = self._w, console.session
         w.section("Planned burns")
         burns = session.craft.steering.burns.burns

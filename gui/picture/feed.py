@@ -49,7 +49,7 @@ class PictureFailedError(Exception):
 
 
 class FramesOnRequest(Protocol):
-    """What the feed needs of a frame producer. Its methods may raise `JobsLostError` and `PictureFailedError`."""
+    """A frame producer as the feed uses it. Its methods may raise `JobsLostError` and `PictureFailedError`."""
 
     def submit(self, request: FrameRequest) -> bool:
         """Ask for a frame; False when enough are under way."""
@@ -72,13 +72,13 @@ class Picture:
 def chaser_scene(
     session: FlightSession, settings: ViewSettings, divisor: int, quality: Quality | None
 ) -> SceneState:
-    """What the chaser's camera sees now, as the operator wants it drawn."""
+    """Return the scene of the chaser's camera now, with the operator's settings."""
     return apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureKind:
-    """What a feed asks for.
+    """The kind of pictures that a feed requests.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class Feed:
 
     @property
     def saving(self) -> bool:
-        """Whether a picture to be saved is on its way."""
+        """True while a picture to be saved is under way."""
         return self._save_wanted or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
@@ -160,12 +160,12 @@ class Feed:
 
     @property
     def waiting(self) -> bool:
-        """Whether a picture of it is under way."""
+        """True while a picture is under way."""
         return bool(self._waiting)
 
     @property
     def looked_at(self) -> bool:
-        """Whether its view is on the screen."""
+        """True while its view is on the screen."""
         return self._clock() - self._seen_s < SEEN_S
 
     @property
@@ -342,7 +342,7 @@ def _made(make: Callable[[], SceneState]) -> SceneState:
 
 
 def last_line(error: Exception) -> str:
-    """What an error says; of one with a traceback of another process its last line."""
+    """Return the last line of an error's message."""
     return (str(error).strip() or type(error).__name__).splitlines()[-1]
 
 

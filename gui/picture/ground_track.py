@@ -1,4 +1,4 @@
-"""Where the target flies over the ground: the last orbit and the next, what of it lies in shadow, when shadow comes."""
+"""Ground track of the last orbit and the next, with eclipses."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
 
 
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
-    """When shadow next begins and ends, from now."""
+    """Return the times from now at which the next shadow begins and ends."""
     times = np.linspace(0.0, span_s, int(AHEAD * 150))
     lit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
     found: dict[bool, float | None] = {False: None, True: None}

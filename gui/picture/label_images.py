@@ -30,7 +30,7 @@ DIMMED = 0.35
 """What is left of the picture under parts and keypoints."""
 
 CLOSE_UP_MARGIN = 1.5
-"""A close-up is so many times as large as the target in it."""
+"""Size of a close-up over that of the target in it."""
 CLOSE_UP_LEAST_PX = 48
 
 PART_COLOURS: dict[PartClass, Rgba] = {

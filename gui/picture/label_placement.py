@@ -26,7 +26,7 @@ _DIRECTIONS = np.array([(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0,
 
 @dataclass(frozen=True)
 class PlacedLabel:
-    """Where a name goes.
+    """The place of a name.
 
     Parameters
     ----------

@@ -119,7 +119,7 @@ class ChaserMarks:
 def chaser_marks(
     scene: SceneState, world: WorldState, chaser: Camera, frame: Lvlh, trail_lvlh_m: FloatArray
 ) -> ChaserMarks:
-    """Where the chaser is in the free camera's picture.
+    """Return the marks of the chaser in the free camera's picture.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ OUT_OF_PLANE = Plane("out of plane", 1, 2, "cross-track")
 
 @dataclass
 class MapLook:
-    """What of the surroundings the map shows.
+    """Centre and scale of the map.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class MapPort:
         return vec3(p)
 
     def inside(self, x: float, y: float) -> bool:
-        """Whether a point of the screen lies in it."""
+        """Return True if a point of the screen lies in it."""
         left, top, w, h = self.rect
         return left <= x < left + w and top <= y < top + h
 

@@ -79,7 +79,7 @@ class SensorTerm:
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
-    """How often each level is in a picture.
+    """Histogram of a picture's levels.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the truth overlay shows, in picture pixels: keypoints and how they are seen, box, axes, wireframe."""
+"""The truth overlay in picture pixels: keypoints and their visibility, box, axes, wireframe."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ class Turns:
             self._under_way.popleft().inbox.append(PictureFailedError(last_line(error)))
 
     def _lose(self, error: JobsLostError) -> None:
-        """Every view is told: what it had asked for will not come."""
+        """Report to every view that its requests are lost."""
         self._under_way.clear()
         for channel in self._channels:
             channel.lost = error
@@ -134,7 +134,7 @@ class Channel:
         self.used += ms / self._share
 
     def wants(self, now_s: float) -> bool:
-        """Whether it waits for its turn."""
+        """Return True while it waits for its turn."""
         return self.asked_s is not None and now_s - self.asked_s < WANTS_S
 
     def submit(self, request: FrameRequest) -> bool:

@@ -1,4 +1,4 @@
-"""How the operator wants the view drawn: exposure, layers, bands, detail; applied to a scene."""
+"""The operator's settings of the view: exposure, layers, bands, detail; applied to a scene."""
 
 from __future__ import annotations
 

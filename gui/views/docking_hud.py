@@ -198,7 +198,7 @@ class DockingHud:
         self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
 
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
-        """What flies, and what the operator is waited for: where the view's other letters leave room."""
+        """Write what flies and what the operator must decide, where other letters leave room."""
         text, colour = status(console)
         if console.session.craft.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE

@@ -41,7 +41,7 @@ AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is
 
 
 class EarthMap(Panel):
-    """Where the target is over the ground; the orbit behind and before it; when shadow begins and ends."""
+    """Ground track of the last orbit and the next; begin and end of shadow."""
 
     name, title, place, shown = "earth-map", "Earth map", "bottom", False
     bare = True

@@ -110,7 +110,7 @@ class _LabelView(Panel):
     def _split(
         self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
     ) -> tuple[Place, Place]:
-        """Where the picture goes and where its legend: at the right, or below where the view is narrow."""
+        """Return the places of the picture and its legend: at the right, or below in a narrow view."""
         x, y, w, h = place
         width = self._legend_width(canvas, names)
         if h < (w if w > 2.4 * width else 0.6 * w):

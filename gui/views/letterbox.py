@@ -1,4 +1,4 @@
-"""Where a picture lies on the screen: as large as fits, its shape kept."""
+"""Place of a picture on the screen: as large as fits, its shape kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Letterbox:
-    """Where a picture lies on the screen.
+    """Place of a picture on the screen.
 
     Parameters
     ----------
