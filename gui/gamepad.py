@@ -90,7 +90,7 @@ def sticks(
 
 
 def share(axis: float) -> float:
-    """An axis without its dead middle, in even steps from -1 to 1."""
+    """Return an axis without its dead middle, in even steps from -1 to 1."""
     size = min(max((abs(axis) - DEAD) / (1 - DEAD), 0.0), 1.0)
     stepped = round(round(size / GRAIN) * GRAIN, 2)
     return stepped if axis > 0 or stepped == 0.0 else -stepped

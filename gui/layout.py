@@ -73,7 +73,7 @@ def layout_file() -> Path:
 
 
 def read_layout(path: Path) -> SavedLayout:
-    """The kept layout, or the first one where there is none that is whole."""
+    """Return the kept layout, or a new one if there is none or it is damaged."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
@@ -92,7 +92,7 @@ def read_layout(path: Path) -> SavedLayout:
 
 
 def panel_commands() -> tuple[Command, ...]:
-    """A command for each panel that opens and closes it, and one for each layout."""
+    """Return a command for each panel that opens and closes it, and one for each layout."""
 
     def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
@@ -190,7 +190,7 @@ class Layout:
             log.warning("the console's layout could not be kept in %s: %s", path, error)
 
     def draw(self, console: Console) -> None:
-        """Everything, into the current frame."""
+        """Draw menus, strips and panels into the current frame."""
         imgui = self._window.imgui
         self._close_menus()
         if imgui.begin_main_menu_bar():
@@ -223,7 +223,7 @@ class Layout:
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """The transport strip, above the status line, and above it the jobs, if there are any."""
+        """Draw the transport strip above the status line, and the jobs above it, if there are any."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
         height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
@@ -323,7 +323,7 @@ class Layout:
             console.do("window.enlarge")
 
     def _dock_of(self, panel: Panel) -> int:
-        """The dock of an open panel of the same place; the middle otherwise."""
+        """Return the dock of an open panel of the same place; the middle otherwise."""
         internal = self._window.imgui.internal
         for other in self.panels:
             if other is panel or other.place != panel.place or not self._was_shown.get(other.name):

@@ -54,7 +54,7 @@ class ScenarioDraft:
         self.name = Path(name_or_path).stem
 
     def check(self) -> Scenario:
-        """The scenario that the text is.
+        """Return the scenario of the text.
 
         Raises
         ------

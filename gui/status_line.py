@@ -57,7 +57,7 @@ class StatusLine:
         imgui.end()
 
     def _master_caution(self, console: Console) -> None:
-        """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
+        """Draw the light of unacknowledged cautions; it blinks until a click or F9."""
         imgui, w = self._w.window.imgui, self._w
         waiting = console.waiting
         warning = any(m.level == "warning" for m in waiting)

@@ -53,7 +53,7 @@ def luminance(rgba: Rgba) -> float:
 
 
 def over(front: Rgba, back: Rgba) -> Rgba:
-    """A colour laid over an opaque one."""
+    """Blend a colour over an opaque one."""
     a = front[3]
     r, g, b = (a * f + (1 - a) * k for f, k in zip(front[:3], back[:3], strict=True))
     return (r, g, b, 1.0)

@@ -29,7 +29,7 @@ SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 
 
 def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
-    """The modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
+    """Return the modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
 
     Parameters
     ----------
@@ -146,15 +146,15 @@ class Surface(ABC):
         """Take the input, waiting for it at most ``longest_s``; return True if some came."""
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
-        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""
         return None
 
     def take_dropped(self) -> list[str]:
-        """Files that were dropped on the window since the last question."""
+        """Return the files dropped on the window since the last call."""
         return []
 
     def toggle_full_screen(self) -> None:  # noqa: B027 - nothing to do where there is no monitor
-        """The whole monitor, or back to the window that was."""
+        """Fill the whole monitor, or return to the window."""
 
     # --- one turn of the loop
 
@@ -202,7 +202,7 @@ class Surface(ABC):
         *,
         size: tuple[float, float] | None = None,
     ) -> Any:  # noqa: ANN401 - an imgui handle
-        """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
+        """Return the picture as a texture for ``imgui.image``, uploaded if ``key`` is new.
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class Surface(ABC):
         return texture
 
     def _read_pixels(self) -> ByteArray:
-        """(H, W, 3) what was drawn, top row first."""
+        """Return (H, W, 3) what was drawn, top row first."""
         width, height = self.framebuffer_size
         data = self._target.read(viewport=(0, 0, width, height), components=3, alignment=1)
         return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1])

@@ -78,7 +78,7 @@ class TransportStrip:
             console.do("time.rate", f"{RATES[wanted]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
-        """A slider over all that was flown, with marks of bookmarks and of where another future was left."""
+        """Draw a slider over the flight, with marks of bookmarks, burns and where another future was left."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(width)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format

@@ -136,7 +136,7 @@ class Window(Surface):
         return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
-        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""
         glfw = self._glfw
         for k in range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1):
             if not (glfw.joystick_present(k) and glfw.joystick_is_gamepad(k)):
@@ -153,12 +153,12 @@ class Window(Surface):
         return None
 
     def take_dropped(self) -> list[str]:
-        """Files that were dropped on the window since the last question."""
+        """Return the files dropped on the window since the last call."""
         dropped, self._dropped = self._dropped[:MOST_DROPPED], []
         return dropped
 
     def toggle_full_screen(self) -> None:
-        """The whole monitor, or back to the window that was."""
+        """Fill the whole monitor, or return to the window."""
         glfw = self._glfw
         if self._windowed is not None:
             x, y, width, height = self._windowed

@@ -20,7 +20,7 @@ def script_header(console: Console) -> tuple[str]:
 
 
 def script_of(console: Console) -> str:
-    """The log as a script, with what it was made of."""
+    """Return the log as a script, with what it was made of."""
     return console.log.text(script_header(console))
 
 

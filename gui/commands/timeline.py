@@ -134,7 +134,7 @@ def _hil(console: Console) -> None:
 
 
 def clock(t_s: float) -> str:
-    """Simulated time for people."""
+    """Return simulated time for people."""
     minutes, seconds = divmod(round(max(t_s, 0.0), 1), 60.0)
     hours, minutes = divmod(int(minutes), 60)
     return f"T+{hours:02d}:{minutes:02d}:{seconds:04.1f}"

@@ -173,7 +173,7 @@ class CaptureJob:
 
 
 def pictures_in(folder: Path) -> list[str]:
-    """Names of the pictures that are written, in order; of a recipe of several data sets those of all."""
+    """Return the names of the written pictures, in order; of a recipe of several data sets those of all."""
     places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
     names = []
     for place in places:
@@ -201,7 +201,7 @@ def _folders(folder: Path) -> list[Path]:
 
 
 def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
-    """Small pictures of these; one that cannot be read is left out."""
+    """Return small pictures of these files; unreadable ones are left out."""
     made = []
     for name in names:
         try:
@@ -250,7 +250,7 @@ def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
 
 
 def _summary(text: str, done: int) -> str:
-    """Frames written, and how many of them were put aside."""
+    """Return how many frames were written, and how many were put aside."""
     try:
         report = json.loads(text)
         reports = report.get("members", {"": report}).values()

@@ -265,7 +265,7 @@ class Estimates:
 
 
 def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:
-    """An answer beside the truth of its picture."""
+    """Return an estimate beside the truth of its picture."""
     scene = picture.frame.scene
     q, t = answer.q_camera_from_target_wxyz, answer.t_camera_from_target_m
     turn = shift = None

@@ -122,7 +122,7 @@ class HilSession:
         self._send(Close("the session was stopped in the console"))
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
-        """A fault from the next picture on.
+        """Apply a fault from the next picture on.
 
         Raises
         ------
@@ -325,10 +325,10 @@ class HilSession:
         }
 
     def latencies_ms(self) -> FloatArray:
-        """(n,) from the first byte out to the pose back, of the frames that were answered [ms]."""
+        """Return (n,) times from the first byte out to the pose back, of the answered frames [ms]."""
         return np.array([r.e2e_ms for r in self.rows if r.e2e_ms is not None], float)
 
     def latency_counts(self) -> FloatArray:
-        """(40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
+        """Return (40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
         clipped = np.clip(self.latencies_ms(), BIN_EDGES_MS[0], BIN_EDGES_MS[-1])
         return np.histogram(clipped, BIN_EDGES_MS)[0].astype(float)

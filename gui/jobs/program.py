@@ -83,7 +83,7 @@ class ChildProgram:
         return _read(self._out.fileno())
 
     def last_words(self) -> str:
-        """The last line on its error stream, without the program's name."""
+        """Return the last line on its error stream, without the program's name."""
         lines = [line.strip() for line in _read(self._err.fileno()).splitlines() if line.strip()]
         return lines[-1].removeprefix("flyaround: ") if lines else ""
 
@@ -104,7 +104,7 @@ def _read(fd: int) -> str:
 
 
 def new_folder(base: Path, name: str) -> Path:
-    """A folder that is not there yet: ``base/name``, or with a number behind it."""
+    """Return a path that does not exist yet: ``base/name``, or with a number appended."""
     for k in range(1, 100_000):
         path = base / (name if k == 1 else f"{name}-{k}")
         if not path.exists():

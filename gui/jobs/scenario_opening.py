@@ -42,7 +42,7 @@ class ScenarioOpener:
         self._pending = self._pool.submit(_open, scenario)
 
     def take(self) -> FlightSession | None:
-        """The flight that was opened, once.
+        """Return the flight that was opened, once.
 
         Raises
         ------

@@ -61,7 +61,7 @@ class WorldPanel(Panel):
 
 
 def exposure_text(seconds: float) -> str:
-    """An exposure in the unit that gives two or three digits."""
+    """Return an exposure in the unit that gives two or three digits."""
     unit, factor = next(
         ((u, f) for u, f in (("us", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
     )

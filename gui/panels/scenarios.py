@@ -100,7 +100,7 @@ class ScenarioChooser(Panel):
 
 
 def _card(name: str) -> tuple[str, ByteArray]:
-    """A scenario's title and its picture; a grey one where none was made."""
+    """Return a scenario's title and picture; a grey one if there is none."""
     scenario = load_scenario(name)
     place = files("flyaround.assets").joinpath("scenarios", f"{name}.jpg")
     picture = (

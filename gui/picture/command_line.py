@@ -27,7 +27,7 @@ class CommandLines:
 
 
 def command_lines(session: FlightSession, options: Options, source: str, saved: str = "") -> CommandLines:
-    """Command lines of a flight and its view.
+    """Return command lines of a flight and its view.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ class FramesOnRequest(Protocol):
         """Ask for a frame; False when enough are under way."""
 
     def finished(self) -> Iterable[Frame]:
-        """The frames finished since the last call, in the order they were asked for."""
+        """Return the frames finished since the last call, in the order they were asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,7 +334,7 @@ class Feed:
 
 
 def _made(make: Callable[[], SceneState]) -> SceneState:
-    """A scene; one that cannot be made is a picture that failed."""
+    """Return the scene; raise `PictureFailedError` if it cannot be made."""
     try:
         return make()
     except (UserError, ValueError, ArithmeticError) as error:

@@ -20,7 +20,7 @@ CAMERA_SHARE = 2.0
 
 
 def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
-    """A feed for each kind of further view, by name; one is updated only while it is looked at.
+    """Return a feed for each kind of further view, by name; one is updated only while it is looked at.
 
     Parameters
     ----------

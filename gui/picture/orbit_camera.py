@@ -41,7 +41,7 @@ class OrbitCamera:
     size_px: tuple[int, int] = (480, 304)
 
     def place(self, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
-        """Be there; what is out of reach is brought back."""
+        """Move to a place; angles and distance are clipped to their bounds."""
         self.azimuth_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
         self.elevation_deg = min(max(elevation_deg, -STEEPEST_DEG), STEEPEST_DEG)
         self.distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)

@@ -44,7 +44,7 @@ class Turns:
         self._drawn = False
 
     def channel(self, share: float = 1.0) -> Channel:
-        """A place for one more view.
+        """Return a channel for one more view.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Channel:
         return self._turns.submit(self, request)
 
     def finished(self) -> Iterable[Frame]:
-        """Its frames finished since the last call, in the order they were asked for.
+        """Return its frames finished since the last call, in the order they were asked for.
 
         Raises
         ------

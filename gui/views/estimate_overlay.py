@@ -58,7 +58,7 @@ class EstimateOverlay:
         return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
     def _place(self, canvas: Canvas, box: Letterbox, text: str) -> tuple[float, float]:
-        """Under the wireframe, inside the picture; in the middle below where there is none."""
+        """Return a place under the wireframe inside the picture, or in its lower middle without one."""
         width = canvas.size(text)[0]
         ends = [box.at(p) for line in self._lines for p in line]
         if ends:

@@ -82,7 +82,7 @@ class _LabelView(Panel):
         """Show what was made last."""
 
     def _image(self, canvas: Canvas, place: Place, image: ByteArray) -> Letterbox:
-        """The part of the picture about the target; what the whole picture's pixels have on the screen."""
+        """Draw the part of the picture about the target; return the whole picture's place."""
         rows, columns = self._part
         part = image[rows, columns]
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
@@ -97,7 +97,7 @@ class _LabelView(Panel):
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
     def _legend(self, canvas: Canvas, place: Place, rows: Sequence[tuple[str, style.Rgba]]) -> None:
-        """Names with their colours, in the place for them."""
+        """Draw names with their colours, in the place for them."""
         x, y, _, h = place
         line = canvas.line
         left, top = x + 10, y + 6

@@ -118,7 +118,7 @@ class LvlhMap(Panel):
             self._drift_t_s = session.t_s
 
     def _extent(self, session: FlightSession, flown: FloatArray) -> FloatArray:
-        """Everything that a fitted map holds: the drift only as far as the rest is wide."""
+        """Return the points that a fitted map holds: the drift only as far as the rest is wide."""
         points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
@@ -273,7 +273,7 @@ class LvlhMap(Panel):
 
 
 def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
-    """(n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
+    """Return (n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
     scenario = session.plan.scenario
     times = [b.start_s for b in scenario.burns if b.craft == "chaser" and b.start_s <= scenario.duration_s]
     places = [session.flight.state(t).position_lvlh_m for t in times if t <= session.flight.duration_s]
@@ -291,6 +291,6 @@ def zoomed(port: MapPort, look: MapLook, mouse: Point, factor: float) -> tuple[V
 
 
 def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
-    """The map's place by its command, in whole centimetres."""
+    """Do the command of the map's place, in whole centimetres."""
     radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
     console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))

@@ -88,7 +88,7 @@ class OrbitCameraView(Panel):
         return self._marks
 
     def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """A mark where the target would be smaller than a letter."""
+        """Draw a mark where the target would be smaller than a letter."""
         scene = picture.frame.scene
         x, y, z = scene.t_camera_from_target_m
         if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
@@ -108,7 +108,7 @@ class OrbitCameraView(Panel):
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
-        """About what, and back to the first place, in the lower left corner."""
+        """Draw about what, and back to the first place, in the lower left corner."""
         imgui, look = self._imgui, console.options.orbit
         height = imgui.get_frame_height()
         if place[3] < 5 * height:

@@ -79,7 +79,7 @@ class TruthMarks:
             self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
 
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
-        """The principal point, and a ring every five degrees of field angle."""
+        """Draw the principal point, and a ring every five degrees of field angle."""
         canvas = Canvas(self._window)
         camera = picture.frame.scene.camera
         cx, cy = box.at((camera.cx_px, camera.cy_px))
@@ -109,7 +109,7 @@ class TruthMarks:
     def _names(
         self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
     ) -> None:
-        """Names of what is seen, none over another or over a letter of axes or rings."""
+        """Draw names of what is seen, none over another or over a letter of axes or rings."""
         named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
