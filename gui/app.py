@@ -16,7 +16,6 @@ from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
-from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
@@ -29,6 +28,7 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
 from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario

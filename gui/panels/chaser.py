@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.picture.telemetry import FIGURES
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import style
-from flyaround.gui.picture.telemetry import FIGURES
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.widgets import DRAGGED, Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.picture.telemetry import Telemetry
     from flyaround.gui.surface import Surface
+    from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
 """Pictures whose figures are kept: minutes of a fast window."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.picture.telemetry import Telemetry, telemetry_of
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.piloting.telemetry import Telemetry, telemetry_of
 from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ MEMORY_S = 15.0
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
 """Before a picture that failed is asked for again."""
-STALE_S = 2.0
+STALE_S, LEAST_SPAN_S = 2.0, 0.5
 """A picture that is replaced no sooner is shown as an old one."""
 SEEN_S = 0.5
 """A view that has not been drawn for so long is not looked at, and gets no pictures."""
@@ -219,8 +219,10 @@ class Feed:
     @property
     def frames_s(self) -> float:
         """Pictures a second."""
-        span_s = self._ends_s[-1] - self._ends_s[0] if len(self._ends_s) > 1 and not self.late_s else 0.0
-        return (len(self._ends_s) - 1) / span_s if span_s > 0 else 0.0
+        if len(self._ends_s) < 2 or self.late_s:
+            return 0.0
+        # two that come together are no rate yet
+        return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
     def take_trouble(self) -> str | None:
         """Why pictures were lost or failed since the last call, if some were."""

@@ -10,8 +10,8 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
-from flyaround.gui.picture.telemetry import FIGURES
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox

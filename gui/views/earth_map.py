@@ -11,7 +11,9 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
-from flyaround.gui.picture.ground_track import (
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -19,8 +21,6 @@ from flyaround.gui.picture.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.gui.views.letterbox import Letterbox
-from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
