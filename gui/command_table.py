@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 import shlex
+import tomllib
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
 from flyaround.simulator.errors import UserError
@@ -202,32 +205,55 @@ class Command:
         return self.read([word_of(v) for v in values])
 
 
+def command(
+    name: str,
+    run: Callable[..., object],
+    keys: tuple[str, ...] = (),
+    arguments: tuple[Argument, ...] = (),
+    *,
+    state: Callable[[Any], bool] | None = None,
+    flies: bool = False,
+    title: str = "",
+    about: str = "",
+) -> Command:
+    """Return a command with its title and help from the texts, unless they are given."""
+    text = (title, about) if title else _texts()[name]
+    return Command(name, *text, run, keys, arguments, state=state, flies=flies)
+
+
 def switch(
     name: str,
-    title: str,
-    about: str,
     run: Callable[..., object],
     state: Callable[[Any], bool],
     keys: tuple[str, ...] = (),
-    *,
-    flies: bool = False,
+    **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches something on and off; ``state`` is True while it is on."""
-    return Command(name, title, about, run, keys, (STATE,), state=state, flies=flies)
+    return command(name, run, keys, (STATE,), state=state, **options)
 
 
 def setting(
-    name: str, title: str, about: str, holder: Callable[[Any], object], field: str, keys: tuple[str, ...] = ()
+    name: str,
+    holder: Callable[[Any], object],
+    field: str,
+    keys: tuple[str, ...] = (),
+    **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
     """Return a command that switches a field of an object of the console, which ``holder`` finds."""
     return switch(
         name,
-        title,
-        about,
         lambda console, on: setattr(holder(console), field, on),
         lambda console: bool(getattr(holder(console), field)),
         keys,
+        **options,
     )
+
+
+@cache
+def _texts() -> dict[str, tuple[str, str]]:
+    """Return title and help of each command by its name."""
+    text = files("flyaround.gui").joinpath("command_texts.toml").read_text("utf-8")
+    return {name: (title, about) for name, (title, about) in tomllib.loads(text).items()}
 
 
 class CommandTable:

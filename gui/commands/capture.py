@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command, word
+from flyaround.gui.command_table import Argument, command, word
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.program import new_folder
 from flyaround.simulator.errors import UserError
@@ -67,10 +67,8 @@ def _resume(console: Console) -> None:
 
 
 COMMANDS = (
-    Command(
+    command(
         "capture.start",
-        "Capture",
-        "a labelled data set of a scenario or recipe, drawn beside the flight",
         _start,
         arguments=(
             Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
@@ -80,6 +78,6 @@ COMMANDS = (
             Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
         ),
     ),
-    Command("capture.stop", "Stop capture", "end it; what is written stays, and can be gone on with", _stop),
-    Command("capture.resume", "Go on with capture", "go on with the last capture where it ended", _resume),
+    command("capture.stop", _stop),
+    command("capture.resume", _resume),
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.gui.command_table import Command, number, setting, switch, word
+from flyaround.gui.command_table import command, number, setting, switch, word
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.imaging.metering import wanted_exposure_s
@@ -69,68 +69,36 @@ COMMANDS = (
     *(
         setting(
             f"overlay.{name}",
-            title,
-            f"draw over the view: {title.lower()}",
             lambda console: console.options.overlays,
             name,
             (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
+            title=title,
+            about=f"draw over the view: {title.lower()}",
         )
         for name, title in OVERLAYS
     ),
-    Command(
-        "picture.save",
-        "Save picture and truth",
-        "PNG and JSON into out/console",
-        lambda console: console.feed.ask_to_save(),
-        ("p", "f12"),
-    ),
-    Command(
+    command("picture.save", lambda console: console.feed.ask_to_save(), ("p", "f12")),
+    command(
         "picture.exposure",
-        "Exposure",
-        "added to the scenario's exposure, in powers of two",
         lambda console, stops: setattr(console.options.settings, "exposure_stops", stops),
         arguments=(STOPS,),
     ),
-    Command(
-        "picture.meter", "Expose by the meter", "the exposure that suits what the camera sees now", _meter
-    ),
-    Command(
-        "picture.detail",
-        "Detail",
-        "resolution while time runs; a paused picture is always whole",
-        _detail,
-        arguments=(word("detail", "how fine", DETAILS),),
-    ),
-    switch(
-        "picture.colour",
-        "Colour",
-        "three bands or one",
-        _colour,
-        lambda console: bool(console.options.settings.bands == "rgb"),
-    ),
-    setting(
-        "picture.noise", "Noise", "the sensor's noise", lambda console: console.options.settings, "noise"
-    ),
+    command("picture.meter", _meter),
+    command("picture.detail", _detail, arguments=(word("detail", "how fine", DETAILS),)),
+    switch("picture.colour", _colour, lambda console: bool(console.options.settings.bands == "rgb")),
+    setting("picture.noise", lambda console: console.options.settings, "noise"),
     *(
         switch(
             f"world.{name.replace('_', '-')}",
-            title,
-            f"draw or leave out: {title.lower()}",
             partial(_layer, name),
             partial(_layer_is_on, name),
+            title=title,
+            about=f"draw or leave out: {title.lower()}",
         )
         for name, title in LAYERS
     ),
-    Command(
-        "window.panels", "Side panels", "the panels beside the view, or the view alone", _panels, ("tab",)
-    ),
-    Command("window.full-screen", "Full screen", "full screen", partial(_request, "full_screen"), ("f11",)),
-    Command(
-        "window.acknowledge",
-        "Acknowledge",
-        "cautions and warnings were seen",
-        lambda console: console.acknowledge(),
-        ("f9",),
-    ),
-    Command("window.close", "Quit", "close the console", partial(_request, "close"), ("ctrl+q",)),
+    command("window.panels", _panels, ("tab",)),
+    command("window.full-screen", partial(_request, "full_screen"), ("f11",)),
+    command("window.acknowledge", lambda console: console.acknowledge(), ("f9",)),
+    command("window.close", partial(_request, "close"), ("ctrl+q",)),
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Command, number, word
+from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.program import new_folder
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import FlownRecord
@@ -79,37 +79,9 @@ SECONDS = number(
 )
 
 COMMANDS = (
-    Command(
-        "hil.start",
-        "Start session",
-        "send this flight's pictures to a board that connects, each when the last one is answered",
-        _start,
-        arguments=(URL,),
-    ),
-    Command(
-        "hil.stop",
-        "End session",
-        "say goodbye to the board, and close the ledger",
-        lambda console: console.jobs.hil.stop(),
-    ),
-    Command(
-        "hil.board",
-        "Start board here",
-        "a board's process on this machine that connects to the session",
-        _board,
-        arguments=(METHOD,),
-    ),
-    Command(
-        "hil.board-stop",
-        "Stop board here",
-        "end the board's process of this machine",
-        lambda console: console.jobs.hil.stop_board(),
-    ),
-    Command(
-        "hil.fault",
-        "Fault",
-        "a fault of the camera or the line from the next picture on",
-        _fault,
-        arguments=(word("kind", "which one", tuple(FAULTS)), SECONDS),
-    ),
+    command("hil.start", _start, arguments=(URL,)),
+    command("hil.stop", lambda console: console.jobs.hil.stop()),
+    command("hil.board", _board, arguments=(METHOD,)),
+    command("hil.board-stop", lambda console: console.jobs.hil.stop_board()),
+    command("hil.fault", _fault, arguments=(word("kind", "which one", tuple(FAULTS)), SECONDS)),
 )
