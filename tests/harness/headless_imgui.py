@@ -23,7 +23,7 @@ CONTROLS = frozenset(
             "slider_int",
         ),
         *("input_text", "input_text_with_hint", "input_text_multiline", "input_int", "input_double"),
-        *("progress_bar", "image", "end_plot"),
+        *("input_float3", "progress_bar", "image", "end_plot", "menu_item_simple"),
     }
 )
 TEXTS = frozenset({"text_unformatted"})
@@ -58,7 +58,7 @@ class NotedModule:
 
         def call(*arguments: Any) -> Any:
             label = str(arguments[0]) if arguments and name not in {"progress_bar", "image"} else name
-            label = ICON.sub("", label)
+            label = ICON.sub("", label.lstrip() if name in CONTROLS else label)
             given = found(*arguments)
             if hasattr(self._module, "get_item_rect_min"):
                 low, high = self._module.get_item_rect_min(), self._module.get_item_rect_max()
