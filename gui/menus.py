@@ -6,7 +6,7 @@ from fnmatch import fnmatchcase
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flyaround.gui.icons import ICONS
+from flyaround.gui.icons import ICONS, labelled
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 Entries = tuple[tuple[str, tuple[str, ...]], ...]
 """Titles of submenus with names of commands, which may end in ``*`` for those that no other entry has; entries of the
 menu itself have an empty title."""
+NO_ICON = " " * 6
+"""As wide as an icon, so that titles stand in one column."""
 TEXT = """
 File
   panel.scenarios
@@ -101,7 +103,7 @@ class MenuBar:
             if not self._imgui.begin_menu(menu):
                 continue
             for title, names in entries:
-                if title and not self._imgui.begin_menu(title):
+                if title and not self._imgui.begin_menu(f"{NO_ICON}{title}"):
                     continue
                 for name in (n for entry in names for n in commands_of(console.table, entry)):
                     self._item(console, name)
@@ -112,7 +114,7 @@ class MenuBar:
     def _item(self, console: Console, name: str) -> None:
         command = console.table[name]
         on = command.state is not None and command.state(console)
-        label = f"{ICONS.get(name, ' ' * 4)}  {command.title}###{name}"
-        if self._imgui.menu_item_simple(label, command.shown, on):
+        label = labelled(name, command.title) if name in ICONS else f"{NO_ICON}{command.title}"
+        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on):
             console.do(name)
         self._w.about(console, name)

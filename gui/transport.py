@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
+NARROW_EM = 56
+"""Width of the window in letters' heights below which the strip has fewer words."""
 GUARD_MS = 3000
 """Time for which the abort button's open guard waits for the second click, in milliseconds."""
 
@@ -44,11 +46,13 @@ class TransportStrip:
         imgui.same_line()
         w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
-        self._rate(console, 7 * em)
+        # a narrow window leaves the slider over the flight the room of words
+        narrow = imgui.get_window_width() < NARROW_EM * em
+        self._rate(console, (5 if narrow else 7) * em)
         imgui.same_line()
         timeline = session.look_back.timeline
         end_s = max(timeline.end_s, session.t_s, 0.1)
-        text = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
+        text = clock(session.t_s) + ("" if narrow else f" of {clock(end_s)[2:]}")
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip(
@@ -56,9 +60,8 @@ class TransportStrip:
         )
         imgui.same_line()
         right = 17 * em
-        if w.width > right + 6 * em:
-            self.scrubber(console, timeline, end_s, w.width - right)
-            imgui.same_line()
+        self.scrubber(console, timeline, end_s, max(w.width - right, em))
+        imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
         on = console.hand.armed
         look = ("HAND ON", "hand-on") if on else ("HAND OFF", "hand-off")
@@ -99,17 +102,14 @@ class TransportStrip:
 
     def _abort(self, console: Console, width: float) -> None:
         """Abort by two clicks: the first opens the guard for three seconds. The key needs one."""
-        imgui, w = self._w.imgui, self._w
+        w = self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         fill = style.BAD if opened else style.GUARDED
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*fill))
-        w.coloured(style.GROUND if opened else style.INK)
         label = labelled("docking.abort", "ABORT NOW" if opened else "ABORT")
-        if imgui.button(f"{label}##abort", w.vec(width, 0)):
+        if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        imgui.pop_style_color(2)
         w.tip(
             f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"
         )

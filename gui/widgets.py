@@ -172,21 +172,29 @@ class Widgets:
         label : instead of the command's title. width : 0 for that of the label, -1 for the rest of the line.
         on : lit. icon : of another command or state. fill : colour; that of a primary action if the command is one.
         """
-        imgui = self.imgui
-        fill = fill or (style.PRIMARY if name in PRIMARY else None)
-        if fill or on:
-            colour = fill or (*style.ACCENT[:3], 0.45)
-            imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*colour))
-            # letters are dark on a bright fill
-            self.coloured(style.GROUND if style.luminance(colour) > 0.2 and not on else style.INK)
+        fill = fill or (style.PRIMARY if name in PRIMARY else (*style.ACCENT[:3], 0.45) if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
         # numbers change while a button is down, which must not make it another one
         words = " ".join(a for a in arguments if isinstance(a, str))
-        if imgui.button(f"{text}###{name} {label} {words}", imgui.ImVec2(width, 0)):
+        if self.filled_button(f"{text}###{name} {label} {words}", width, fill):
             console.do(name, *arguments)
-        if fill or on:
-            imgui.pop_style_color(2)
         self.about(console, name, *arguments)
+
+    def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
+        """Draw a button of a colour, also under the pointer; return True if it was clicked."""
+        imgui = self.imgui
+        if fill is not None:
+            # letters are dark on a bright fill
+            self.coloured(
+                style.GROUND if style.luminance(style.over(fill, style.GROUND)) > 0.2 else style.INK
+            )
+            lighter = style.over((*style.INK[:3], 0.08), style.over(fill, style.GROUND))
+            for which, colour in ((imgui.Col_.button, fill), (imgui.Col_.button_hovered, lighter)):
+                imgui.push_style_color(which, imgui.ImVec4(*colour))
+        clicked = bool(imgui.button(label, imgui.ImVec2(width, 0)))
+        if fill is not None:
+            imgui.pop_style_color(3)
+        return clicked
 
     def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
         """Draw buttons of one width, ``per_row`` in a row or fewer in a narrow panel."""

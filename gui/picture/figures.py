@@ -28,17 +28,17 @@ class Figure:
 
 FIGURES: dict[str, Figure] = {
     "Range": Figure(
-        "range [m]", "{:10.3f} m", "from the camera to the target's centre of mass", lambda r: (r.range_m,)
+        "range [m]", "{:9.3f} m", "from the camera to the target's centre of mass", lambda r: (r.range_m,)
     ),
     "Closing": Figure(
         "closing speed [m/s]",
-        "{:+10.4f} m/s",
+        "{:+9.4f} m/s",
         "how fast the range shrinks; minus: it grows",
         lambda r: (r.closing_m_s,),
     ),
     "Across": Figure(
         "speed across the line of sight [m/s]",
-        "{:10.4f} m/s",
+        "{:9.4f} m/s",
         "speed across the line of sight, in the target's LVLH frame",
         lambda r: (r.lateral_m_s,),
     ),
@@ -80,13 +80,13 @@ FIGURES: dict[str, Figure] = {
     ),
     "Phase": Figure(
         "phase angle [deg]",
-        "{:10.1f} deg",
+        "{:9.1f} deg",
         "angle Sun, target, camera: at 0 the Sun stands behind the camera",
         lambda r: (r.phase_deg,),
     ),
     "Sun": Figure(
         "share of the Sun's disc [%]",
-        "{:10.0f} %",
+        "{:9.0f} %",
         "share of the Sun's disc that the target sees past the Earth and the Moon",
         lambda r: (100.0 * r.sun_visible_fraction,),
     ),

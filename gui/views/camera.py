@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float, float]
 """x, y, width and height on the screen."""
-MARGIN, WIDEST_GAP = 12.0, 140.0
-"""Between figures and the view's edge, and at most between columns of figures, in screen units."""
+MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
+"""Between figures and the edge of the view, and between columns of figures, in screen units."""
 OLD_S = 1.0
 """A picture's age is marked beyond this, at 1x."""
 NAME = "CLOSING "
@@ -92,11 +92,13 @@ class CameraView(Panel):
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
         canvas.unclip()
+        within = (box.x, box.y, box.width, box.height)
         if beside is None:
-            self._corners(canvas, place, groups)
+            # the docking display has figures of its own at the upper edge
+            shown = ((groups[0], (), *groups[2:]) if options.overlays.docking else groups) if groups else ()
+            self._corners(canvas, within if box.width > 0.75 * place[2] else place, shown)
         else:
             self._in_columns(canvas, beside, groups)
-        within = (box.x, box.y, box.width, box.height)
         if options.overlays.times:
             self._times(canvas, within, feed, self._line * (2 if beside is None else 0))
         if picture is not self._judged_of:
@@ -128,7 +130,7 @@ class CameraView(Panel):
         self._imgui.pop_font()
         deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + 2 * MARGIN
         tall = self._line * sum(len(rows) for rows in groups) + 2 * MARGIN
-        if groups and down >= deep and sum(widths) + 4 * MARGIN <= width:
+        if groups and down >= deep and sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= width:
             top = Letterbox(box.x, y, box.width, box.height, box.scale)
             return top, (x, y + box.height, width, down)
         if groups and across >= max(widths) + 2 * MARGIN and height >= tall:
@@ -141,7 +143,7 @@ class CameraView(Panel):
         self._push()
         columns = _columns(groups)
         widths = [self._width(canvas, rows) for rows in columns]
-        below = sum(widths) + 4 * MARGIN <= place[2]
+        below = sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= place[2]
         gap = min((place[2] - sum(widths) - 2 * MARGIN) / 2, WIDEST_GAP)
         x, y = place[0] + MARGIN, place[1] + MARGIN
         for rows, width in zip(columns, widths, strict=True):
@@ -160,7 +162,7 @@ class CameraView(Panel):
         tall = height > self._line * (len(moment) + len(right) + 3)
         wide = width > 2 * column + 64
         low = y + height - MARGIN
-        if tall and wide:
+        if tall and wide and moment:
             self._write(canvas, (x + MARGIN, y + MARGIN), moment)
         self._write(canvas, (x + MARGIN, low - self._line * len(motion)), motion)
         if wide:
@@ -217,12 +219,12 @@ class CameraView(Panel):
                 row("CLOSING"),
                 row("ACROSS"),
                 Row(
-                    "RATE", f"{turning:10.3f} deg/s", style.INK, "how fast the target turns before the camera"
+                    "RATE", f"{turning:9.3f} deg/s", style.INK, "how fast the target turns before the camera"
                 ),
             ),
             (
                 *(
-                    Row(name, f"{v:+10.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
+                    Row(name, f"{v:+9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
                     for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
                 ),
                 row("PHASE"),

@@ -63,6 +63,7 @@ _reporter = _Reporter()
 def publish_progress(line: ProgressLine) -> None:
     """Write the progress of this process to a line from now on."""
     _reporter.line = line
+    line.write("the renderer")
 
 
 def watch_steps(steps: Mapping[str, Future[Any]]) -> None:

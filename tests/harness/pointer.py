@@ -9,6 +9,8 @@ from tests.harness.headless_imgui import HeadlessWindow, Noted
 
 FAR = (640.0, 500.0)
 """A place without menus."""
+STRIPS, STRIP = 90.0, ("ABORT", "ABORT NOW", "HAND OFF", "Pause", "Play")
+"""Height of the strips at the bottom of the window, and their controls."""
 
 
 class Pointer:
@@ -41,6 +43,7 @@ class Pointer:
 
         def begin_menu(label: str) -> bool:
             opened = real(label)
+            label = label.strip()
             if opened:
                 self.opened.append(label)
             else:
@@ -49,7 +52,7 @@ class Pointer:
             return bool(opened)
 
         self.window.imgui.begin_menu = begin_menu
-        for _ in range(8):
+        for _ in range(14):
             self.turn()
 
     def turn(self) -> None:
@@ -90,8 +93,21 @@ class Pointer:
         self.turn()
 
     def press(self, label: str, nth: int = 0) -> None:
-        """Click the control with this label."""
-        self.click(self.place(label, nth))
+        """Click the control with this label, which is scrolled into sight."""
+        self.click(self.sight(label, nth))
+
+    def sight(self, label: str, nth: int = 0) -> tuple[float, float]:
+        """Return the middle of a control; turn the wheel until it is in sight."""
+        low = self.window.size[1] - STRIPS
+        for _ in range(40):
+            x, y = self.place(label, nth)
+            if y < low or label in STRIP:
+                break
+            self.move((x, low - 40.0))
+            self.window.plain.get_io().add_mouse_wheel_event(0.0, -2.0)
+            self.turn()
+            self.turn()
+        return x, y
 
     def menu(self, *path: str) -> None:
         """Choose an entry of the menus; submenus open under the pointer."""
@@ -102,7 +118,7 @@ class Pointer:
                 self.turn()
         self.press(path[-1])
         self.move(FAR)
-        for _ in range(6):
+        for _ in range(14):
             self.turn()
 
     def type(self, place: tuple[float, float], text: str) -> None:

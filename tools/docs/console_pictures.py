@@ -32,13 +32,13 @@ PICTURES = {
     ),
     "console-estimator": (
         "tango-vbar-closed-loop",
-        "1 layout.estimate;1.2 picture.detail full;1.4 time.rate 0.1;2 estimator.run on;90",
+        "1 layout.estimate;1.2 picture.detail full;1.4 time.rate 0.1;2 estimator.run on;40",
     ),
     "console-board-link": (
         "tango-vbar-closed-loop",
-        "1 layout.link;1.4 time.rate 0.1;2 hil.start;3 hil.board hybrid;150",
+        "1 layout.link;1.4 time.rate 0.1;2 hil.start;3 hil.board hybrid;60",
     ),
-    "console-capture": ("tango-flyaround", "1 layout.capture;2 capture.start 40;70"),
+    "console-capture": ("tango-flyaround", "1 layout.capture;2 capture.start 40;40"),
 }
 """Scenario and script of each picture of the whole window; the picture is taken after the last line's time [s]."""
 

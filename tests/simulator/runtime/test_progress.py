@@ -23,7 +23,7 @@ def line(monkeypatch: pytest.MonkeyPatch) -> Iterator[ProgressLine]:
 
 def test_each_step_that_ends_moves_the_line_on(line: ProgressLine) -> None:
     maps, terrain = Future[Any](), Future[Any]()
-    assert line.read() == ""
+    assert line.read() == "the renderer"
     watch_steps({"maps": maps, "terrain": terrain})
     assert line.read() == "maps, 1 of 3"
     maps.set_result(None)
@@ -46,6 +46,7 @@ def test_a_text_that_is_too_long_is_cut(line: ProgressLine) -> None:
 
 
 def test_nobody_need_read_it() -> None:
+    assert ProgressLine().read() == ""
     watch_steps({"maps": Future()})
 
 
