@@ -244,7 +244,9 @@ class Layout:
         for panel in self.panels:
             if console.shown.get(panel.name) and panel.place != "over":
                 first.setdefault(panel.place, _window_name(panel))
-        return sorted(first.values(), key=lambda name: name == first.get("centre"))
+        # panels of a task are at the left: in a narrow window, where all share a dock, theirs is the last to come up
+        last = ["left", "centre"]
+        return [first[place] for place in sorted(first, key=lambda p: last.index(p) if p in last else -1)]
 
     def _close_menus(self) -> None:
         """Close an open menu or list on Escape, which Dear ImGui does by itself only with keyboard navigation."""

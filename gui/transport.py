@@ -92,6 +92,7 @@ class TransportStrip:
         span = max(high.x - low.x - 2 * pad, 1.0)
         marks = [(mark.t_s, style.GOOD) for mark in timeline.bookmarks]
         marks += [(timeline.left_s[0], style.WARN)] if timeline.left_s is not None else []
+        marks += [(contact.t_s, style.BAD) for contact in console.session.craft.docking.contacts]
         marks += [(burn.start_s, style.ACCENT) for burn in console.session.craft.steering.burns.burns]
         for at_s, colour in marks:
             if at_s <= end_s:
@@ -109,6 +110,8 @@ class TransportStrip:
         if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
+            else:
+                console.say("abort: click once more within three seconds, or press Del")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
         w.tip(
             f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"

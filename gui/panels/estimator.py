@@ -67,7 +67,7 @@ class EstimatorPanel(Panel):
             self._figures(newest)
         w.section("Over the flight")
         self._plots(estimates)
-        w.button(console, "estimator.forget", label="Begin plots again")
+        w.button(console, "estimator.forget")
         w.section("Stages")
         w.switch(console, "estimator.stages")
         if newest is not None and newest.answer.stages:

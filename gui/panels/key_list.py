@@ -67,7 +67,7 @@ def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> N
 class Palette(Panel):
     """A command by its first letters, and Enter; arguments after it as in a script."""
 
-    name, title, place, shown = "palette", "Do ...", "over", False
+    name, title, place, shown = "palette", "Find a command", "over", False
     keys = ("ctrl+p",)
     rows = 9
 

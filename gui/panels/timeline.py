@@ -21,7 +21,7 @@ BUTTONS = {
     "forward": "+ 10 s",
     "end": "To the end",
     "fly-on": "Fly on from here",
-    "other-future": "Other future",
+    "other-future": "Swap future",
     "keep": "Keep flight",
     "dataset": f"Data set, {FRAMES} frames",
     "hil": "HIL run",

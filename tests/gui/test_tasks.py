@@ -76,7 +76,7 @@ def look_back_and_fly_on(at: Pointer) -> None:
         at.console.pass_time(100)
     at.turn()
     x, y = at.place("##t")
-    at.drag((x + 100, y), (x, y))
+    at.drag((x + 20, y), (x - 20, y))
     at.menu("Flight", "Timeline", "Fly on from here")
 
 
