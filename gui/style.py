@@ -97,7 +97,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
         (EDGE, "border frame_bg_hovered frame_bg_active button_hovered header_hovered header_active"),
         (EDGE, "tab_hovered tab_dimmed_selected_overline resize_grip separator scrollbar_grab"),
         (ACCENT, "check_mark slider_grab_active tab_selected_overline separator_active"),
-        ((*accent, 0.45), "button_active tab_selected docking_preview"),
+        ((*accent, 0.45), "button_active tab_selected docking_preview plot_histogram"),
         ((*accent, 0.8), "slider_grab separator_hovered"),
         ((0.0, 0.0, 0.0, 0.0), "scrollbar_bg"),
     ):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
 from flyaround.gui.icons import labelled
+from flyaround.gui.jobs.capture_job import time_text
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -165,7 +166,7 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
     found = []
     capture = jobs.capture
     if capture.running and capture.request is not None:
-        left = "" if capture.left_s is None else f", {capture.left_s:.0f} s left"
+        left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
         found.append(
             RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop")

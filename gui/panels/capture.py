@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import NEW, THIS
-from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
+from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
@@ -95,13 +95,11 @@ class CapturePanel(Panel):
         w.text(request.what, tip="scenario, recipe or file that is captured")
         w.text(f"into {request.folder}", style.QUIET, "folder of the data set")
         share = min(job.done / max(request.frames, 1), 1.0)
-        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*style.ACCENT[:3], 0.45))
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
-        imgui.pop_style_color()
         w.tip("frames on the disk, of those that were asked for")
-        left = "" if job.left_s is None else f", {_time(job.left_s)} left"
+        left = "" if job.left_s is None else f", {time_text(job.left_s)} left"
         w.text(
-            "stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}",
+            "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}",
             style.QUIET,
             "time since it began, and what is left at the pace so far",
         )
@@ -117,8 +115,3 @@ class CapturePanel(Panel):
             texture = w.window.show_picture(f"thumbnail/{k}", thumb, thumb.image)
             imgui.image(texture, w.vec(width, width * thumb.image.shape[0] / thumb.image.shape[1]))
             w.tip(thumb.name)
-
-
-def _time(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -132,7 +132,7 @@ def test_every_panel_is_legible(tmp_path: Path, size: str) -> None:
         env=os.environ | {"PYTHONPATH": str(ROOT), "FLYAROUND_CONSOLE_LAYOUT": str(tmp_path / "layout.json")},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=1200,
         check=False,
     )
     assert done.returncode == 0, done.stderr
