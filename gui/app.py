@@ -16,7 +16,6 @@ from flyaround.gui.gamepad import Gamepad
 from flyaround.gui.layout import Layout, layout_file, panel_commands, read_layout
 from flyaround.gui.picture.feed import Feed
 from flyaround.gui.picture.further import CAMERA_SHARE, further_feeds
-from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.turns import Turns
 from flyaround.gui.picture.view_settings import Options, ViewSettings
 from flyaround.gui.script import Script
@@ -29,7 +28,9 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.loop import open_frames
 from flyaround.simulator.piloting.recorder import FlightRecorder
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.runtime.files import empty_folder, write_atomic
+from flyaround.simulator.runtime.progress import ProgressLine
 from flyaround.simulator.scenario.load import load_scenario
 
 if TYPE_CHECKING:
@@ -57,12 +58,12 @@ ANSWER_WITHIN_S = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What `flyaround sim` was asked for.
+    """Arguments of `flyaround sim`.
 
     Parameters
     ----------
     scenario : built-in name or TOML file. choose : begin with the scenario chooser open.
-    size : of the window. off_screen : whether it is drawn where nobody sees it, without a display.
+    size : of the window. off_screen : draw it into a texture, without a display.
     seed : instead of the scenario's. device_index : EGL device of the render process.
     seconds : close by itself after this long, counted from the first picture.
     screenshot : picture of the whole window at the end.
@@ -86,12 +87,12 @@ class Request:
 
     @property
     def by_itself(self) -> bool:
-        """Whether nobody need sit before it: a script, a time or a picture at the end is asked for."""
+        """True if it runs without an operator: it has a script, a duration or a final screenshot."""
         return not (self.seconds is None and self.script is None and self.screenshot is None)
 
 
 def command_table() -> CommandTable:
-    """Every command of the console."""
+    """Return every command of the console."""
     return CommandTable((*COMMANDS, *panel_commands()))
 
 
@@ -117,6 +118,7 @@ def run(request: Request) -> dict[str, Any]:
         recorder=None if request.record is None else recorder,
     )
     options = options_of(session, request.overlays)
+    progress = ProgressLine()
     with (
         _surface(request, f"Flyaround - {session.plan.scenario_name}") as window,
         open_frames(
@@ -129,6 +131,7 @@ def run(request: Request) -> dict[str, Any]:
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
             gives_way=GIVES_WAY,
+            progress=progress,
         ) as producer,
     ):
         if request.record is not None:
@@ -143,6 +146,7 @@ def run(request: Request) -> dict[str, Any]:
             feeds=further_feeds(turns, options),
             device_index=request.device_index,
             window_gl=window.gl_renderer,
+            progress=progress.read,
         )
         if script is not None:
             console.play(script)
@@ -169,7 +173,7 @@ def _surface(request: Request, title: str) -> Surface:
 
 
 def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Options:
-    """The first settings of a flight's view.
+    """Return the initial settings of a flight's view.
 
     Raises
     ------
@@ -187,7 +191,7 @@ def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Option
 
 
 class ConsoleLoop:
-    """Turns the console's wheel: wait for input, let time pass, ask for pictures, draw the window."""
+    """The loop: wait for input, advance time, request pictures, draw the window."""
 
     def __init__(self, window: Surface, console: Console, request: Request) -> None:
         self._window = window
@@ -199,6 +203,7 @@ class ConsoleLoop:
         style.apply_style(window.imgui, window.scale)
         self._layout = Layout(window, saved)
         console.help.about = self._layout.about()
+        console.recent += [name for name in saved.recent if name not in console.recent]
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)
@@ -213,7 +218,7 @@ class ConsoleLoop:
         self._drawn_s: list[float] = []
 
     def run(self) -> dict[str, Any]:
-        """Until the window is closed or the time is up."""
+        """Run until the window is closed or the time is up; return the last state."""
         window, console = self._window, self._console
         last_ms = 0
         drawn = window.seconds
@@ -250,7 +255,7 @@ class ConsoleLoop:
         return self._last_state()
 
     def _pass_time(self, wall_ms: int) -> None:
-        """Let operator's time pass while there is a picture of the flight; keys that were released end at once."""
+        """Advance the operator's time if there is a picture of the flight; released keys end at once."""
         console, down = self._console, self._window.keys.still_held(self._held)
         pressed, self._held, self._pressed = self._pressed, down, []
         if console.feed.newest is None:
@@ -259,7 +264,7 @@ class ConsoleLoop:
             console.pass_time(wall_ms, console.table.held([*down, *pressed]))
 
     def _update_feeds(self) -> bool:
-        """Take what is drawn, ask for what is to be drawn; whether a picture came."""
+        """Take finished pictures and request new ones; return True if one came."""
         console = self._console
         session, settings = console.session, console.options.settings
         timed = console.options.overlays.times or console.shown.get("passes", False)
@@ -270,7 +275,7 @@ class ConsoleLoop:
         return changed
 
     def _draw(self) -> None:
-        """Draw the window once, and do what its keys ask for."""
+        """Draw one frame of the window and do the commands of its keys."""
         window, console = self._window, self._console
         requests = console.window
         for path in window.take_dropped():
@@ -301,7 +306,7 @@ class ConsoleLoop:
             requests.clipboard = ""
 
     def _keep_look(self, path: Path) -> None:
-        """The look of the window as a file; what is wrong with it is told, and the flight goes on."""
+        """Write the screenshot to a file; a failure becomes a message, and the flight goes on."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if self._window.captured is not None:
@@ -318,7 +323,7 @@ class ConsoleLoop:
         self._console.window_hz = (len(self._drawn_s) - 1) / span if span > 0 else 0.0
 
     def _look_of_window(self) -> ByteArray:
-        """The window drawn once more, as pixels."""
+        """Draw the window once more and return its pixels."""
         self._window.capture = True
         with self._window.frame():
             self._layout.draw(self._console)
@@ -342,7 +347,7 @@ class ConsoleLoop:
                 console.say(f"not saved: {error}", "caution")
 
     def _tell_troubles(self) -> None:
-        """What goes wrong meanwhile, once: the flight goes on."""
+        """Report failures of pictures once each; the flight goes on."""
         recorder = self._console.session.look_back.recorder
         for trouble in (
             self._console.feed.take_trouble(),

@@ -1,4 +1,4 @@
-"""What is drawn over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
+"""Drawing over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 MOST_POINTS = 600
-"""Of one line: more than a panel has pixels cost time and show nothing."""
+"""Points of one line: more than a panel has pixels cost time and show nothing."""
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 
@@ -44,11 +44,11 @@ class Canvas:
         return (float(size.x), float(size.y))
 
     def vec(self, p: Sequence[float]) -> Any:  # noqa: ANN401 - an imgui value
-        """A point."""
+        """Return a point."""
         return self._imgui.ImVec2(float(p[0]), float(p[1]))
 
     def color(self, rgba: style.Rgba) -> int:
-        """A colour as the draw list takes it."""
+        """Return a colour as the draw list takes it."""
         return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
 
     # --- where
@@ -59,13 +59,13 @@ class Canvas:
         self._draw.push_clip_rect(self.vec(corner), self.vec(end), True)
 
     def unclip(self) -> None:
-        """As before `clip`."""
+        """End the clipping of `clip`."""
         self._draw.pop_clip_rect()
 
     # --- letters
 
     def text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Letters with an outline: they read on black and on white; ``tip`` is told over them."""
+        """Draw letters with an outline, which read on black and on white; ``tip`` is their hover text."""
         # whole pixels: between them letters blur
         x, y = float(round(at[0])), float(round(at[1]))
         halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
@@ -76,14 +76,22 @@ class Canvas:
             self.tip(at, self.size(text), tip)
 
     def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Letters without an outline, for a dark ground."""
+        """Draw letters without an outline, for a dark ground."""
         self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)
         if tip:
             self.tip(at, self.size(text), tip)
 
+    def label(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+        """Draw letters on a plate, so that no line of a map runs through them."""
+        width, height = self.size(text)
+        self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
+        self.plain_text(at, text, rgba, tip)
+
     def tip(self, corner: Point, size: Point, text: str) -> None:
-        """What the mouse over a place tells."""
+        """Give a place a hover text, in the letters of the panels."""
+        self._imgui.push_font(self._window.text_font, 0.0)
         hover_text.tell_place(self._imgui, corner, size, text)
+        self._imgui.pop_font()
 
     # --- lines
 
@@ -97,7 +105,7 @@ class Canvas:
         halo: bool = True,
         dashed: bool = False,
     ) -> None:
-        """A line through points (n, 2), with an outline; points that are not finite break it."""
+        """Draw a line through points (n, 2), with an outline; points that are not finite break it."""
         for run in finite_runs(thinned(np.asarray(points, float).reshape(-1, 2))):
             ring = closed and len(run) == len(points)
             parts = dashes(np.vstack([run, run[:1]]) if ring else run) if dashed else [run]
@@ -113,14 +121,14 @@ class Canvas:
         self._draw.add_polyline(vectors, self.color(rgba), width, flags)
 
     def circle(self, centre: Point, radius: float, rgba: style.Rgba, width: float = 1.5) -> None:
-        """A ring with an outline."""
+        """Draw a ring with an outline."""
         sides = 0 if radius < 200 else 128
         halo = self.color((*style.HALO[:3], 0.55 * rgba[3]))
         self._draw.add_circle(self.vec(centre), radius, halo, sides, width + 2.0)
         self._draw.add_circle(self.vec(centre), radius, self.color(rgba), sides, width)
 
     def arrow(self, tail: Point, tip: Point, rgba: style.Rgba, width: float = 1.5) -> None:
-        """A line with a head at its tip."""
+        """Draw a line with a head at its tip."""
         a, b = np.array(tail), np.array(tip)
         length = float(np.linalg.norm(b - a))
         if length < 1e-6:
@@ -135,28 +143,37 @@ class Canvas:
     # --- areas and marks
 
     def area(self, points: Iterable[Sequence[float]], rgba: style.Rgba) -> None:
-        """A filled convex outline."""
+        """Draw a filled convex outline."""
         self._draw.add_convex_poly_filled([self.vec(p) for p in points], self.color(rgba))
 
     def disc(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
-        """A filled circle."""
+        """Draw a filled circle."""
         self._draw.add_circle_filled(self.vec(centre), radius, self.color(rgba), 0 if radius < 200 else 128)
 
     def box(self, corner: Point, size: Point, rgba: style.Rgba, rounding: float = 0.0) -> None:
-        """A filled rectangle."""
+        """Draw a filled rectangle."""
         end = (corner[0] + size[0], corner[1] + size[1])
         self._draw.add_rect_filled(self.vec(corner), self.vec(end), self.color(rgba), rounding)
 
     def dot(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
-        """A round mark with an outline."""
+        """Draw a round mark with an outline."""
         self.disc(centre, radius + 1.5, (*style.HALO[:3], 0.7 * rgba[3]))
         self.disc(centre, radius, rgba)
 
     def diamond(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
-        """A mark of another form than `dot`, with an outline."""
+        """Draw a mark of another form than `dot`, with an outline."""
         x, y = centre
         for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
+
+    def keypoint(self, at: Point, rgba: style.Rgba, seen: str) -> None:
+        """Draw a keypoint by form and colour: a dot is visible, a diamond shadowed, a ring hidden."""
+        if seen == "hidden":
+            self.circle(at, 4.0, rgba, 1.4)
+        elif seen == "shadowed":
+            self.diamond(at, 5.0, rgba)
+        else:
+            self.dot(at, 4.0, rgba)
 
     def picture(
         self,
@@ -165,7 +182,7 @@ class Canvas:
         image: ByteArray | Callable[[], ByteArray],
         place: tuple[float, float, float, float],
     ) -> None:
-        """An image over a rectangle of whole units.
+        """Draw an image over a rectangle of whole units.
 
         Parameters
         ----------
@@ -177,11 +194,11 @@ class Canvas:
 
 
 def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
-    """Every so manieth point of a line, its last one among them.
+    """Return a line with fewer points, evenly chosen; its last point stays.
 
     Parameters
     ----------
-    points : (n, 2). most : of the points that are left, about.
+    points : (n, 2). most : approximate number of points that remain.
     """
     if len(points) <= most:
         return points
@@ -189,14 +206,14 @@ def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
 
 
 def finite_runs(points: FloatArray) -> list[FloatArray]:
-    """Stretches of two and more finite points of a line (n, 2)."""
+    """Return stretches of two and more finite points of a line (n, 2)."""
     good = np.isfinite(points).all(axis=1)
     cuts = np.flatnonzero(np.diff(good.astype(np.int8))) + 1
     return [run for run in np.split(points, cuts) if len(run) > 1 and np.isfinite(run[0]).all()]
 
 
 def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 400) -> list[FloatArray]:
-    """A line cut into dashes of even length along it.
+    """Return a line cut into dashes of even length along it.
 
     Parameters
     ----------

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 import shlex
+import tomllib
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
 from flyaround.simulator.errors import UserError
@@ -59,14 +62,14 @@ class Argument:
 
     @property
     def about(self) -> str:
-        """A line for people: its name, unit and bounds, what it is, and the words that are allowed."""
+        """Description: its name, unit and bounds, meaning, and the words that are allowed."""
         unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
         words = f" ({', '.join(self.choices)})" if self.choices else ""
         return f"{self.name}{unit}{bounds}: {self.help}{words}"
 
     def read(self, text: str, command: str) -> Value:
-        """The value of a word of a script.
+        """Return the value of a word of a script.
 
         Raises
         ------
@@ -106,6 +109,11 @@ def number(
     return Argument(name, "number", about, least=least, most=most, unit=unit, optional=optional)
 
 
+def word(name: str, about: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
+    """Return an argument that is a text, or one of the words that are allowed."""
+    return Argument(name, "word", about, choices, optional=optional)
+
+
 STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
 """The argument of what is switched."""
 
@@ -130,8 +138,8 @@ class Command:
     help: str
     run: Callable[..., object]
     keys: tuple[str, ...] = ()
-    held: bool = False
     arguments: tuple[Argument, ...] = ()
+    held: bool = False
     state: Callable[[Any], bool] | None = None
     flies: bool = False
 
@@ -152,29 +160,29 @@ class Command:
 
     @property
     def at_once(self) -> bool:
-        """Whether it needs no argument."""
+        """True if it needs no argument."""
         return all(a.optional for a in self.arguments)
 
     @property
     def form(self) -> str:
-        """What one writes: its name, and its arguments after it."""
+        """Synopsis: its name, and its arguments after it."""
         return " ".join(
             [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
         )
 
     def about(self, *given: Value) -> str:
-        """What people read over its button or control: what it does, by which key, and what it takes.
+        """Return the hover text of its control: purpose, key and arguments.
 
         Parameters
         ----------
-        given : the arguments that the button has; the others are told with their units.
+        given : arguments that the control has; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
         open_ = [a.about for a in self.arguments[len(given) :] if a.kind != "switch"]
         return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, given) if given else self.form])
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
-        """The arguments of a script's line.
+        """Return the arguments of a script's line.
 
         Raises
         ------
@@ -193,8 +201,59 @@ class Command:
         self.run(console, *values)
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Arguments from a button or a test, by the same rules as a script's."""
+        """Return checked arguments of a button or a test, by the rules of a script."""
         return self.read([word_of(v) for v in values])
+
+
+def command(
+    name: str,
+    run: Callable[..., object],
+    keys: tuple[str, ...] = (),
+    arguments: tuple[Argument, ...] = (),
+    *,
+    state: Callable[[Any], bool] | None = None,
+    flies: bool = False,
+    title: str = "",
+    about: str = "",
+) -> Command:
+    """Return a command with its title and help from the texts, unless they are given."""
+    text = (title, about) if title else _texts()[name]
+    return Command(name, *text, run, keys, arguments, state=state, flies=flies)
+
+
+def switch(
+    name: str,
+    run: Callable[..., object],
+    state: Callable[[Any], bool],
+    keys: tuple[str, ...] = (),
+    **options: Any,  # noqa: ANN401 - of `command`
+) -> Command:
+    """Return a command that switches something on and off; ``state`` is True while it is on."""
+    return command(name, run, keys, (STATE,), state=state, **options)
+
+
+def setting(
+    name: str,
+    holder: Callable[[Any], object],
+    field: str,
+    keys: tuple[str, ...] = (),
+    **options: Any,  # noqa: ANN401 - of `command`
+) -> Command:
+    """Return a command that switches a field of an object of the console, which ``holder`` finds."""
+    return switch(
+        name,
+        lambda console, on: setattr(holder(console), field, on),
+        lambda console: bool(getattr(holder(console), field)),
+        keys,
+        **options,
+    )
+
+
+@cache
+def _texts() -> dict[str, tuple[str, str]]:
+    """Return title and help of each command by its name."""
+    text = files("flyaround.gui").joinpath("command_texts.toml").read_text("utf-8")
+    return {name: (title, about) for name, (title, about) in tomllib.loads(text).items()}
 
 
 class CommandTable:
@@ -231,18 +290,18 @@ class CommandTable:
         return iter(self._by_name.values())
 
     def groups(self) -> list[tuple[str, list[Command]]]:
-        """Commands by group, in the order they were given; one group of a name."""
+        """Return commands by group, in the order given."""
         by_group: dict[str, list[Command]] = {}
         for command in self:
             by_group.setdefault(command.group, []).append(command)
         return list(by_group.items())
 
     def held(self, keys_down: Iterable[str]) -> frozenset[str]:
-        """Names of the held commands whose keys are down."""
+        """Return the names of held commands whose keys are down."""
         return frozenset(c.name for k in keys_down if (c := self._by_key.get(k)) is not None and c.held)
 
     def pressed(self, keys_hit: Iterable[str], *, ctrl: bool) -> list[Command]:
-        """The single commands of the keys that went down; with Ctrl a key's own command only if it has none with it."""
+        """Return the single commands of the keys that went down; with Ctrl, a chord's command goes first."""
         hit = []
         for key in keys_hit:
             command = (self._by_key.get(f"ctrl+{key}") if ctrl else None) or self._by_key.get(key)
@@ -251,17 +310,17 @@ class CommandTable:
         return hit
 
     def keys(self) -> frozenset[str]:
-        """Every key that does something, without chords."""
+        """Return every key of a command, without chords."""
         return frozenset(k.removeprefix("ctrl+") for k in self._by_key)
 
 
 def word_of(value: Value) -> str:
-    """A value as a script writes it: figures whole, so that the same value is read again."""
+    """Return a value as a script writes it, with all digits, so that the same value is read again."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return repr(value) if isinstance(value, float) else str(value)
 
 
 def line_of(name: str, values: Sequence[Value]) -> str:
-    """A command with its arguments as a script writes it."""
+    """Return a command with its arguments as a script writes it."""
     return " ".join([name, *(shlex.quote(word_of(v)) for v in values)])

@@ -19,7 +19,7 @@ from flyaround.simulator.piloting.control_laws import COARSE_GAIN, FINE_GAIN, ST
 from flyaround.simulator.piloting.orders import PilotCommand
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from flyaround.gui.command_table import Command, CommandTable, Value
@@ -31,25 +31,25 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
-KEPT_MESSAGES = 500
+KEPT_MESSAGES, KEPT_RECENT = 500, 6
 UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys push or turn."""
 LONGEST_TICK_MS = 250
-"""Operator's time beyond this (a stalled window) is not made up for."""
+"""Longest step of the operator's time; a stalled window does not catch up."""
 
 
 @dataclass
 class Message:
-    """Something the console says; cautions and warnings stay until they are acknowledged."""
+    """A message; cautions and warnings stay until they are acknowledged."""
 
     t_ms: int
     level: Level
     text: str
     acknowledged: bool = False
     acknowledged_ms: int | None = None
-    """When it was, if it was."""
+    """Time of the acknowledgement; None if there was none."""
 
 
 class HandControl:
@@ -101,11 +101,13 @@ class WindowRequests:
     Parameters
     ----------
     screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to be raised.
+    enlarged : panel that fills the window; empty for none.
     """
 
     close: bool = False
     full_screen: bool = False
     preset: str = ""
+    enlarged: str = ""
     screenshot: Path | None = None
     clipboard: str = ""
     front: str = ""
@@ -131,7 +133,7 @@ class Help:
 
 @dataclass(eq=False)
 class Console:
-    """What commands, views and panels work on.
+    """State that commands, views and panels work on.
 
     Parameters
     ----------
@@ -162,8 +164,12 @@ class Console:
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
+    progress: Callable[[], str] = str
+    """Text on what the render process prepares; empty if it prepares nothing."""
     source: str = ""
     """Built-in name or file of the scenario that flies; empty for one that is in no file."""
+    recent: list[str] = field(default_factory=list)
+    """Built-in names and files of the scenarios flown last, the newest first."""
     saved_truth: str = ""
     """Truth record of the picture that was saved last."""
     history: SettingsHistory = field(default_factory=SettingsHistory)
@@ -172,10 +178,16 @@ class Console:
     _player: Player | None = None
 
     def __post_init__(self) -> None:
+        self.remember(self.source)
         self.jobs = Jobs(self.say, self.do)
 
+    def remember(self, source: str) -> None:
+        """Put a scenario first among the recent ones."""
+        if source:
+            self.recent = [source, *(name for name in self.recent if name != source)][:KEPT_RECENT]
+
     def close(self) -> None:
-        """End what runs beside the window."""
+        """End the jobs and close the log."""
         self.log.close()
         self.jobs.close()
 
@@ -208,7 +220,7 @@ class Console:
             self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
 
     def do_line(self, line: str) -> None:
-        """Do a command as one writes it: its name, and its arguments after it."""
+        """Do a command given as a line: its name, and its arguments after it."""
         try:
             name, *words = shlex.split(line)
         except ValueError:
@@ -231,7 +243,7 @@ class Console:
                 self.do(command.name)
 
     def hold(self, names: frozenset[str]) -> None:
-        """Which held commands last from now on, by the window's keys and the script."""
+        """Set the commands that are held from now on by keys and script."""
         names |= frozenset(self._player.held if self._player else ())
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
@@ -249,7 +261,7 @@ class Console:
 
     @property
     def playing(self) -> bool:
-        """Whether a script has lines left."""
+        """True while a script has lines left."""
         return self._player is not None and not self._player.done
 
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
@@ -299,7 +311,7 @@ class Console:
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:
-        """Fly the scenario that was opened, if one was."""
+        """Begin the flight of a scenario that was opened, if any."""
         try:
             session = self.opener.take()
         except UserError as error:
@@ -312,6 +324,7 @@ class Console:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
         self.session, self.source = session, self.opener.source
+        self.remember(self.source)
         self.hand.armed = False
         self.hand.centre_sticks()
         # nothing of the flight before may look as if it were of this one
@@ -323,10 +336,10 @@ class Console:
         settings.sensor_changes, settings.light_gains = {}, {}
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 
-    # --- what is told
+    # --- messages
 
     def say(self, text: str, level: Level = "note") -> None:
-        """Tell the operator; the same thing twice in a row is told once."""
+        """Give the operator a message; an immediate repetition is dropped."""
         if self.messages and self.messages[-1].text == text and not self.messages[-1].acknowledged:
             return
         self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
@@ -334,13 +347,18 @@ class Console:
 
     @property
     def waiting(self) -> list[Message]:
-        """Cautions and warnings that nobody has acknowledged, the newest last."""
+        """Unacknowledged cautions and warnings, the newest last."""
         return [m for m in self.messages if m.level != "note" and not m.acknowledged]
 
     def acknowledge(self) -> None:
-        """All of them were seen."""
+        """Acknowledge all cautions and warnings."""
         for message in self.waiting:
             message.acknowledged, message.acknowledged_ms = True, self.clock_ms
+
+    @property
+    def preparing(self) -> str:
+        """Sentence on what a view waits for."""
+        return f"preparing: {self.progress() or 'the picture'}"
 
     def open_panel(self, name: str, *, shown: bool | None = None) -> None:
         """Open a panel or view (left out: the other of open and closed), and bring it to the front."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import moderngl
 
 from flyaround.gui.surface import import_parts
-from flyaround.gui.window import NO_DISPLAY
+from flyaround.gui.window import NO_DISPLAY, open_glfw
 from flyaround.simulator.errors import UserError
 
 if TYPE_CHECKING:
@@ -54,24 +54,14 @@ class FullScreen:
                 f"there is no monitor {monitor}; this machine has {len(monitors)}, numbered from 0"
             )
         mode = glfw.get_video_mode(monitors[monitor])
-        for hint, value in (
-            (glfw.CONTEXT_VERSION_MAJOR, 3),
-            (glfw.CONTEXT_VERSION_MINOR, 3),
-            (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
-            (glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE),
-            (glfw.AUTO_ICONIFY, glfw.FALSE),
-            (glfw.REFRESH_RATE, mode.refresh_rate),
-        ):
-            glfw.window_hint(hint, value)
-        self._window = glfw.create_window(
-            mode.size.width, mode.size.height, "Flyaround display", monitors[monitor], None
-        )
+        size = (mode.size.width, mode.size.height)
+        hints = {"AUTO_ICONIFY": glfw.FALSE, "REFRESH_RATE": mode.refresh_rate}
+        self._window = open_glfw(glfw, size, "Flyaround display", monitors[monitor], **hints)
         if not self._window:
             glfw.terminate()
             raise UserError(
                 f"monitor {monitor} gives no OpenGL 3.3 window; flyaround doctor says what is missing"
             )
-        glfw.make_context_current(self._window)
         glfw.set_input_mode(self._window, glfw.CURSOR, glfw.CURSOR_HIDDEN)
         glfw.swap_interval(1)
         self._context = moderngl.create_context(require=330)
@@ -83,7 +73,7 @@ class FullScreen:
 
     @property
     def open(self) -> bool:
-        """Whether nobody has closed it or pressed Escape."""
+        """True until it is closed or Escape is pressed."""
         glfw = self._glfw
         escape = glfw.get_key(self._window, glfw.KEY_ESCAPE) == glfw.PRESS
         return not (escape or glfw.window_should_close(self._window))

@@ -1,4 +1,4 @@
-"""What a gamepad's sticks and buttons ask for, as commands; its states come from the window. No glfw here.
+"""Commands of a gamepad's sticks and buttons; its states come from the window. No glfw here.
 
 Axes and buttons are those of SDL's standard mapping, which glfw knows for some thousand gamepads.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 DEAD = 0.12
 """Share of a stick's way about its middle that counts as none."""
 GRAIN = 0.05
-"""Shares are told in steps of this, so that a trembling stick does not fill the log."""
+"""Step of the shares, so that a trembling stick does not fill the log."""
 LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, LEFT_TRIGGER, RIGHT_TRIGGER = range(6)
 BUTTONS: tuple[Do | tuple[()], ...] = (
     ("steer.stop",),  # A
@@ -53,7 +53,7 @@ class Gamepad:
         self._thrust = self._turn = STILL
 
     def commands(self, pad: Pad | None) -> list[Do]:
-        """What changed since the last look.
+        """Return the commands of what changed since the last call.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ def sticks(
 
 
 def share(axis: float) -> float:
-    """An axis without its dead middle, in even steps from -1 to 1."""
+    """Return an axis without its dead middle, in even steps from -1 to 1."""
     size = min(max((abs(axis) - DEAD) / (1 - DEAD), 0.0), 1.0)
     stepped = round(round(size / GRAIN) * GRAIN, 2)
     return stepped if axis > 0 or stepped == 0.0 else -stepped

@@ -81,13 +81,13 @@ class KeyQueue:
             self._events.append(event)
 
     def letter(self, window: object, code_point: int) -> None:
-        """One letter was typed."""
+        """Queue a typed letter."""
         self._events.append(
             Event(lambda: self._on_letter(window, code_point), None, turns=False, pressed=True)
         )
 
     def deliver(self) -> None:
-        """Before a frame: what came since the last, as far as the first key that may begin or end a line of text.
+        """Hand over the events since the last frame, up to the first key that may begin or end a line of text.
 
         No more than Dear ImGui takes in a frame: no key twice, and no such key after a letter; the rest of it would
         wait there, and the frames of rest be over too soon.

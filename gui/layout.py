@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import msgspec
 import platformdirs
 
+from flyaround.gui import style
 from flyaround.gui.command_table import STATE, Command
 from flyaround.gui.menus import MenuBar
 from flyaround.gui.panels.all import PANELS
@@ -36,25 +37,25 @@ NARROW = 900.0
 VERSION = 1
 LARGEST_BYTES = 400_000
 RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
-
-
+LOWEST, HIGHEST = 0.2, 0.5
+"""Bounds of the bottom dock's share of the height, which leaves the view the form of its picture."""
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
     "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
     "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
-    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target"}),
-    "estimate": frozenset({"camera", "estimator", "keypoints", "picture"}),
+    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target", "parts", "depth"}),
+    "estimate": frozenset({"camera", "estimator", "keypoints", "parts", "picture"}),
     "link": frozenset({"camera", "board-link", "chaser", "log"}),
 }
 """Panels that are open in each layout."""
 
 
 class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
-    """What is kept of a layout.
+    """A layout as it is kept.
 
     Parameters
     ----------
-    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form.
+    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form. recent : scenarios.
     """
 
     version: int = VERSION
@@ -62,6 +63,7 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
     docking: dict[str, str] = {}
     font_scale: float = 1.0
     tour_seen: bool = False
+    recent: list[str] = []
 
 
 def layout_file() -> Path:
@@ -71,7 +73,7 @@ def layout_file() -> Path:
 
 
 def read_layout(path: Path) -> SavedLayout:
-    """The kept layout, or the first one where there is none that is whole."""
+    """Return the kept layout, or a new one if there is none or it is damaged."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
@@ -90,7 +92,7 @@ def read_layout(path: Path) -> SavedLayout:
 
 
 def panel_commands() -> tuple[Command, ...]:
-    """A command for each panel that opens and closes it, and one for each layout."""
+    """Return a command for each panel that opens and closes it, and one for each layout."""
 
     def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
@@ -141,6 +143,8 @@ class Layout:
         self._saved = saved
         self._form: Form | None = None
         self._build = False
+        self._aspect, self._bottom_open = 1.6, False
+        """Of the camera's picture, and whether a panel lies below the view."""
         self._to_raise: list[str] = []
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
@@ -148,11 +152,11 @@ class Layout:
         """Panels that lie on the window's own ground, as of the last frame."""
 
     def first_shown(self) -> dict[str, bool]:
-        """Which panels are open at the start."""
+        """Return which panels are open at the start."""
         return {p.name: self._saved.shown.get(p.name, p.shown and p.place != "over") for p in self.panels}
 
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
-        """What cannot be done while a frame is laid out: another form's docking is loaded."""
+        """Load the docking of another form or preset, which is impossible while a frame is laid out."""
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
         if console.window.preset:
             open_ = PRESETS[console.window.preset]
@@ -168,6 +172,9 @@ class Layout:
             if kept:
                 self._window.imgui.load_ini_settings_from_memory(kept)
             self._build = not kept
+        camera = console.session.plan.camera
+        self._aspect = camera.width_px / camera.height_px
+        self._bottom_open = any(console.shown.get(p.name) for p in self.panels if p.place == "bottom")
 
     def keep(self, console: Console, path: Path) -> None:
         """Write the layout; a disk that is full is no reason to fail."""
@@ -175,7 +182,7 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         over = {p.name for p in self.panels if p.place == "over"}
         self._saved.shown = {n: s for n, s in console.shown.items() if n not in over}
-        self._saved.font_scale = console.window.font_scale
+        self._saved.font_scale, self._saved.recent = console.window.font_scale, console.recent
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, msgspec.json.format(msgspec.json.encode(self._saved)))
@@ -183,7 +190,7 @@ class Layout:
             log.warning("the console's layout could not be kept in %s: %s", path, error)
 
     def draw(self, console: Console) -> None:
-        """Everything, into the current frame."""
+        """Draw menus, strips and panels into the current frame."""
         imgui = self._window.imgui
         self._close_menus()
         if imgui.begin_main_menu_bar():
@@ -200,7 +207,11 @@ class Layout:
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
         hovered = ""
         for panel in self.panels:
-            if console.shown.get(panel.name) and (console.options.panel or panel.place in {"centre", "over"}):
+            if panel.name == console.window.enlarged:
+                self._enlarged(console, panel)
+            elif console.shown.get(panel.name) and (
+                console.options.panel or panel.place in {"centre", "over"}
+            ):
                 hovered = panel.name if self._panel(console, panel) else hovered
         if self._build:
             # tabs that are new come up by themselves for some frames; one window a frame takes the focus
@@ -212,7 +223,7 @@ class Layout:
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """The transport strip, above the status line, and above it the jobs, if there are any."""
+        """Draw the transport strip above the status line, and the jobs above it, if there are any."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
         height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
@@ -233,7 +244,9 @@ class Layout:
         for panel in self.panels:
             if console.shown.get(panel.name) and panel.place != "over":
                 first.setdefault(panel.place, _window_name(panel))
-        return sorted(first.values(), key=lambda name: name == first.get("centre"))
+        # panels of a task are at the left: in a narrow window, where all share a dock, theirs is the last to come up
+        last = ["left", "centre"]
+        return [first[place] for place in sorted(first, key=lambda p: last.index(p) if p in last else -1)]
 
     def _close_menus(self) -> None:
         """Close an open menu or list on Escape, which Dear ImGui does by itself only with keyboard navigation."""
@@ -245,7 +258,7 @@ class Layout:
 
     @property
     def tour_seen(self) -> bool:
-        """Whether the tour was ended or skipped once."""
+        """True once the tour was ended or skipped."""
         return self._saved.tour_seen
 
     def about(self) -> dict[str, tuple[str, str]]:
@@ -296,8 +309,23 @@ class Layout:
             console.do(f"panel.{panel.name}", False)
         return hovered
 
+    def _enlarged(self, console: Console, panel: Panel) -> None:
+        """Draw a panel over all others; its dock is kept for it."""
+        imgui, screen = self._window.imgui, self._window.imgui.get_main_viewport()
+        imgui.set_next_window_pos(screen.work_pos)
+        imgui.set_next_window_size(screen.work_size)
+        flags = imgui.WindowFlags_
+        fixed = flags.no_docking | flags.no_saved_settings | flags.no_resize | flags.no_collapse
+        visible, stays = imgui.begin(f"{panel.title}, enlarged###enlarged", True, fixed)
+        note_window(imgui, console, panel.name)
+        if visible:
+            panel.draw(console)
+        imgui.end()
+        if not stays or imgui.is_key_pressed(imgui.Key.escape, False):
+            console.do("window.enlarge")
+
     def _dock_of(self, panel: Panel) -> int:
-        """The dock of an open panel of the same place; the middle otherwise."""
+        """Return the dock of an open panel of the same place; the middle otherwise."""
         internal = self._window.imgui.internal
         for other in self.panels:
             if other is panel or other.place != panel.place or not self._was_shown.get(other.name):
@@ -330,17 +358,22 @@ class Layout:
             split("right-low", "right-middle", imgui.Dir.down, 0.5)
             # docks whose panels are closed take no room
             split("left", "centre", imgui.Dir.left, LEFT)
-            split("bottom", "centre", imgui.Dir.down, BOTTOM)
+            view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect
+            share = min(max(1 - view / screen.work_size.y, LOWEST), HIGHEST)
+            split("bottom", "centre", imgui.Dir.down, share if self._bottom_open else BOTTOM)
         for panel in self.panels:
             if panel.place != "over":
                 internal.dock_builder_dock_window(
                     _window_name(panel), nodes.get(panel.place, nodes["centre"])
                 )
+        for node in nodes.values():
+            # until a panel has drawn its ground there, which else is white
+            internal.dock_builder_get_node(node).last_bg_color = self._w.color(style.GROUND)
         internal.dock_builder_finish(self._dockspace)
 
 
 def _description(panel: type[Panel]) -> str:
-    """What a panel's own file and class say of it, for people."""
+    """Return the description of a panel: the docstrings of its file and class."""
     module = sys.modules[panel.__module__].__doc__ or ""
     own = (panel.__doc__ or "").partition("Parameters\n")[0]
     return " ".join(f"{module} {own}".split())

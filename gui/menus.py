@@ -6,127 +6,83 @@ from fnmatch import fnmatchcase
 from functools import cache
 from typing import TYPE_CHECKING
 
+from flyaround.gui.icons import ICONS, labelled
 from flyaround.gui.widgets import Widgets
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from flyaround.gui.command_table import CommandTable
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
 
-Entries = tuple["str | tuple[str, Entries]", ...]
-"""Names of commands, which may end in ``*`` for those that no other entry has; or a title and its own entries."""
-
-MENUS: tuple[tuple[str, Entries], ...] = (
-    (
-        "File",
-        (
-            "panel.scenarios",
-            ("Scenario text", ("panel.editor", "scenario.*")),
-            ("Export", ("picture.save", "film.*", "window.screenshot", "log.*", "panel.command-line")),
-            ("Keep the flight", ("timeline.keep", "timeline.dataset", "timeline.hil")),
-            "settings.*",
-            "window.close",
-        ),
-    ),
-    (
-        "Flight",
-        (
-            "time.pause",
-            "time.step",
-            "time.restart",
-            "time.faster",
-            "time.slower",
-            ("Jump to", ("time.next-*",)),
-            ("Timeline", ("panel.timeline", "timeline.*")),
-        ),
-    ),
-    (
-        "Vehicle",
-        (
-            "steer.arm",
-            "steer.toggle",
-            "steer.stop",
-            ("Attitude and axes", ("steer.*",)),
-            ("Guidance", ("guidance.*",)),
-            ("Burns", ("burn.*",)),
-            ("Docking", ("panel.docking", "docking.*")),
-            "docking.abort",
-            "panel.chaser",
-            "panel.steering",
-        ),
-    ),
-    (
-        "Camera",
-        (
-            "picture.meter",
-            "picture.colour",
-            "picture.noise",
-            "sensor.reset",
-            ("World", ("panel.world", "world.*")),
-            "panel.picture",
-            "panel.sensor",
-            "panel.target",
-        ),
-    ),
-    (
-        "View",
-        (
-            ("Overlays", ("overlay.*",)),
-            ("Maps", ("panel.lvlh-map", "map.*", "panel.earth-map", "panel.orbit-camera", "orbit-camera.*")),
-            ("Label images", ("panel.depth", "panel.parts", "panel.keypoints")),
-            "panel.camera",
-            "window.panels",
-            ("Layout", ("layout.*",)),
-            "window.full-screen",
-            "window.larger-text",
-            "window.smaller-text",
-        ),
-    ),
-    (
-        "Tools",
-        (
-            ("Estimator", ("panel.estimator", "estimator.*")),
-            ("Hardware in the loop", ("panel.board-link", "hil.*")),
-            ("Capture", ("panel.capture", "capture.*")),
-            "panel.plots",
-            "panel.passes",
-        ),
-    ),
-    (
-        "Help",
-        (
-            "panel.keys",
-            "panel.palette",
-            "help.panel",
-            ("Tour", ("panel.tour", "help.*")),
-            "panel.help",
-            "panel.log",
-            "window.acknowledge",
-        ),
-    ),
-)
+Entries = tuple[tuple[str, tuple[str, ...]], ...]
+"""Titles of submenus with names of commands, which may end in ``*`` for those that no other entry has; entries of the
+menu itself have an empty title."""
+NO_ICON = " " * 6
+"""As wide as an icon, so that titles stand in one column."""
+TEXT = """
+File
+  panel.scenarios
+  Scenario text: panel.editor scenario.*
+  Export: picture.save film.* window.screenshot log.* panel.command-line
+  Keep the flight: timeline.keep timeline.dataset timeline.hil
+  settings.* window.close
+Flight
+  time.pause time.step time.restart time.faster time.slower
+  Jump to: time.next-*
+  Timeline: panel.timeline timeline.*
+Vehicle
+  steer.arm steer.toggle steer.stop
+  Attitude and axes: steer.*
+  Guidance: guidance.*
+  Burns: burn.*
+  Docking: panel.docking docking.*
+  docking.abort panel.chaser panel.steering
+Camera
+  picture.meter picture.colour picture.noise sensor.reset
+  World: panel.world world.*
+  panel.picture panel.sensor panel.target
+View
+  Overlays: overlay.*
+  Maps: panel.lvlh-map map.* panel.earth-map panel.orbit-camera orbit-camera.*
+  Label images: panel.depth panel.parts panel.keypoints
+  panel.camera window.panels window.enlarge
+  Layout: layout.*
+  window.full-screen window.larger-text window.smaller-text
+Tools
+  Estimator: panel.estimator estimator.*
+  Hardware in the loop: panel.board-link hil.*
+  Capture: panel.capture capture.*
+  panel.plots panel.passes
+Help
+  panel.keys panel.palette help.panel
+  Tour: panel.tour help.*
+  panel.help panel.log window.acknowledge
+"""
 
 
-def named(entries: Entries) -> Iterator[str]:
-    """Names in these entries and in those of their submenus."""
-    for entry in entries:
-        if isinstance(entry, str):
-            yield entry
+def _parsed(text: str) -> tuple[tuple[str, Entries], ...]:
+    menus: list[tuple[str, list[tuple[str, tuple[str, ...]]]]] = []
+    for line in text.strip().splitlines():
+        title, _, names = line.strip().rpartition(":")
+        if line.startswith(" "):
+            menus[-1][1].append((title, tuple(names.split())))
         else:
-            yield from named(entry[1])
+            menus.append((line, []))
+    return tuple((title, tuple(entries)) for title, entries in menus)
 
 
-EXPLICIT = frozenset(name for _, entries in MENUS for name in named(entries) if "*" not in name)
+MENUS = _parsed(TEXT)
+EXPLICIT = frozenset(
+    name for _, entries in MENUS for _, names in entries for name in names if "*" not in name
+)
 
 
 @cache
 def commands_of(table: CommandTable, entry: str) -> tuple[str, ...]:
-    """Names of the commands that an entry stands for, in the table's order."""
-    offered = (c.name for c in table if not c.held and c.at_once)
+    """Return the names of the commands that an entry stands for, in the table's order."""
     if "*" not in entry:
         return (entry,)
+    offered = (c.name for c in table if not c.held and c.at_once)
     return tuple(name for name in offered if fnmatchcase(name, entry) and name not in EXPLICIT)
 
 
@@ -143,20 +99,22 @@ class MenuBar:
 
     def draw(self, console: Console) -> None:
         """Draw the menus into the current main menu bar."""
-        for title, entries in MENUS:
-            self._menu(console, title, entries)
-
-    def _menu(self, console: Console, title: str, entries: Entries) -> None:
-        if not self._imgui.begin_menu(title):
-            return
-        for entry in entries:
-            if not isinstance(entry, str):
-                self._menu(console, *entry)
+        for menu, entries in MENUS:
+            if not self._imgui.begin_menu(menu):
                 continue
-            for name in commands_of(console.table, entry):
-                command = console.table[name]
-                on = command.state is not None and command.state(console)
-                if self._imgui.menu_item_simple(command.title, command.shown, on):
-                    console.do(name)
-                self._w.about(console, name)
-        self._imgui.end_menu()
+            for title, names in entries:
+                if title and not self._imgui.begin_menu(f"{NO_ICON}{title}"):
+                    continue
+                for name in (n for entry in names for n in commands_of(console.table, entry)):
+                    self._item(console, name)
+                if title:
+                    self._imgui.end_menu()
+            self._imgui.end_menu()
+
+    def _item(self, console: Console, name: str) -> None:
+        command = console.table[name]
+        on = command.state is not None and command.state(console)
+        label = labelled(name, command.title) if name in ICONS else f"{NO_ICON}{command.title}"
+        if self._imgui.menu_item_simple(f"{label}###{name}", command.shown, on):
+            console.do(name)
+        self._w.about(console, name)

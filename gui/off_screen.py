@@ -48,7 +48,7 @@ class OffScreen(Surface):
 
     @property
     def open(self) -> bool:
-        """Whether nothing has closed it."""
+        """True until it is closed."""
         return not self._closed
 
     @property

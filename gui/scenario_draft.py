@@ -54,7 +54,7 @@ class ScenarioDraft:
         self.name = Path(name_or_path).stem
 
     def check(self) -> Scenario:
-        """The scenario that the text is.
+        """Return the scenario of the text.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class ScenarioDraft:
 
 
 def line_of(message: str, text: str) -> int | None:
-    """The line of a text that the loader's sentence about it means, from 1; None where it cannot be told."""
+    """Return the line of a text to which the loader's message refers, from 1; None if unknown."""
     if match := _AT_LINE.search(message):
         return int(match[1])
     if match := _UNKNOWN.search(message):

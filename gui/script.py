@@ -60,7 +60,7 @@ class Script:
 
     @staticmethod
     def read(path: Path, table: CommandTable) -> Script:
-        """A script from a file.
+        """Return a script from a file.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class Script:
 
     @staticmethod
     def of(text: str, table: CommandTable, where: str = "script") -> Script:
-        """A script from its text; empty lines and those that begin with ``#`` are passed over."""
+        """Return a script from its text; empty lines and those that begin with ``#`` are passed over."""
         lines: list[Line] = []
         for number, raw in enumerate(text.splitlines(), 1):
             if not raw.strip() or raw.lstrip().startswith("#"):
@@ -172,7 +172,7 @@ class CommandLog:
             raise
 
     def text(self, header: Sequence[str] = ()) -> str:
-        """The log as a script."""
+        """Return the log as a script."""
         return "".join(f"{row}\n" for row in (*(f"# {h}" for h in header), *self.lines))
 
 
@@ -190,15 +190,15 @@ class Player:
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left."""
+        """True once nothing is left."""
         return not self._lines
 
     def next_ms(self) -> int | None:
-        """When the next line is due, in the operator's time."""
+        """Return when the next line is due, in the operator's time."""
         return self._lines[0].t_ms if self._lines else None
 
     def due(self, t_ms: int) -> list[Line]:
-        """The commands that are due; keys that go down and up change `held`."""
+        """Return the commands that are due; held keys change `held`."""
         due: list[Line] = []
         while self._lines and self._lines[0].t_ms <= t_ms:
             line = self._lines.pop(0)

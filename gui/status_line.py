@@ -57,7 +57,7 @@ class StatusLine:
         imgui.end()
 
     def _master_caution(self, console: Console) -> None:
-        """The light of what nobody has acknowledged yet; a click, or F9, does so. It blinks until then."""
+        """Draw the light of unacknowledged cautions; it blinks until a click or F9."""
         imgui, w = self._w.window.imgui, self._w
         waiting = console.waiting
         warning = any(m.level == "warning" for m in waiting)
@@ -65,7 +65,7 @@ class StatusLine:
         dark = bool(waiting) and console.clock_ms % 1000 >= 650
         face = (*colour[:3], 0.35 if dark else 0.95) if waiting else style.EDGE
         ink = style.GROUND if waiting and not dark else style.QUIET
-        label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "CAUTION"
+        label = f"{'WARNING' if warning else 'CAUTION'} {len(waiting)}" if waiting else "no cautions"
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*face))
         w.coloured(ink)
         if imgui.small_button(f"{label}##master") and waiting:
@@ -87,7 +87,7 @@ class StatusLine:
 
 
 def rates_text(console: Console) -> str:
-    """How often the window and each picture view that is looked at are drawn."""
+    """Return the rates at which the window and each picture view on the screen are drawn."""
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"

@@ -29,6 +29,11 @@ PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
 BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 """Too dark for letters and thin lines on the console's ground; for areas."""
 
+PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)
+"""Fill of a primary action's button: `BLUE`, darker, so that letters read on it."""
+GUARDED: Rgba = (0.42, 0.14, 0.06, 1.0)
+"""Fill of the abort button while its guard is closed."""
+
 ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
 WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION
@@ -48,7 +53,7 @@ def luminance(rgba: Rgba) -> float:
 
 
 def over(front: Rgba, back: Rgba) -> Rgba:
-    """A colour laid over an opaque one."""
+    """Blend a colour over an opaque one."""
     a = front[3]
     r, g, b = (a * f + (1 - a) * k for f, k in zip(front[:3], back[:3], strict=True))
     return (r, g, b, 1.0)
@@ -80,45 +85,21 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
     style.item_inner_spacing = imgui.ImVec2(6, 4)
     style.scrollbar_size = 10.0
     style.scale_all_sizes(scale)
-    col = imgui.Col_
     accent = ACCENT[:3]
-    for which, color in (
-        (col.text, INK),
-        (col.text_disabled, QUIET),
-        (col.window_bg, GROUND),
-        (col.child_bg, GROUND),
-        (col.popup_bg, (*GROUND[:3], 1.0)),
-        (col.border, EDGE),
-        (col.frame_bg, RAISED),
-        (col.frame_bg_hovered, EDGE),
-        (col.frame_bg_active, EDGE),
-        (col.button, RAISED),
-        (col.button_hovered, EDGE),
-        (col.button_active, (*accent, 0.45)),
-        (col.header, RAISED),
-        (col.table_header_bg, RAISED),
-        (col.header_hovered, EDGE),
-        (col.header_active, EDGE),
-        (col.check_mark, ACCENT),
-        (col.slider_grab, (*accent, 0.8)),
-        (col.slider_grab_active, ACCENT),
-        (col.tab, RAISED),
-        (col.tab_hovered, EDGE),
-        (col.tab_selected, (*accent, 0.35)),
-        (col.tab_dimmed, GROUND),
-        (col.tab_dimmed_selected, RAISED),
-        (col.tab_selected_overline, ACCENT),
-        (col.tab_dimmed_selected_overline, EDGE),
-        (col.title_bg, GROUND),
-        (col.title_bg_active, RAISED),
-        (col.menu_bar_bg, RAISED),
-        (col.docking_preview, (*accent, 0.5)),
-        (col.docking_empty_bg, GROUND),
-        (col.resize_grip, EDGE),
-        (col.separator_hovered, (*accent, 0.6)),
-        (col.separator_active, ACCENT),
-        (col.separator, EDGE),
-        (col.scrollbar_bg, (0.0, 0.0, 0.0, 0.0)),
-        (col.scrollbar_grab, EDGE),
+    for colour, names in (
+        (INK, "text"),
+        (QUIET, "text_disabled"),
+        (GROUND, "window_bg child_bg popup_bg tab_dimmed title_bg docking_empty_bg"),
+        (
+            RAISED,
+            "frame_bg button header table_header_bg tab tab_dimmed_selected title_bg_active menu_bar_bg",
+        ),
+        (EDGE, "border frame_bg_hovered frame_bg_active button_hovered header_hovered header_active"),
+        (EDGE, "tab_hovered tab_dimmed_selected_overline resize_grip separator scrollbar_grab"),
+        (ACCENT, "check_mark slider_grab_active tab_selected_overline separator_active"),
+        ((*accent, 0.45), "button_active tab_selected docking_preview plot_histogram"),
+        ((*accent, 0.8), "slider_grab separator_hovered"),
+        ((0.0, 0.0, 0.0, 0.0), "scrollbar_bg"),
     ):
-        style.set_color_(which, imgui.ImVec4(*color))
+        for name in names.split():
+            style.set_color_(getattr(imgui.Col_, name), imgui.ImVec4(*colour))

@@ -1,4 +1,4 @@
-"""What the console is drawn on: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
+"""The surface of the console: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import cv2
 import numpy as np
 
-from flyaround.gui import style
+from flyaround.gui import icons, style
 from flyaround.simulator.errors import missing_extra
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 
 
 def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
-    """The modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
+    """Return the modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
 
     Parameters
     ----------
@@ -96,6 +96,10 @@ class Surface(ABC):
         folder = files("imgui_bundle") / "assets" / "fonts"
         size = FONT_PX * self._monitor_scale
         text = fonts.add_font_from_file_ttf(str(folder / "Roboto" / "Roboto-Regular.ttf"), size)
+        if (folder / icons.FONT).is_file():
+            merged = self.imgui.ImFontConfig()
+            merged.merge_mode = True
+            fonts.add_font_from_file_ttf(str(folder / icons.FONT), 0.85 * size, merged)
         figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
         return text, figures
 
@@ -116,7 +120,7 @@ class Surface(ABC):
     @property
     @abstractmethod
     def open(self) -> bool:
-        """Whether the operator has not closed it."""
+        """True until the operator closes it."""
 
     @property
     @abstractmethod
@@ -139,18 +143,18 @@ class Surface(ABC):
 
     @abstractmethod
     def wait(self, longest_s: float) -> bool:
-        """Take what input there is, waiting for it at most so long; whether some came."""
+        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
-        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""
         return None
 
     def take_dropped(self) -> list[str]:
-        """Files that were dropped on the window since the last question."""
+        """Return the files dropped on the window since the last call."""
         return []
 
     def toggle_full_screen(self) -> None:  # noqa: B027 - nothing to do where there is no monitor
-        """The whole monitor, or back to the window that was."""
+        """Fill the whole monitor, or return to the window."""
 
     # --- one turn of the loop
 
@@ -174,7 +178,7 @@ class Surface(ABC):
         try:
             yield
         except BaseException:
-            # a panel that failed left parts of itself open, which is not what is to be told
+            # a panel that failed left parts of itself open, which is not the error to report
             with suppress(RuntimeError):
                 self.imgui.end_frame()
             raise
@@ -198,7 +202,7 @@ class Surface(ABC):
         *,
         size: tuple[float, float] | None = None,
     ) -> Any:  # noqa: ANN401 - an imgui handle
-        """The picture as a texture for ``imgui.image``; uploaded when ``key`` is a new one.
+        """Return the picture as a texture for ``imgui.image``, uploaded if ``key`` is new.
 
         Parameters
         ----------
@@ -243,7 +247,7 @@ class Surface(ABC):
         return texture
 
     def _read_pixels(self) -> ByteArray:
-        """(H, W, 3) what was drawn, top row first."""
+        """Return (H, W, 3) what was drawn, top row first."""
         width, height = self.framebuffer_size
         data = self._target.read(viewport=(0, 0, width, height), components=3, alignment=1)
         return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1])

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.timeline import clock
+from flyaround.gui.icons import labelled
+from flyaround.gui.jobs.capture_job import time_text
 from flyaround.gui.widgets import Widgets
 from flyaround.simulator.piloting.clock import RATES
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
 
+NARROW_EM = 56
+"""Width of the window in letters' heights below which the strip has fewer words."""
 GUARD_MS = 3000
 """Time for which the abort button's open guard waits for the second click, in milliseconds."""
 
@@ -37,15 +41,19 @@ class TransportStrip:
         """Draw into the current side bar."""
         w, imgui = self._w, self._w.imgui
         em, session = imgui.get_font_size(), console.session
-        w.button(console, "time.pause", label="Play" if session.clock.paused else "Pause", width=4 * em)
+        paused = session.clock.paused
+        look = ("Play", "play") if paused else ("Pause", "time.pause")
+        w.button(console, "time.pause", label=look[0], icon=look[1], width=5.2 * em, fill=style.PRIMARY)
         imgui.same_line()
-        w.button(console, "time.step", label="Step", width=3.5 * em)
+        w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
-        self._rate(console, 7 * em)
+        # a narrow window leaves the slider over the flight the room of words
+        narrow = imgui.get_window_width() < NARROW_EM * em
+        self._rate(console, (5 if narrow else 7) * em)
         imgui.same_line()
         timeline = session.look_back.timeline
         end_s = max(timeline.end_s, session.t_s, 0.1)
-        text = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
+        text = clock(session.t_s) + ("" if narrow else f" of {clock(end_s)[2:]}")
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip(
@@ -53,11 +61,13 @@ class TransportStrip:
         )
         imgui.same_line()
         right = 17 * em
-        if w.width > right + 6 * em:
-            self.scrubber(console, timeline, end_s, w.width - right)
-            imgui.same_line()
+        self.scrubber(console, timeline, end_s, max(w.width - right, em))
+        imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - right + 0.5 * em)
-        self._hand_control(console, 8 * em)
+        on = console.hand.armed
+        look = ("HAND ON", "hand-on") if on else ("HAND OFF", "hand-off")
+        fill = style.WARN if on else style.EDGE
+        w.button(console, "steer.arm", label=look[0], icon=look[1], width=8 * em, fill=fill)
         imgui.same_line()
         self._abort(console, 7 * em)
 
@@ -72,7 +82,7 @@ class TransportStrip:
             console.do("time.rate", f"{RATES[wanted]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
-        """A slider over all that was flown, with marks of bookmarks and of where another future was left."""
+        """Draw a slider over the flight, with marks of bookmarks, burns and where another future was left."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(width)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
@@ -83,6 +93,7 @@ class TransportStrip:
         span = max(high.x - low.x - 2 * pad, 1.0)
         marks = [(mark.t_s, style.GOOD) for mark in timeline.bookmarks]
         marks += [(timeline.left_s[0], style.WARN)] if timeline.left_s is not None else []
+        marks += [(contact.t_s, style.BAD) for contact in console.session.craft.docking.contacts]
         marks += [(burn.start_s, style.ACCENT) for burn in console.session.craft.steering.burns.burns]
         for at_s, colour in marks:
             if at_s <= end_s:
@@ -91,28 +102,18 @@ class TransportStrip:
         if changed:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
 
-    def _hand_control(self, console: Console, width: float) -> None:
-        """Show whether keys fly the chaser; a click arms or disarms them."""
-        imgui, w = self._w.imgui, self._w
-        on = console.hand.armed
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.WARN if on else style.EDGE)))
-        w.coloured(style.GROUND if on else style.INK)
-        if imgui.button("HAND ON##hand" if on else "HAND OFF##hand", w.vec(width, 0)):
-            console.do("steer.arm")
-        imgui.pop_style_color(2)
-        w.about(console, "steer.arm")
-
     def _abort(self, console: Console, width: float) -> None:
         """Abort by two clicks: the first opens the guard for three seconds. The key needs one."""
-        imgui, w = self._w.imgui, self._w
+        w = self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
-        imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(style.BAD if opened else style.EDGE)))
-        w.coloured(style.GROUND if opened else style.BAD)
-        if imgui.button("ABORT NOW##abort" if opened else "ABORT##abort", w.vec(width, 0)):
+        fill = style.BAD if opened else style.GUARDED
+        label = labelled("docking.abort", "ABORT NOW" if opened else "ABORT")
+        if w.filled_button(f"{label}###abort", width, fill):
             if opened:
                 console.do("docking.abort")
+            else:
+                console.say("abort: click once more within three seconds, or press Del")
             self._opened_ms = -GUARD_MS if opened else console.clock_ms
-        imgui.pop_style_color(2)
         w.tip(
             f"{console.table['docking.abort'].about()}\ntwo clicks within three seconds; the key needs one press"
         )
@@ -165,7 +166,7 @@ def running_jobs(jobs: Jobs) -> list[RunningJob]:
     found = []
     capture = jobs.capture
     if capture.running and capture.request is not None:
-        left = "" if capture.left_s is None else f", {capture.left_s:.0f} s left"
+        left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
         found.append(
             RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop")

@@ -1,14 +1,16 @@
-"""Small parts that panels share: sections, rows of figures, buttons of commands, text that never leaves its panel."""
+"""Parts that panels share: headings, rows of figures, controls of commands, tables, plots, text that wraps."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from flyaround.gui import hover_text, style
+from flyaround.gui.icons import PRIMARY, labelled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from flyaround.gui.command_table import Value
     from flyaround.gui.console import Console
@@ -32,9 +34,11 @@ class Widgets:
         self.imgui = window.imgui
         self.implot = window.implot
 
+    # --- sizes
+
     @property
     def width(self) -> float:
-        """What is free in the panel, across."""
+        """Free width of the panel."""
         return float(self.imgui.get_content_region_avail().x)
 
     @property
@@ -42,41 +46,62 @@ class Widgets:
         """Height of a line of text."""
         return float(self.imgui.get_text_line_height_with_spacing())
 
-    def section(self, title: str) -> None:
-        """A heading."""
-        self.imgui.dummy(self.imgui.ImVec2(0, 1))
-        self.coloured(style.ACCENT)
-        self.imgui.separator_text(self.elided(title, self.width - 30 * self.window.scale))
-        self.imgui.pop_style_color()
-
-    def coloured(self, rgba: style.Rgba) -> None:
-        """Text of this colour until ``imgui.pop_style_color``."""
-        self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
-
-    def one_line(self, text: str, rgba: style.Rgba) -> None:
-        """Text of this colour that is not wrapped."""
-        self.coloured(rgba)
-        self.imgui.text_unformatted(text)
-        self.imgui.pop_style_color()
-
     def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
         """Return how many columns of at least this width fit at scale 1, and the width of each."""
         spacing = self.imgui.get_style().item_spacing.x
         n = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
         return n, (self.width - (n - 1) * spacing) / n
 
-    def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Text that goes on in the next line where the panel ends; ``tip`` is told over it."""
-        self.coloured(rgba)
-        self.imgui.push_text_wrap_pos(0.0)
-        self.imgui.text_unformatted(text)
-        self.imgui.pop_text_wrap_pos()
+    def button_width(self, label: str) -> float:
+        """Width of a button with this label."""
+        return float(self.imgui.calc_text_size(label).x + 2 * self.imgui.get_style().frame_padding.x)
+
+    def flow(self, width: float, *, first: bool) -> None:
+        """Stay in the line if a part of this width still fits."""
+        imgui = self.imgui
+        if first:
+            return
+        end = imgui.get_item_rect_max().x + imgui.get_style().item_spacing.x + width
+        if end <= imgui.get_cursor_screen_pos().x + self.width:
+            imgui.same_line()
+
+    def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
+        """Yield the width of each of ``count`` cells, which lie in columns."""
+        columns, width = self.columns(least, fewest)
+        for k in range(count):
+            if k % columns:
+                self.imgui.same_line()
+            yield width
+
+    # --- text
+
+    def section(self, title: str) -> None:
+        """Draw a heading."""
+        self.imgui.dummy(self.imgui.ImVec2(0, 1))
+        self.coloured(style.ACCENT)
+        self.imgui.separator_text(self.elided(title, self.width - 30 * self.window.scale))
         self.imgui.pop_style_color()
+
+    def coloured(self, rgba: style.Rgba) -> None:
+        """Colour text until ``imgui.pop_style_color``."""
+        self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
+
+    def one_line(self, text: str, rgba: style.Rgba) -> None:
+        """Draw text of this colour that is not wrapped."""
+        self.coloured(rgba)
+        self.imgui.text_unformatted(text)
+        self.imgui.pop_style_color()
+
+    def text(self, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
+        """Draw text that wraps at the panel's edge; ``tip`` is its hover text."""
+        self.imgui.push_text_wrap_pos(0.0)
+        self.one_line(text, rgba)
+        self.imgui.pop_text_wrap_pos()
         if tip:
             self.tip(tip)
 
     def elided(self, text: str, width: float) -> str:
-        """The text, or as much of its beginning as fits, with an ellipsis."""
+        """Return the text, or as much of its beginning as fits, with an ellipsis."""
         size = self.imgui.calc_text_size
         if size(text).x <= width:
             return text
@@ -86,11 +111,11 @@ class Widgets:
         return text[:kept].rstrip() + "..."
 
     def tip(self, text: str) -> None:
-        """What the mouse over the last part tells."""
+        """Give the last part a hover text."""
         hover_text.tell_item(self.imgui, text)
 
     def about(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
-        """Tell of the last part what its command does, by which key, and what its arguments are, with their units.
+        """Give the last part the hover text of its command: purpose, key, and arguments with their units.
 
         Parameters
         ----------
@@ -105,11 +130,11 @@ class Widgets:
     def row(
         self, name: str, values: Sequence[float], form: str, tip: str, *, figure: int | None = None
     ) -> None:
-        """A line of figures; the figures go under the name where the panel is narrow.
+        """Draw a line of figures; they go under the name if the panel is narrow.
 
         Parameters
         ----------
-        figure : number under which it can be dragged into a plot; None where it cannot.
+        figure : number under which it can be dragged into a plot; None if it cannot.
         """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
@@ -117,7 +142,7 @@ class Widgets:
         self.one_line(name, style.QUIET)
         self.tip(tip)
         width = imgui.calc_text_size(figures).x
-        if max(imgui.calc_text_size(name).x, imgui.calc_text_size("Rel. °/s").x) + 8 + width <= self.width:
+        if max(imgui.calc_text_size(name).x, imgui.calc_text_size("LVLH mm/s").x) + 8 + width <= self.width:
             imgui.same_line(imgui.get_cursor_pos_x() + self.width - width)
         imgui.text_unformatted(self.elided(figures, self.width))
         if figure is not None and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_allow_null_id):
@@ -127,14 +152,7 @@ class Widgets:
         self.tip(tip)
         imgui.pop_font()
 
-    def flow(self, width: float, *, first: bool) -> None:
-        """Stay in the line if a part of this width still fits."""
-        imgui = self.imgui
-        if first:
-            return
-        end = imgui.get_item_rect_max().x + imgui.get_style().item_spacing.x + width
-        if end <= imgui.get_cursor_screen_pos().x + self.width:
-            imgui.same_line()
+    # --- controls of commands
 
     def button(
         self,
@@ -144,38 +162,53 @@ class Widgets:
         label: str | None = None,
         width: float = 0.0,
         on: bool = False,
+        icon: str = "",
+        fill: style.Rgba | None = None,
     ) -> None:
-        """A button of a command, with its help and key.
+        """Draw a button of a command with its icon and hover text.
 
         Parameters
         ----------
-        label : instead of the command's title. width : 0 for what the label needs. on : lit.
+        label : instead of the command's title. width : 0 for that of the label, -1 for the rest of the line.
+        on : lit. icon : of another command or state. fill : colour; that of a primary action if the command is one.
         """
-        command = console.table[name]
-        if on:
-            self.imgui.push_style_color(self.imgui.Col_.button, self.imgui.ImVec4(*style.ACCENT[:3], 0.45))
-        text = label if label is not None else command.title
-        if self.imgui.button(f"{text}##{name}{arguments}", self.imgui.ImVec2(width, 0)):
+        fill = fill or (style.PRIMARY if name in PRIMARY else (*style.ACCENT[:3], 0.45) if on else None)
+        text = labelled(icon or name, console.table[name].title if label is None else label)
+        # numbers change while a button is down, which must not make it another one
+        words = " ".join(a for a in arguments if isinstance(a, str))
+        if self.filled_button(f"{text}###{name} {label} {words}", width, fill):
             console.do(name, *arguments)
-        if on:
-            self.imgui.pop_style_color()
         self.about(console, name, *arguments)
 
+    def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
+        """Draw a button of a colour, also under the pointer; return True if it was clicked."""
+        imgui = self.imgui
+        if fill is not None:
+            # letters are dark on a bright fill
+            self.coloured(
+                style.GROUND if style.luminance(style.over(fill, style.GROUND)) > 0.2 else style.INK
+            )
+            lighter = style.over((*style.INK[:3], 0.08), style.over(fill, style.GROUND))
+            for which, colour in ((imgui.Col_.button, fill), (imgui.Col_.button_hovered, lighter)):
+                imgui.push_style_color(which, imgui.ImVec4(*colour))
+        clicked = bool(imgui.button(label, imgui.ImVec2(width, 0)))
+        if fill is not None:
+            imgui.pop_style_color(3)
+        return clicked
+
     def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
-        """Buttons of one width, so many in a row or fewer in a narrow panel."""
-        spacing = self.imgui.get_style().item_spacing.x
-        widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
-        widest += 2 * self.imgui.get_style().frame_padding.x
-        per_row = max(1, min(per_row, int((self.width + spacing) / (widest + spacing))))
-        width = (self.width - (per_row - 1) * spacing) / per_row
-        for k, name in enumerate(names):
-            if k % per_row:
-                self.imgui.same_line()
+        """Draw buttons of one width, ``per_row`` in a row or fewer in a narrow panel."""
+        imgui = self.imgui
+        widest = max(self.button_width(labelled(n, console.table[n].title)) for n in names)
+        widest = (
+            max(widest, (self.width + imgui.get_style().item_spacing.x) / per_row - 9) / self.window.scale
+        )
+        for name, width in zip(names, self.grid(len(names), widest), strict=True):
             state = console.table[name].state
             self.button(console, name, width=width, on=state is not None and state(console))
 
     def switch(self, console: Console, name: str, label: str | None = None) -> None:
-        """A tick box of a command that is switched."""
+        """Draw a tick box of a command that is switched."""
         command = console.table[name]
         state = command.state is not None and command.state(console)
         changed, value = self.imgui.checkbox(f"{label or command.title}##{name}", state)
@@ -184,7 +217,7 @@ class Widgets:
         self.about(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Tick boxes in as many columns as fit, two at most."""
+        """Draw tick boxes in as many columns as fit, two at most."""
         widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
         column = self.width / 2
         two = widest + 2.5 * self.imgui.get_frame_height() <= column
@@ -194,12 +227,93 @@ class Widgets:
                 self.imgui.same_line(start + column)
             self.switch(console, name)
 
+    def choice(
+        self,
+        console: Console,
+        name: str,
+        now: str,
+        names: Sequence[str],
+        *,
+        shown: Callable[[str], str] = str,
+        argument: str = "",
+        width: float = -1.0,
+    ) -> str:
+        """Draw a list to choose a command's argument from; return what is chosen.
+
+        The command is done with a new choice, unless the choice is only one of its arguments.
+
+        Parameters
+        ----------
+        shown : makes the text of a choice. argument : what is chosen, if the command takes others.
+        """
+        imgui = self.imgui
+        imgui.set_next_item_width(width)
+        changed, k = imgui.combo(f"##{name}{argument}", names.index(now), [shown(n) for n in names])
+        self.about(console, name, argument=argument)
+        if changed and not argument:
+            console.do(name, names[k])
+        return names[k]
+
+    # --- tables and plots
+
+    def table(
+        self,
+        name: str,
+        shares: Sequence[float],
+        rows: Iterable[Sequence[Callable[[], object]]],
+        heads: Sequence[str] = (),
+    ) -> None:
+        """Draw a table.
+
+        Parameters
+        ----------
+        shares : of the columns in the width. rows : a function that draws each cell. heads : of the columns.
+        """
+        imgui = self.imgui
+        if not imgui.begin_table(name, len(shares), imgui.TableFlags_.sizing_stretch_prop):
+            return
+        for share, head in zip(shares, heads or [""] * len(shares), strict=True):
+            imgui.table_setup_column(head, imgui.TableColumnFlags_.width_stretch, share)
+        if heads:
+            imgui.table_headers_row()
+        for row in rows:
+            imgui.table_next_row()
+            for cell in row:
+                imgui.table_next_column()
+                cell()
+        imgui.end_table()
+
+    @contextmanager
+    def plot(self, name: str, height: float, tip: str, *, still: bool = True) -> Iterator[bool]:
+        """Open a plot without legend and title; yield False if it is out of sight.
+
+        Parameters
+        ----------
+        height : at scale 1. still : the mouse does not move it.
+        """
+        flags = self.implot.Flags_
+        quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
+        size = self.imgui.ImVec2(-1, height * self.window.scale)
+        opened = self.implot.begin_plot(f"##{name}", size, quiet | (flags.no_inputs if still else 0))
+        yield bool(opened)
+        if opened:
+            self.implot.end_plot()
+            self.tip(tip)
+
+    def curve(self, rgba: style.Rgba) -> Any:  # noqa: ANN401 - an implot value
+        """Return how a plotted line of this colour is drawn."""
+        spec = self.implot.Spec()
+        spec.line_color, spec.line_weight = self.imgui.ImVec4(*rgba), 1.5
+        return spec
+
+    # --- values of Dear ImGui
+
     def vec(self, x: float, y: float) -> Any:  # noqa: ANN401 - an imgui value
-        """A point."""
+        """Return a point."""
         return self.imgui.ImVec2(x, y)
 
     def color(self, rgba: style.Rgba) -> int:
-        """A colour for a draw list."""
+        """Return a colour for a draw list."""
         return int(self.imgui.color_convert_float4_to_u32(self.imgui.ImVec4(*rgba)))
 
 

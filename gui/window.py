@@ -17,6 +17,29 @@ MOST_DROPPED = 4
 """Files of one drop that are opened."""
 
 
+def open_glfw(
+    glfw: Any,  # noqa: ANN401 - a foreign module
+    size: tuple[int, int],
+    title: str,
+    monitor: object = None,
+    **hints: int,
+) -> Any:  # noqa: ANN401 - a foreign handle
+    """Return a new window with an OpenGL 3.3 context, which is made current; None if there is none.
+
+    Parameters
+    ----------
+    monitor : that it fills. hints : further ones of glfw, by name.
+    """
+    wanted = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
+    wanted |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
+    for hint, value in (wanted | hints).items():
+        glfw.window_hint(getattr(glfw, hint), value)
+    native = glfw.create_window(*size, title, monitor, None)
+    if native:
+        glfw.make_context_current(native)
+    return native
+
+
 class Window(Surface):
     """One window with its OpenGL context.
 
@@ -56,15 +79,7 @@ class Window(Surface):
         glfw.ERROR_REPORTING = False
         if not glfw.init():
             raise UserError(NO_DISPLAY)
-        for hint, value in (
-            (glfw.CONTEXT_VERSION_MAJOR, 3),
-            (glfw.CONTEXT_VERSION_MINOR, 3),
-            (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
-            (glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE),
-            (glfw.SCALE_TO_MONITOR, glfw.TRUE),
-        ):
-            glfw.window_hint(hint, value)
-        native = glfw.create_window(*size, title, None, None)
+        native = open_glfw(glfw, size, title, SCALE_TO_MONITOR=glfw.TRUE)
         if not native:
             glfw.terminate()
             raise UserError(
@@ -72,7 +87,6 @@ class Window(Surface):
                 "(Debian and Ubuntu: apt-get install libgl1-mesa-dri libglx-mesa0)"
             )
         glfw.set_window_size_limits(native, 480, 360, glfw.DONT_CARE, glfw.DONT_CARE)
-        glfw.make_context_current(native)
         # the loop paces itself: waiting for the screen would hold the keys up
         glfw.swap_interval(0)
         return native
@@ -91,7 +105,7 @@ class Window(Surface):
 
     @property
     def open(self) -> bool:
-        """Whether the operator has not closed it."""
+        """True until the operator closes it."""
         return not self._glfw.window_should_close(self._native)
 
     @property
@@ -116,13 +130,13 @@ class Window(Surface):
         self._glfw.set_window_should_close(self._native, True)
 
     def wait(self, longest_s: float) -> bool:
-        """Take what input there is, waiting for it at most so long; whether some came."""
+        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
         return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
-        """Name, axes and buttons of the first gamepad that has a standard mapping; None where none is plugged in."""
+        """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""
         glfw = self._glfw
         for k in range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1):
             if not (glfw.joystick_present(k) and glfw.joystick_is_gamepad(k)):
@@ -139,12 +153,12 @@ class Window(Surface):
         return None
 
     def take_dropped(self) -> list[str]:
-        """Files that were dropped on the window since the last question."""
+        """Return the files dropped on the window since the last call."""
         dropped, self._dropped = self._dropped[:MOST_DROPPED], []
         return dropped
 
     def toggle_full_screen(self) -> None:
-        """The whole monitor, or back to the window that was."""
+        """Fill the whole monitor, or return to the window."""
         glfw = self._glfw
         if self._windowed is not None:
             x, y, width, height = self._windowed

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, overloa
 
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.labels.request import LabelRequest
+from flyaround.simulator.runtime.progress import publish_progress
 from flyaround.simulator.runtime.threads import share_processors
 from flyaround.simulator.runtime.worker_pool import WorkerPool
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.earth.map_textures import EarthMaps
     from flyaround.simulator.render.gl.context import GlInfo
     from flyaround.simulator.render.renderer import Renderer
+    from flyaround.simulator.runtime.progress import ProgressLine
     from flyaround.simulator.scenario.plan import FramePlan
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.scene.state import SceneState
@@ -199,18 +201,22 @@ class OpenRenderer:
     processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
         processors out among them, and two are better used by two processes of one thread than by one of two.
     gives_way : how much less urgent than the caller the processes are, as of `os.nice`.
+    progress : line that tells of what the processes prepare.
     """
 
     device_index: int | None = None
     first: SceneState | None = None
     processes: int = 1
     gives_way: int = 0
+    progress: ProgressLine | None = None
 
     def __call__(self) -> Renderer:
         """Return the renderer. The process takes its share of the processors before the context is created."""
         share_processors(self.processes)
         if self.gives_way and hasattr(os, "nice"):
             os.nice(self.gives_way)
+        if self.progress is not None:
+            publish_progress(self.progress)
         from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
 
         prefetched = prefetch_maps_of(self.first)
@@ -257,6 +263,7 @@ def open_frames(
     restarts: bool = False,
     answer_within_s: float | None = None,
     gives_way: int = 0,
+    progress: ProgressLine | None = None,
     target: Target | None = None,
 ) -> Iterator[FrameProducer[Taken]]:
     """Open a frame producer in this process, or in ``processes`` of their own.
@@ -272,11 +279,16 @@ def open_frames(
     answer_within_s : other processes that use no processor time for so long while a frame is due are restarted; one
         that prepares something for the first time may take as long as it works. None waits for ever.
     gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before pictures.
+    progress : line that tells of what other processes prepare.
     target : what scenes drawn in this process show, instead of what they name.
     """
     if processes:
         opener = OpenRenderer(
-            device_index=device_index, first=first, processes=processes, gives_way=gives_way
+            device_index=device_index,
+            first=first,
+            processes=processes,
+            gives_way=gives_way,
+            progress=progress,
         )
         with _FramesElsewhere(
             stage, opener, capacity=ahead, restarts=restarts, answer_within_s=answer_within_s

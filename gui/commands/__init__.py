@@ -1,1 +1,1 @@
-"""What an operator can do, a file a subject; `all` lists them."""
+"""Commands of the operator, one file a subject; `all` lists them."""

@@ -2,41 +2,17 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
-
-from flyaround.gui.commands import (
-    camera,
-    capture,
-    display,
-    docking,
-    estimator,
-    guidance,
-    hil,
-    log,
-    people,
-    scenario,
-    steering,
-    time,
-    timeline,
-    views,
-)
 
 if TYPE_CHECKING:
     from flyaround.gui.command_table import Command
 
-COMMANDS: tuple[Command, ...] = (
-    *scenario.COMMANDS,
-    *time.COMMANDS,
-    *timeline.COMMANDS,
-    *steering.COMMANDS,
-    *guidance.COMMANDS,
-    *docking.COMMANDS,
-    *display.COMMANDS,
-    *camera.COMMANDS,
-    *views.COMMANDS,
-    *estimator.COMMANDS,
-    *hil.COMMANDS,
-    *capture.COMMANDS,
-    *people.COMMANDS,
-    *log.COMMANDS,
+MODULES = (
+    "scenario time timeline steering guidance docking display camera views estimator hil capture people log"
+)
+COMMANDS: tuple[Command, ...] = tuple(
+    command
+    for name in MODULES.split()
+    for command in import_module(f"flyaround.gui.commands.{name}").COMMANDS
 )

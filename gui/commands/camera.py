@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, command, number, word
 from flyaround.gui.picture.sensor_terms import checked_change
 from flyaround.simulator.camera.lens.files import list_cameras, load_camera
 from flyaround.simulator.errors import UserError
@@ -38,28 +38,22 @@ def _gain(console: Console, light: int, gain: float) -> None:
 
 
 COMMANDS = (
-    Command(
+    command(
         "camera.use",
-        "Camera",
-        "look through another built-in camera, or the scenario's own",
         _use,
         arguments=(Argument("camera", "word", "name of the camera", (SCENARIO, *list_cameras())),),
     ),
-    Command(
+    command(
         "sensor.set",
-        "Change sensor",
-        "a number of the sensor for the console's pictures",
         _set,
         arguments=(
-            Argument("name", "word", "of the number"),
+            word("name", "of the number"),
             number("value", "its value, in the unit that the panel shows", unit="its unit"),
         ),
     ),
-    Command("sensor.reset", "Scenario's sensor", "the scenario's own numbers again", _reset),
-    Command(
+    command("sensor.reset", _reset),
+    command(
         "light.gain",
-        "Light",
-        "a factor on the radiance of an area light; 0 puts it out",
         _gain,
         arguments=(
             Argument("light", "whole", "its number, from 0", least=0, most=1000),

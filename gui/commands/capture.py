@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Argument, command, word
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.program import new_folder
 from flyaround.simulator.errors import UserError
@@ -24,7 +24,7 @@ THIS, NEW = "this-flight", "new"
 
 
 def _what(console: Console, what: str) -> str:
-    """What `flyaround capture` is given: a name, a file, or this flight's scenario written as one."""
+    """Return the argument of `flyaround capture`: a name, a file, or this flight's scenario written as one."""
     if what != THIS:
         return what
     scenario = console.session.plan.scenario
@@ -67,21 +67,17 @@ def _resume(console: Console) -> None:
 
 
 COMMANDS = (
-    Command(
+    command(
         "capture.start",
-        "Capture",
-        "a labelled data set of a scenario or recipe, drawn beside the flight",
         _start,
         arguments=(
             Argument("frames", "whole", "how many", least=1, most=MOST_FRAMES),
-            Argument("what", "word", f"scenario, recipe or file; {THIS} unless given", optional=True),
-            Argument(
-                "folder", "word", f"new or empty; {NEW}, or left out: one in out/console", optional=True
-            ),
-            Argument("formats", "word", "beside the native one, with commas", optional=True),
+            word("what", f"scenario, recipe or file; {THIS} unless given", optional=True),
+            word("folder", f"new or empty; {NEW}, or left out: one in out/console", optional=True),
+            word("formats", "beside the native one, with commas", optional=True),
             Argument("workers", "whole", "processes that draw", least=1, most=MOST_WORKERS, optional=True),
         ),
     ),
-    Command("capture.stop", "Stop capture", "end it; what is written stays, and can be gone on with", _stop),
-    Command("capture.resume", "Go on with capture", "go on with the last capture where it ended", _resume),
+    command("capture.stop", _stop),
+    command("capture.resume", _resume),
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from flyaround.gui.command_table import STATE, Argument, Command, number
+from flyaround.gui.command_table import command, number, setting, switch, word
 from flyaround.gui.picture.view_settings import DETAILS, LAYERS, OVERLAYS
 from flyaround.simulator.imaging.auto_exposure import AutoExposure
 from flyaround.simulator.imaging.metering import wanted_exposure_s
@@ -29,25 +29,13 @@ OVERLAY_KEYS = {
 MOST_STOPS = 8.0
 
 
-def _overlay(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
-    setattr(console.options.overlays, name, state)
-
-
 def _layer(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     settings = console.options.settings
     settings.environment = msgspec.structs.replace(settings.environment, **{name: state})
 
 
-def _overlay_is_on(name: str, console: Console) -> bool:
-    return bool(getattr(console.options.overlays, name))
-
-
 def _layer_is_on(name: str, console: Console) -> bool:
     return bool(getattr(console.options.settings.environment, name))
-
-
-def _exposure(console: Console, stops: float) -> None:
-    console.options.settings.exposure_stops = stops
 
 
 def _meter(console: Console) -> None:
@@ -67,12 +55,7 @@ def _colour(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.options.settings.bands = "rgb" if state else "mono"
 
 
-def _noise(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
-    console.options.settings.noise = state
-
-
-def _focus(console: Console) -> None:
-    """Hide the side panels, or show them again."""
+def _panels(console: Console) -> None:
     console.options.panel = not console.options.panel
 
 
@@ -80,87 +63,42 @@ def _request(name: str, console: Console) -> None:
     setattr(console.window, name, True)
 
 
+STOPS = number("stops", "1 exposes twice as long, -1 half as long", -MOST_STOPS, MOST_STOPS, "powers of two")
+
 COMMANDS = (
     *(
-        Command(
+        setting(
             f"overlay.{name}",
-            title,
-            f"draw over the view: {title.lower()}",
-            partial(_overlay, name),
+            lambda console: console.options.overlays,
+            name,
             (OVERLAY_KEYS[name].lower(),) if name in OVERLAY_KEYS else (),
-            arguments=(STATE,),
-            state=partial(_overlay_is_on, name),
+            title=title,
+            about=f"draw over the view: {title.lower()}",
         )
         for name, title in OVERLAYS
     ),
-    Command(
-        "picture.save",
-        "Save picture and truth",
-        "PNG and JSON into out/console",
-        lambda console: console.feed.ask_to_save(),
-        ("p", "f12"),
-    ),
-    Command(
+    command("picture.save", lambda console: console.feed.ask_to_save(), ("p", "f12")),
+    command(
         "picture.exposure",
-        "Exposure",
-        "added to the scenario's exposure, in powers of two",
-        _exposure,
-        arguments=(
-            number(
-                "stops", "1 exposes twice as long, -1 half as long", -MOST_STOPS, MOST_STOPS, "powers of two"
-            ),
-        ),
+        lambda console, stops: setattr(console.options.settings, "exposure_stops", stops),
+        arguments=(STOPS,),
     ),
-    Command(
-        "picture.meter",
-        "Expose by the meter",
-        "the exposure that suits what the camera sees now",
-        _meter,
-    ),
-    Command(
-        "picture.detail",
-        "Detail",
-        "resolution while time runs; a paused picture is always whole",
-        _detail,
-        arguments=(Argument("detail", "word", "how fine", DETAILS),),
-    ),
-    Command(
-        "picture.colour",
-        "Colour",
-        "three bands or one",
-        _colour,
-        arguments=(STATE,),
-        state=lambda console: console.options.settings.bands == "rgb",
-    ),
-    Command(
-        "picture.noise",
-        "Noise",
-        "the sensor's noise",
-        _noise,
-        arguments=(STATE,),
-        state=lambda console: console.options.settings.noise,
-    ),
+    command("picture.meter", _meter),
+    command("picture.detail", _detail, arguments=(word("detail", "how fine", DETAILS),)),
+    switch("picture.colour", _colour, lambda console: bool(console.options.settings.bands == "rgb")),
+    setting("picture.noise", lambda console: console.options.settings, "noise"),
     *(
-        Command(
+        switch(
             f"world.{name.replace('_', '-')}",
-            title,
-            f"draw or leave out: {title.lower()}",
             partial(_layer, name),
-            arguments=(STATE,),
-            state=partial(_layer_is_on, name),
+            partial(_layer_is_on, name),
+            title=title,
+            about=f"draw or leave out: {title.lower()}",
         )
         for name, title in LAYERS
     ),
-    Command(
-        "window.panels", "Side panels", "the panels beside the view, or the view alone", _focus, ("tab",)
-    ),
-    Command("window.full-screen", "Full screen", "full screen", partial(_request, "full_screen"), ("f11",)),
-    Command(
-        "window.acknowledge",
-        "Acknowledge",
-        "cautions and warnings were seen",
-        lambda console: console.acknowledge(),
-        ("f9",),
-    ),
-    Command("window.close", "Quit", "close the console", partial(_request, "close"), ("ctrl+q",)),
+    command("window.panels", _panels, ("tab",)),
+    command("window.full-screen", partial(_request, "full_screen"), ("f11",)),
+    command("window.acknowledge", lambda console: console.acknowledge(), ("f9",)),
+    command("window.close", partial(_request, "close"), ("ctrl+q",)),
 )

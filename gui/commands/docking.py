@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import command, switch, word
 from flyaround.gui.commands.steering import order
 from flyaround.simulator.piloting.docking_figures import PRESETS
 from flyaround.simulator.piloting.orders import Abort, Approach, Go, JudgeBy, NoGo, TakeAxisHere
@@ -24,43 +24,16 @@ def _abort(console: Console) -> None:
 
 
 COMMANDS = (
-    Command(
+    switch(
         "docking.approach",
-        "Autopilot",
-        "fly to the next hold point and, once all are passed, into the port",
         _approach,
+        lambda console: bool(console.session.craft.steering.autopilot),
         ("b",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.autopilot,
     ),
-    Command(
-        "docking.go",
-        "Go",
-        "let the chaser pass the hold point where it waits; refused while a figure is out of its limits",
-        order(Go),
-        ("enter",),
-        flies=True,
-    ),
-    Command("docking.no-go", "No-go", "keep the chaser at the next hold point", order(NoGo)),
-    Command(
-        "docking.abort",
-        "Abort",
-        "away from the target in the next step, out of the corridor as it came in; undocks, too",
-        _abort,
-        ("delete",),
-    ),
-    Command(
-        "docking.limits",
-        "Limits",
-        "whose limits colour the figures and judge the contact",
-        order(JudgeBy),
-        arguments=(Argument("preset", "word", "of which", tuple(PRESETS)),),
-    ),
-    Command(
-        "docking.axis-here",
-        "Axis from here",
-        "dock along the line from the chaser through the target's centre of mass, which turns with the target",
-        order(TakeAxisHere),
-    ),
+    command("docking.go", order(Go), ("enter",), flies=True),
+    command("docking.no-go", order(NoGo)),
+    command("docking.abort", _abort, ("delete",)),
+    command("docking.limits", order(JudgeBy), arguments=(word("preset", "of which", tuple(PRESETS)),)),
+    command("docking.axis-here", order(TakeAxisHere)),
 )

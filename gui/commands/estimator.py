@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import STATE, Argument, Command
+from flyaround.gui.command_table import command, switch, word
 
 COMMANDS = (
-    Command(
+    switch(
         "estimator.run",
-        "Estimate",
-        "run the method on the newest picture, again and again, in a process of its own",
         lambda console, on: console.jobs.estimates.start() if on else console.jobs.estimates.stop(),
-        arguments=(STATE,),
-        state=lambda console: console.jobs.estimates.on,
+        lambda console: console.jobs.estimates.on,
     ),
-    Command(
+    command(
         "estimator.method",
-        "Method",
-        "which estimator: a name of flyaround evaluate, or net:FILE",
         lambda console, method: console.jobs.estimates.choose(method),
-        arguments=(
-            Argument("method", "word", "hybrid, svd-2018, svd-thesis, hybrid-track, net:FILE or a package's"),
-        ),
+        arguments=(word("method", "hybrid, svd-2018, svd-thesis, hybrid-track, net:FILE or a package's"),),
     ),
-    Command(
+    switch(
         "estimator.stages",
-        "Stages as pictures",
-        "a picture of each stage with every estimate; it takes about twice as long",
         lambda console, on: console.jobs.estimates.want_stages(wanted=on),
-        arguments=(STATE,),
-        state=lambda console: console.jobs.estimates.stages_wanted,
+        lambda console: console.jobs.estimates.stages_wanted,
     ),
-    Command(
-        "estimator.forget",
-        "Forget estimates",
-        "begin the estimator's plots again",
-        lambda console: console.jobs.estimates.forget(),
-    ),
+    command("estimator.forget", lambda console: console.jobs.estimates.forget()),
 )

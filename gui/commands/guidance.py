@@ -2,141 +2,83 @@
 
 from __future__ import annotations
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, command, number
 from flyaround.gui.commands.steering import order
-from flyaround.simulator.piloting.guidance_orders import (
-    ApproachRbar,
-    ApproachVbar,
-    Circumnavigate,
-    FlyAround,
-    FlyGlideslope,
-    FlySafeEllipse,
-    FlyTo,
-    KeepRange,
-    KeepStation,
-)
+from flyaround.simulator.piloting import guidance_orders as orders
 from flyaround.simulator.piloting.orders import CancelBurns, Drift, PlanBurn
 from flyaround.simulator.piloting.planned_burns import LARGEST_M_S, LONGEST_AHEAD_S, burn_of
 
 FAR_M = 1e5
 
 
-def _distance(name: str, text: str, *, optional: bool = True) -> Argument:
-    return number(name, text, 0.1, FAR_M, "m", optional=optional)
+def _distance(name: str, text: str) -> Argument:
+    return number(name, text, 0.1, FAR_M, "m", optional=True)
 
 
-def _place() -> tuple[Argument, ...]:
-    return tuple(
-        number(a, text, -FAR_M, FAR_M, "m")
-        for a, text in (
-            ("radial", "outward from the Earth"),
-            ("along", "along the flight"),
-            ("cross", "across the orbit"),
-        )
-    )
+def _lvlh(most: float, unit: str) -> tuple[Argument, ...]:
+    """Return the three components of a vector in the LVLH frame."""
+    axes = {"radial": "outward from the Earth", "along": "along the flight", "cross": "across the orbit"}
+    return tuple(number(axis, about, -most, most, unit) for axis, about in axes.items())
 
 
+PLACE = _lvlh(FAR_M, "m")
 SPEED = number("speed", "of the approach; 0.1 unless given", 1e-3, 10.0, "m/s", optional=True)
+HOLD = _distance("hold", "from the target's centre of mass")
+SIZE = _distance("size", "half of its radial size; left out: through where the chaser is")
+PERIOD = number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optional=True)
+SINCE_START = "since the scenario's start"
 
 COMMANDS = (
-    Command(
-        "guidance.hold",
-        "Station keeping",
-        "keep the chaser where it is beside the target",
-        order(KeepStation),
+    command("guidance.hold", order(orders.KeepStation)),
+    command("guidance.hold-at", order(lambda *place: orders.KeepStation(place)), arguments=PLACE),
+    *(
+        Command(
+            f"guidance.{name}",
+            f"{title} approach",
+            f"along the {axis} to a hold point, by default 10 m from the centre of mass",
+            order(made),
+            arguments=(HOLD, SPEED),
+        )
+        for name, title, axis, made in (
+            ("vbar", "V-bar", "velocity axis", orders.ApproachVbar),
+            ("rbar", "R-bar", "radius", orders.ApproachRbar),
+        )
     ),
-    Command(
-        "guidance.hold-at",
-        "Station keeping at a point",
-        "fly to a point of LVLH and keep it",
-        order(lambda *place: KeepStation(place)),
-        arguments=_place(),
-    ),
-    Command(
-        "guidance.vbar",
-        "V-bar approach",
-        "along the velocity axis to a hold point, by default 10 m from the centre of mass",
-        order(ApproachVbar),
-        arguments=(_distance("hold", "from the target's centre of mass"), SPEED),
-    ),
-    Command(
-        "guidance.rbar",
-        "R-bar approach",
-        "along the radius to a hold point, by default 10 m from the centre of mass",
-        order(ApproachRbar),
-        arguments=(_distance("hold", "from the target's centre of mass"), SPEED),
-    ),
-    Command(
+    command(
         "guidance.glideslope",
-        "Glideslope",
-        "straight in, the slower the nearer, by default to 10 m",
-        order(FlyGlideslope),
+        order(orders.FlyGlideslope),
         arguments=(_distance("end", "from the target's centre of mass"),),
     ),
-    Command(
+    command(
         "guidance.waypoint",
-        "Waypoint",
-        "along a straight line to a point of LVLH, and keep it",
-        order(lambda r, a, c, *speed: FlyTo((r, a, c), *speed)),
-        arguments=(*_place(), SPEED),
+        order(lambda r, a, c, *speed: orders.FlyTo((r, a, c), *speed)),
+        arguments=(*PLACE, SPEED),
     ),
-    Command(
+    command(
         "guidance.flyaround",
-        "Fly-around",
-        "a forced circle about the target through where the chaser is, by default once in 15 minutes",
-        order(FlyAround),
-        arguments=(
-            _distance("radius", "of the circle; left out: where the chaser is"),
-            number("period", "of a turn; 900 unless given", 60.0, 1e5, "s", optional=True),
-        ),
+        order(orders.FlyAround),
+        arguments=(_distance("radius", "of the circle; left out: where the chaser is"), PERIOD),
     ),
-    Command(
-        "guidance.circumnavigate",
-        "Circumnavigation",
-        "one burn onto the 2:1 ellipse about the target through where the chaser is, then free flight",
-        order(Circumnavigate),
-        arguments=(_distance("size", "half of its radial size; left out: through where the chaser is"),),
-    ),
-    Command(
-        "guidance.safe-ellipse",
-        "Safe ellipse",
-        "onto an ellipse that keeps clear of the velocity axis, then free flight",
-        order(FlySafeEllipse),
-        arguments=(_distance("size", "half of its radial size; left out: through where the chaser is"),),
-    ),
-    Command(
+    command("guidance.circumnavigate", order(orders.Circumnavigate), arguments=(SIZE,)),
+    command("guidance.safe-ellipse", order(orders.FlySafeEllipse), arguments=(SIZE,)),
+    command(
         "guidance.keep-range",
-        "Range keeping",
-        "drift that is turned back at two distances, by default 5 m to both sides",
-        order(KeepRange),
+        order(orders.KeepRange),
         arguments=(
             _distance("near", "turned back when nearer than this"),
             _distance("far", "turned back when farther than this"),
         ),
     ),
-    Command("guidance.drift", "Free drift", "no guidance, no autopilot: the chaser drifts", order(Drift)),
-    Command(
+    command("guidance.drift", order(Drift)),
+    command(
         "burn.plan",
-        "Plan a burn",
-        "a change of velocity along LVLH axes at a time; the thrusters begin so much earlier that its middle is there",
         order(lambda *burn: PlanBurn(burn_of(*burn))),
         arguments=(
-            number("t", "since the scenario's start", 0.0, 1e6 + LONGEST_AHEAD_S, "s"),
-            *(
-                number(a, text, -LARGEST_M_S, LARGEST_M_S, "m/s")
-                for a, text in (
-                    ("radial", "outward from the Earth"),
-                    ("along", "along the flight"),
-                    ("cross", "across the orbit"),
-                )
-            ),
+            number("t", SINCE_START, 0.0, 1e6 + LONGEST_AHEAD_S, "s"),
+            *_lvlh(LARGEST_M_S, "m/s"),
         ),
     ),
-    Command(
-        "burn.cancel",
-        "Cancel burns",
-        "take back the planned burn nearest to a time; left out: all of them",
-        order(CancelBurns),
-        arguments=(number("t", "since the scenario's start", unit="s", optional=True),),
+    command(
+        "burn.cancel", order(CancelBurns), arguments=(number("t", SINCE_START, unit="s", optional=True),)
     ),
 )

@@ -7,61 +7,41 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.program import new_folder
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.host.ledger.run_terms import FlownRecord
 from flyaround.hil.host.link_process.ipc import LinkConfig
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.host.truth_policy import check_access
-from flyaround.simulator.scenario.faults import (
-    Bandwidth,
-    Blinding,
-    ClockDrift,
-    ColumnLoss,
-    Corrupt,
-    DeadPixels,
-    Delay,
-    Disconnect,
-    Drop,
-    Duplicate,
-    FrozenPicture,
-    GainStep,
-    HalfFrame,
-    Jitter,
-    Reorder,
-    RepeatedNumber,
-    RowLoss,
-    StuckPixels,
-)
+from flyaround.simulator.scenario import faults
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
-    from flyaround.simulator.scenario.faults import CameraFault, LineFault
 
 LISTEN = "tcp://127.0.0.1:5600"
 FOLDER = Path("out") / "console"
 POSE_S, CONNECT_S = 10.0, 600.0
 FAULT_S = 10.0
-FAULTS: dict[str, tuple[CameraFault | LineFault, str]] = {
-    "stuck_pixels": (StuckPixels(share=0.01), "one pixel in a hundred gives one number"),
-    "dead_pixels": (DeadPixels(share=0.01), "one pixel in a hundred gives 0"),
-    "row_loss": (RowLoss(rows=40), "forty rows of each picture are 0"),
-    "column_loss": (ColumnLoss(columns=40), "forty columns are 0"),
-    "half_frame": (HalfFrame(), "the lower half of each picture is 0"),
-    "frozen": (FrozenPicture(), "the same picture again and again"),
-    "blinding": (Blinding(), "a bright source in the middle"),
-    "gain_step": (GainStep(factor=3.0), "three times the numbers"),
-    "repeated_number": (RepeatedNumber(), "the camera's counter stands still"),
-    "delay": (Delay(delay_ms=300.0), "every packet to the board 0.3 s later"),
-    "jitter": (Jitter(most_ms=300.0), "pictures up to 0.3 s later"),
-    "drop": (Drop(chance=0.02), "two packets in a hundred are lost"),
-    "corrupt": (Corrupt(chance=0.02), "two packets in a hundred are damaged"),
-    "duplicate": (Duplicate(chance=0.2), "one packet in five comes twice"),
-    "reorder": (Reorder(chance=0.1), "one packet in ten comes late"),
-    "bandwidth": (Bandwidth(bytes_per_s=500_000.0), "half a megabyte a second"),
-    "disconnect": (Disconnect(), "the line is cut once"),
-    "clock_drift": (ClockDrift(ppm=500.0), "the board's clock runs fast"),
+FAULTS: dict[str, tuple[faults.CameraFault | faults.LineFault, str]] = {
+    "stuck_pixels": (faults.StuckPixels(share=0.01), "one pixel in a hundred gives one number"),
+    "dead_pixels": (faults.DeadPixels(share=0.01), "one pixel in a hundred gives 0"),
+    "row_loss": (faults.RowLoss(rows=40), "forty rows of each picture are 0"),
+    "column_loss": (faults.ColumnLoss(columns=40), "forty columns are 0"),
+    "half_frame": (faults.HalfFrame(), "the lower half of each picture is 0"),
+    "frozen": (faults.FrozenPicture(), "the same picture again and again"),
+    "blinding": (faults.Blinding(), "a bright source in the middle"),
+    "gain_step": (faults.GainStep(factor=3.0), "three times the numbers"),
+    "repeated_number": (faults.RepeatedNumber(), "the camera's counter stands still"),
+    "delay": (faults.Delay(delay_ms=300.0), "every packet to the board 0.3 s later"),
+    "jitter": (faults.Jitter(most_ms=300.0), "pictures up to 0.3 s later"),
+    "drop": (faults.Drop(chance=0.02), "two packets in a hundred are lost"),
+    "corrupt": (faults.Corrupt(chance=0.02), "two packets in a hundred are damaged"),
+    "duplicate": (faults.Duplicate(chance=0.2), "one packet in five comes twice"),
+    "reorder": (faults.Reorder(chance=0.1), "one packet in ten comes late"),
+    "bandwidth": (faults.Bandwidth(bytes_per_s=500_000.0), "half a megabyte a second"),
+    "disconnect": (faults.Disconnect(), "the line is cut once"),
+    "clock_drift": (faults.ClockDrift(ppm=500.0), "the board's clock runs fast"),
 }
 
 
@@ -92,50 +72,16 @@ def _fault(console: Console, kind: str, seconds: float | None = None) -> None:
     console.say(f"fault {kind} for {length:g} s of the flight: {text}")
 
 
+URL = word("url", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True)
+METHOD = word("method", "its estimator; hybrid unless given", optional=True)
+SECONDS = number(
+    "seconds", "how long it acts, in time of the flight; 10 unless given", 0.1, 3600.0, "s", optional=True
+)
+
 COMMANDS = (
-    Command(
-        "hil.start",
-        "Start session",
-        "send this flight's pictures to a board that connects, each when the last one is answered",
-        _start,
-        arguments=(
-            Argument("url", "word", "tcp://HOST:PORT or serial:///DEVICE?baud=N to listen on", optional=True),
-        ),
-    ),
-    Command(
-        "hil.stop",
-        "End session",
-        "say goodbye to the board, and close the ledger",
-        lambda console: console.jobs.hil.stop(),
-    ),
-    Command(
-        "hil.board",
-        "Start board here",
-        "a board's process on this machine that connects to the session",
-        _board,
-        arguments=(Argument("method", "word", "its estimator; hybrid unless given", optional=True),),
-    ),
-    Command(
-        "hil.board-stop",
-        "Stop board here",
-        "end the board's process of this machine",
-        lambda console: console.jobs.hil.stop_board(),
-    ),
-    Command(
-        "hil.fault",
-        "Fault",
-        "a fault of the camera or the line from the next picture on",
-        _fault,
-        arguments=(
-            Argument("kind", "word", "which one", tuple(FAULTS)),
-            number(
-                "seconds",
-                "how long it acts, in time of the flight; 10 unless given",
-                0.1,
-                3600.0,
-                "s",
-                optional=True,
-            ),
-        ),
-    ),
+    command("hil.start", _start, arguments=(URL,)),
+    command("hil.stop", lambda console: console.jobs.hil.stop()),
+    command("hil.board", _board, arguments=(METHOD,)),
+    command("hil.board-stop", lambda console: console.jobs.hil.stop_board()),
+    command("hil.fault", _fault, arguments=(word("kind", "which one", tuple(FAULTS)), SECONDS)),
 )

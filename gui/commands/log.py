@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import command, word
 from flyaround.simulator.runtime.files import write_atomic
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ def script_header(console: Console) -> tuple[str]:
 
 
 def script_of(console: Console) -> str:
-    """The log as a script, with what it was made of."""
+    """Return the log as a script, with what it was made of."""
     return console.log.text(script_header(console))
 
 
@@ -53,19 +53,7 @@ def _copy_text(console: Console, text: str) -> None:
 
 
 COMMANDS = (
-    Command(
-        "log.copy-text",
-        "Copy",
-        "a text to the clipboard",
-        _copy_text,
-        arguments=(Argument("text", "word", "what to copy"),),
-    ),
-    Command(
-        "log.save",
-        "Save script",
-        "keep what was done as a script, in out/console",
-        _save,
-        arguments=(Argument("path", "word", "of the file", optional=True),),
-    ),
-    Command("log.copy", "Copy script", "what was done, to the clipboard", _copy),
+    command("log.copy-text", _copy_text, arguments=(word("text", "what to copy"),)),
+    command("log.save", _save, arguments=(word("path", "of the file", optional=True),)),
+    command("log.copy", _copy),
 )

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import command, number, word
 from flyaround.gui.jobs.mesh_import import MESHES, MeshImport
 from flyaround.gui.picture.video import Film
 from flyaround.simulator.errors import UserError
@@ -84,82 +84,46 @@ def _open(console: Console, path: str) -> None:
         )
 
 
+def _enlarge(console: Console, panel: str | None = None) -> None:
+    window, wanted = console.window, panel or console.help.hovered or "lvlh-map"
+    if f"panel.{wanted}" not in console.table:
+        raise UserError(f"there is no panel '{wanted}' to enlarge; F1 lists them as panel.NAME")
+    window.enlarged = "" if window.enlarged else wanted
+
+
 COMMANDS = (
-    Command(
-        "settings.undo",
-        "Undo",
-        "take the last change of settings back",
-        lambda console: console.history.undo(console.options),
-        ("ctrl+z",),
-    ),
-    Command(
-        "settings.redo",
-        "Redo",
-        "do again what was undone",
-        lambda console: console.history.redo(console.options),
-        ("ctrl+y",),
-    ),
-    Command(
+    command("settings.undo", lambda console: console.history.undo(console.options), ("ctrl+z",)),
+    command("settings.redo", lambda console: console.history.redo(console.options), ("ctrl+y",)),
+    command(
         "window.text-size",
-        "Size of letters",
-        "letters and panels, times as large as at first",
         _font_scale,
         arguments=(number("scale", "as large as at first", LEAST_SCALE, MOST_SCALE, "times"),),
     ),
-    Command(
-        "window.larger-text",
-        "Larger letters",
-        "letters and panels a tenth larger",
-        partial(_step_font_scale, SCALE_STEP),
-        ("ctrl+equal",),
+    command("window.larger-text", partial(_step_font_scale, SCALE_STEP), ("ctrl+equal",)),
+    command("window.smaller-text", partial(_step_font_scale, -SCALE_STEP), ("ctrl+minus",)),
+    command(
+        "window.enlarge",
+        _enlarge,
+        ("ctrl+m",),
+        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
     ),
-    Command(
-        "window.smaller-text",
-        "Smaller letters",
-        "letters and panels a tenth smaller",
-        partial(_step_font_scale, -SCALE_STEP),
-        ("ctrl+minus",),
-    ),
-    Command(
+    command(
         "help.panel",
-        "About this panel",
-        "what the panel under the mouse is, and its commands",
         _help,
         ("slash",),
-        arguments=(Argument("panel", "word", "its name; left out: under the mouse", optional=True),),
+        arguments=(word("panel", "its name; left out: under the mouse", optional=True),),
     ),
-    Command("help.tour", "Tour", "six things to do, each ticked when it was done", _tour),
-    Command("help.tour-next", "Next step", "the tour's next step", lambda console: _tour_step(console, 1)),
-    Command(
-        "help.tour-back", "Step before", "the tour's step before", lambda console: _tour_step(console, -1)
-    ),
-    Command(
-        "help.tour-end",
-        "End of the tour",
-        "no more cards",
-        lambda console: console.open_panel("tour", shown=False),
-    ),
-    Command(
+    command("help.tour", _tour),
+    command("help.tour-next", lambda console: _tour_step(console, 1)),
+    command("help.tour-back", lambda console: _tour_step(console, -1)),
+    command("help.tour-end", lambda console: console.open_panel("tour", shown=False)),
+    command(
         "window.screenshot",
-        "Picture of the window",
-        "PNG of the whole window into out/console",
         _screenshot,
         ("ctrl+f12",),
-        arguments=(Argument("path", "word", "of the file, .png", optional=True),),
+        arguments=(word("path", "of the file, .png", optional=True),),
     ),
-    Command(
-        "film.start",
-        "Film the view",
-        "the camera's pictures as they come, H.264, into out/console",
-        _film,
-        arguments=(Argument("path", "word", "of the file, .mp4", optional=True),),
-    ),
-    Command("film.stop", "End the film", "close the film's file", _film_end),
-    Command(
-        "file.open",
-        "Open file",
-        "a scenario flies, a mesh becomes this scenario's target; as files dropped on the window",
-        _open,
-        arguments=(Argument("path", "word", "a .toml, or a mesh"),),
-    ),
+    command("film.start", _film, arguments=(word("path", "of the file, .mp4", optional=True),)),
+    command("film.stop", _film_end),
+    command("file.open", _open, arguments=(word("path", "a .toml, or a mesh"),)),
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import command, word
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -43,34 +43,16 @@ def _target(console: Console, target: str) -> None:
 
 
 COMMANDS = (
-    Command(
-        "scenario.open",
-        "Open scenario",
-        "fly another scenario: a built-in name or a TOML file",
-        _open,
-        arguments=(Argument("scenario", "word", "built-in name or TOML file"),),
+    command("scenario.open", _open, arguments=(word("scenario", "built-in name or TOML file"),)),
+    command(
+        "scenario.edit", _edit, arguments=(word("scenario", "built-in name or TOML file", optional=True),)
     ),
-    Command(
-        "scenario.edit",
-        "Edit scenario",
-        "the text of a scenario, left out: of this one",
-        _edit,
-        arguments=(Argument("scenario", "word", "built-in name or TOML file", optional=True),),
-    ),
-    Command("scenario.check", "Check text", "whether the edited text is a scenario", _check),
-    Command(
-        "scenario.save",
-        "Save text",
-        "write the edited text, if it is right",
-        _save,
-        arguments=(Argument("path", "word", "file that ends in .toml"),),
-    ),
-    Command("scenario.fly", "Fly text", "fly what was edited, from its beginning", _fly),
-    Command(
+    command("scenario.check", _check),
+    command("scenario.save", _save, arguments=(word("path", "file that ends in .toml"),)),
+    command("scenario.fly", _fly),
+    command(
         "scenario.target",
-        "Another target",
-        "fly this scenario again with another craft",
         _target,
-        arguments=(Argument("target", "word", "name of the craft, as flyaround targets lists it"),),
+        arguments=(word("target", "name of the craft, as flyaround targets lists it"),),
     ),
 )

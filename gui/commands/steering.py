@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import STATE, Argument, Command, number
+from flyaround.gui.command_table import Argument, Command, command, number, switch, word
 from flyaround.simulator.piloting.chaser_control import ATTITUDE_MODES
 from flyaround.simulator.piloting.control_laws import STILL, SWITCHES
 from flyaround.simulator.piloting.orders import Centre, Control, FollowGuidance, Order, Pulse, Stop, TakeOver
@@ -96,15 +96,7 @@ _HELD = (
 )
 
 COMMANDS = (
-    Command(
-        "steer.arm",
-        "Hand control",
-        "let keys fly the chaser; typing in a field and opening a scenario end it, abort (Del) needs none",
-        _arm,
-        ("ctrl+h", "insert"),
-        arguments=(STATE,),
-        state=lambda console: console.hand.armed,
-    ),
+    switch("steer.arm", _arm, lambda console: bool(console.hand.armed), ("ctrl+h", "insert")),
     *(
         Command(
             f"steer.{name}",
@@ -117,84 +109,40 @@ COMMANDS = (
         )
         for name, keys, text in _HELD
     ),
-    Command("steer.stop", "Stop", "brake to rest beside the target (LVLH)", _stop, ("x",), flies=True),
-    Command(
-        "steer.track",
-        "Track",
-        "the attitude follows the target; turn keys move its place in the picture",
-        _track,
-        ("t",),
-        flies=True,
-        state=lambda console: console.session.craft.tracking,
-    ),
-    Command(
-        "steer.centre",
-        "Centre",
-        "bring the target to the middle and track it",
-        order(Centre),
-        ("c",),
-        flies=True,
-    ),
-    Command(
+    command("steer.stop", _stop, ("x",), flies=True),
+    command("steer.track", _track, ("t",), flies=True, state=lambda console: console.session.craft.tracking),
+    command("steer.centre", order(Centre), ("c",), flies=True),
+    command(
         "steer.toggle",
-        "Steer by hand",
-        "scenario's guidance / steering by hand",
         _toggle,
         ("g",),
         flies=True,
         state=lambda console: console.session.craft.mode == "steer",
     ),
-    Command("steer.reset", "Reset", "back onto the scenario's trajectory", _reset, ("home",), flies=True),
-    Command(
+    command("steer.reset", _reset, ("home",), flies=True),
+    switch(
         "steer.lvlh",
-        "LVLH axes",
-        "W and S along the flight, A and D across it, R and F up and down; off: along the camera's axes",
         order(lambda on: Control(axes="lvlh" if on else "camera")),
+        lambda console: bool(console.session.craft.steering.axes == "lvlh"),
         ("n",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.axes == "lvlh",
     ),
-    Command(
+    switch(
         "steer.pulses",
-        "Pulses",
-        "a press of a key gives 1 cm/s or 0.2 deg; off: as long as it is held",
         order(lambda on: Control(thrust="pulse" if on else "continuous")),
+        lambda console: bool(console.session.craft.steering.thrust == "pulse"),
         ("m",),
         flies=True,
-        arguments=(STATE,),
-        state=lambda console: console.session.craft.steering.thrust == "pulse",
     ),
-    Command(
+    command(
         "steer.attitude",
-        "Attitude",
-        "rate: keep the rate; hold: keep the attitude (in LVLH axes: beside the target); target: keep it in view; "
-        "dock: as when docked; left out: the next of them",
         _attitude,
         ("y",),
         flies=True,
-        arguments=(Argument("mode", "word", "what is kept", ATTITUDE_MODES, optional=True),),
+        arguments=(word("mode", "what is kept", ATTITUDE_MODES, optional=True),),
     ),
-    Command(
-        "steer.pulse",
-        "One pulse",
-        "1 cm/s, or 0.2 deg",
-        order(Pulse),
-        arguments=(Argument("direction", "word", "as of the keys", SWITCHES),),
-    ),
-    Command(
-        "steer.stick-thrust",
-        "Stick: thrust",
-        "shares of a key's thrust, as a stick or the mouse gives them, until the next",
-        _stick_thrust,
-        arguments=_shares("right", "down", "forward"),
-    ),
-    Command(
-        "steer.stick-turn",
-        "Stick: turn",
-        "shares of a key's turn rate, as a stick or the mouse gives them, until the next",
-        _stick_turn,
-        arguments=_shares("up", "right", "roll"),
-    ),
-    Command("steer.stick-lost", "Stick: gone", "what the stick pushed and turned stops", _stick_lost),
+    command("steer.pulse", order(Pulse), arguments=(word("direction", "as of the keys", SWITCHES),)),
+    command("steer.stick-thrust", _stick_thrust, arguments=_shares("right", "down", "forward")),
+    command("steer.stick-turn", _stick_turn, arguments=_shares("up", "right", "roll")),
+    command("steer.stick-lost", _stick_lost),
 )

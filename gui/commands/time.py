@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command
+from flyaround.gui.command_table import Command, command, word
 from flyaround.simulator.piloting.clock import RATES
 from flyaround.simulator.piloting.jumps import EVENTS
 
@@ -35,50 +35,21 @@ def _jump_to_hold_point(console: Console) -> None:
 
 
 COMMANDS = (
-    Command(
+    command(
         "time.pause",
-        "Pause",
-        "pause or go on",
         lambda console: console.session.clock.toggle_pause(),
         ("space",),
         state=lambda console: console.session.clock.paused,
     ),
-    Command(
-        "time.step",
-        "One frame",
-        "one frame, then paused",
-        lambda console: console.session.step_frame(),
-        ("period",),
-    ),
-    Command(
-        "time.faster",
-        "Faster",
-        "the next rate up",
-        partial(_shift_rate, 1),
-        ("equal", "keypad_add", "right_bracket"),
-    ),
-    Command(
-        "time.slower",
-        "Slower",
-        "the next rate down",
-        partial(_shift_rate, -1),
-        ("minus", "keypad_subtract", "left_bracket"),
-    ),
-    Command(
+    command("time.step", lambda console: console.session.step_frame(), ("period",)),
+    command("time.faster", partial(_shift_rate, 1), ("equal", "keypad_add", "right_bracket")),
+    command("time.slower", partial(_shift_rate, -1), ("minus", "keypad_subtract", "left_bracket")),
+    command(
         "time.rate",
-        "Rate",
-        "simulated seconds per second",
         lambda console, rate: console.session.clock.set_rate(float(rate)),
-        arguments=(Argument("rate", "word", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
+        arguments=(word("rate", "one of the rates", tuple(f"{r:g}" for r in RATES)),),
     ),
-    Command(
-        "time.restart",
-        "Restart",
-        "back to the beginning, with the guidance",
-        _restart,
-        ("backspace",),
-        flies=True,
-    ),
+    command("time.restart", _restart, ("backspace",), flies=True),
     *(
         Command(
             f"time.next-{event}",
@@ -88,10 +59,5 @@ COMMANDS = (
         )
         for event in EVENTS
     ),
-    Command(
-        "time.next-hold-point",
-        "Jump to the next hold point",
-        "hurry until the autopilot rests at the hold point, or has docked; then 1x",
-        _jump_to_hold_point,
-    ),
+    command("time.next-hold-point", _jump_to_hold_point),
 )

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, command, number, word
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.flown_files import FlownFiles, free_folder
 
@@ -134,77 +134,41 @@ def _hil(console: Console) -> None:
 
 
 def clock(t_s: float) -> str:
-    """Simulated time for people."""
+    """Return simulated time for people."""
     minutes, seconds = divmod(round(max(t_s, 0.0), 1), 60.0)
     hours, minutes = divmod(int(minutes), 60)
     return f"T+{hours:02d}:{minutes:02d}:{seconds:04.1f}"
 
 
 COMMANDS = (
-    Command(
+    command(
         "timeline.seek",
-        "Go to a time",
-        "go to a place of what was flown, paused",
         _seek,
         arguments=(number("t_s", "since the scenario's start", 0.0, 1e9, "s"),),
     ),
-    Command("timeline.step-back", "One step back", "a tenth of a second back", _step_back, ("comma",)),
-    Command(
-        "timeline.back", "Back 10 s", "10 s back in what was flown", partial(_skip, -SKIP_S), ("page_up",)
+    command("timeline.step-back", _step_back, ("comma",)),
+    command("timeline.back", partial(_skip, -SKIP_S), ("page_up",)),
+    command("timeline.forward", partial(_skip, SKIP_S), ("page_down",)),
+    command("timeline.end", _end, ("end",)),
+    command("timeline.fly-on", _fly_on, ("ctrl+enter",)),
+    command("timeline.other-future", _other_future),
+    command(
+        "timeline.bookmark", _bookmark, ("ctrl+b",), arguments=(word("note", "of one line", optional=True),)
     ),
-    Command(
-        "timeline.forward", "On 10 s", "10 s on in what was flown", partial(_skip, SKIP_S), ("page_down",)
-    ),
-    Command("timeline.end", "To the end", "to the end of what was flown", _end, ("end",)),
-    Command(
-        "timeline.fly-on",
-        "Fly on from here",
-        "take the flight up from this place; what came after it can be brought back",
-        _fly_on,
-        ("ctrl+enter",),
-    ),
-    Command(
-        "timeline.other-future",
-        "Other future",
-        "what was flown after the place where one flew on, instead of what came since; and back",
-        _other_future,
-    ),
-    Command(
-        "timeline.bookmark",
-        "Bookmark",
-        "mark this place, with a note",
-        _bookmark,
-        ("ctrl+b",),
-        arguments=(Argument("note", "word", "of one line", optional=True),),
-    ),
-    Command(
+    command(
         "timeline.unbookmark",
-        "Remove bookmark",
-        "take the nearest bookmark away",
         _unbookmark,
         arguments=(number("t_s", "near this time; left out: near now", 0.0, 1e9, "s", optional=True),),
     ),
-    Command(
-        "timeline.previous-bookmark", "Bookmark before", "to the bookmark before", partial(_neighbour, -1)
-    ),
-    Command("timeline.next-bookmark", "Bookmark after", "to the bookmark after", partial(_neighbour, 1)),
-    Command(
-        "timeline.keep",
-        "Keep flight",
-        "what was flown as a scenario that replays it, in out/console/flights",
-        _keep,
-        arguments=(Argument("folder", "word", "empty or to be made", optional=True),),
-    ),
-    Command(
+    command("timeline.previous-bookmark", partial(_neighbour, -1)),
+    command("timeline.next-bookmark", partial(_neighbour, 1)),
+    command("timeline.keep", _keep, arguments=(word("folder", "empty or to be made", optional=True),)),
+    command(
         "timeline.dataset",
-        "Data set of it",
-        "a labelled data set of what was flown, evenly in time",
         _dataset,
         arguments=(
             Argument("frames", "whole", "how many; 50 unless given", least=1, most=10_000, optional=True),
         ),
     ),
-    Command(
-        "timeline.hil", "HIL run of it", "open what was flown as a scenario, for a session with a board", _hil
-    ),
+    command("timeline.hil", _hil),
 )

@@ -1,10 +1,10 @@
-"""Commands of maps and further pictures: what of the world they show."""
+"""Commands of maps and further pictures: their place and scale."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui.command_table import Argument, Command, number
+from flyaround.gui.command_table import Argument, command, number, word
 from flyaround.gui.picture.orbit_camera import ABOUT, FARTHEST_M, NEAREST_M
 from flyaround.gui.picture.relative_map import LEAST_WIDTH_M, MOST_WIDTH_M
 
@@ -38,23 +38,12 @@ def _metres(name: str, of: str) -> Argument:
 
 
 COMMANDS = (
-    Command(
-        "map.fit",
-        "Map: show all",
-        "the LVLH map shows the whole flight, the keep-out sphere and the target",
-        _fit,
+    command("map.fit", _fit),
+    command(
+        "map.zoom", _zoom, arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),)
     ),
-    Command(
-        "map.zoom",
-        "Map: zoom",
-        "the LVLH map so many times as large",
-        _zoom,
-        arguments=(number("factor", "as large; above 1: nearer", 0.01, 100.0, "times"),),
-    ),
-    Command(
+    command(
         "map.place",
-        "Map: place",
-        "the LVLH map's middle, and the metres across it",
         _place,
         arguments=(
             _metres("along", "middle, along-track"),
@@ -63,17 +52,9 @@ COMMANDS = (
             number("width", "across the map", LEAST_WIDTH_M, MOST_WIDTH_M, "m"),
         ),
     ),
-    Command(
-        "orbit-camera.about",
-        "Orbit camera about",
-        "what the free camera circles and looks at",
-        _about,
-        arguments=(Argument("about", "word", "the centre", ABOUT),),
-    ),
-    Command(
+    command("orbit-camera.about", _about, arguments=(word("about", "the centre", ABOUT),)),
+    command(
         "orbit-camera.place",
-        "Orbit camera: place",
-        "where the free camera is, about the target's LVLH axes",
         _turn,
         arguments=(
             number("azimuth", "0 looks along the flight", -360, 360, "deg"),
@@ -81,10 +62,7 @@ COMMANDS = (
             number("distance", "from the centre", NEAREST_M, FARTHEST_M, "m"),
         ),
     ),
-    Command(
-        "orbit-camera.reset",
-        "Orbit camera: reset",
-        "the free camera where it was at first, with target and chaser in view",
-        lambda console: console.options.orbit.reset(console.session.craft.world.range_m),
+    command(
+        "orbit-camera.reset", lambda console: console.options.orbit.reset(console.session.craft.world.range_m)
     ),
 )

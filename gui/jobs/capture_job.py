@@ -1,4 +1,4 @@
-"""A data set captured beside the flight: `flyaround capture` in a process of its own, told by what is on the disk."""
+"""A data set captured beside the flight: `flyaround capture` in a process of its own, followed by its files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_FRAMES, MOST_WORKERS = 1_000_000, 64
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureRequest:
-    """What is to be captured.
+    """A capture to be run.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class CaptureRequest:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """What `flyaround` is given."""
+        """Arguments of `flyaround`."""
         words = ["capture", self.what, "-o", str(self.folder), "-n", str(self.frames)]
         if self.formats != "native":
             words += ["--format", self.formats]
@@ -91,12 +91,12 @@ class CaptureJob:
 
     @property
     def running(self) -> bool:
-        """Whether one is under way."""
+        """True while a capture is under way."""
         return self._program is not None
 
     @property
     def stopping(self) -> bool:
-        """Whether it was told to end."""
+        """True once it was asked to end."""
         return self._program is not None and self._program.stopped
 
     @property
@@ -106,14 +106,14 @@ class CaptureJob:
 
     @property
     def elapsed_s(self) -> float:
-        """How long it has run, or ran."""
+        """Elapsed time [s]."""
         if self.request is None:
             return 0.0
         return (self._clock() if self.running else self.ended_s) - self.began_s
 
     @property
     def left_s(self) -> float | None:
-        """How long the rest takes at the pace so far; None while that is not known."""
+        """Estimated time left at the pace so far [s]; None while unknown."""
         if self.request is None or not self.running or self.done < 2:
             return None
         return self.elapsed_s / self.done * max(self.request.frames - self.done, 0)
@@ -173,7 +173,7 @@ class CaptureJob:
 
 
 def pictures_in(folder: Path) -> list[str]:
-    """Names of the pictures that are written, in order; of a recipe of several data sets those of all."""
+    """Return the names of the written pictures, in order; of a recipe of several data sets those of all."""
     places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
     names = []
     for place in places:
@@ -201,7 +201,7 @@ def _folders(folder: Path) -> list[Path]:
 
 
 def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
-    """Small pictures of these; one that cannot be read is left out."""
+    """Return small pictures of these files; unreadable ones are left out."""
     made = []
     for name in names:
         try:
@@ -250,7 +250,7 @@ def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
 
 
 def _summary(text: str, done: int) -> str:
-    """Frames written, and how many of them were put aside."""
+    """Return how many frames were written, and how many were put aside."""
     try:
         report = json.loads(text)
         reports = report.get("members", {"": report}).values()
@@ -259,3 +259,9 @@ def _summary(text: str, done: int) -> str:
     except (ValueError, KeyError, TypeError, AttributeError):
         return f"{done} frames"
     return f"{written} frames" + (f", {aside} more put aside" if aside else "")
+
+
+def time_text(seconds: float) -> str:
+    """Return a duration in minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

@@ -127,7 +127,7 @@ class Estimates:
 
     @property
     def state(self) -> State:
-        """What it is at."""
+        """State of the estimator."""
         if not self.on:
             return "off"
         if self._under_way is not None:
@@ -147,7 +147,7 @@ class Estimates:
         return (len(last) - 1) / span if span > 0 else 0.0
 
     def take_troubles(self) -> list[str]:
-        """What went wrong since the last call, each in one sentence."""
+        """Return the failures since the last call, a sentence each."""
         troubles, self._troubles = self._troubles, []
         return troubles
 
@@ -265,7 +265,7 @@ class Estimates:
 
 
 def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:
-    """An answer beside the truth of its picture."""
+    """Return an estimate beside the truth of its picture."""
     scene = picture.frame.scene
     q, t = answer.q_camera_from_target_wxyz, answer.t_camera_from_target_m
     turn = shift = None

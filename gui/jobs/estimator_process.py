@@ -48,7 +48,7 @@ class EstimateRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What the process says of a picture; ``stages`` holds a JPEG file of each stage by name."""
+    """The estimate of a picture; ``stages`` holds a JPEG file of each stage by name."""
 
     accepted: bool
     reason: str
@@ -62,7 +62,7 @@ class Answer:
 
 
 class EstimatesByProcess:
-    """What the process holds: a few estimators, made when a method, a camera or a craft is first asked for."""
+    """Estimators of the process, made when a method, a camera or a craft is first requested."""
 
     info = "ready"
 
@@ -78,7 +78,7 @@ class EstimatesByProcess:
         self._made.clear()
 
     def estimator(self, request: EstimateRequest) -> Any:  # noqa: ANN401 - any of them
-        """The estimator of a request.
+        """Return the estimator of a request.
 
         Raises
         ------
@@ -143,7 +143,7 @@ def _jpeg(picture: ByteArray) -> ByteArray:
 
 
 def known_methods() -> tuple[str, ...]:
-    """Names that need no file: the built-in methods, and those of other packages."""
+    """Return the methods that need no file: built-in ones, and those of other packages."""
     from flyaround.hil.board.method_names import METHODS  # noqa: PLC0415 - loads OpenCV, and most flights have no estimator
 
     return (*METHODS, *sorted(plugins("estimator")))

@@ -75,12 +75,12 @@ class HilSession:
 
     @property
     def on(self) -> bool:
-        """Whether there is a session."""
+        """True while there is a session."""
         return self._process is not None
 
     @property
     def state(self) -> State:
-        """What it is at."""
+        """State of the session."""
         if self._process is None:
             return "off"
         if self._stop_s is not None:
@@ -115,14 +115,14 @@ class HilSession:
         self._reset(session, config.log_dir)
 
     def stop(self) -> None:
-        """End it: the board is told, the ledger closed."""
+        """End the session: say goodbye to the board and close the ledger."""
         if self._process is None or self._stop_s is not None:
             return
         self._stop_s = self._clock()
         self._send(Close("the session was stopped in the console"))
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
-        """A fault from the next picture on.
+        """Apply a fault from the next picture on.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class HilSession:
 
     @property
     def board_running(self) -> bool:
-        """Whether the board of this machine runs."""
+        """True while a board of this machine runs."""
         return self._board is not None or self._board_wanted is not None
 
     def start_board(self, target: str, method: str, url: str | None = None) -> None:
@@ -171,7 +171,7 @@ class HilSession:
     # --- once a turn
 
     def update(self, session: FlightSession) -> list[SessionNote]:
-        """Take what came, and give the newest moment; what is to be told.
+        """Take what came, send the newest moment, and return the news.
 
         Parameters
         ----------
@@ -325,10 +325,10 @@ class HilSession:
         }
 
     def latencies_ms(self) -> FloatArray:
-        """(n,) from the first byte out to the pose back, of the frames that were answered [ms]."""
+        """Return (n,) times from the first byte out to the pose back, of the answered frames [ms]."""
         return np.array([r.e2e_ms for r in self.rows if r.e2e_ms is not None], float)
 
     def latency_counts(self) -> FloatArray:
-        """(40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
+        """Return (40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
         clipped = np.clip(self.latencies_ms(), BIN_EDGES_MS[0], BIN_EDGES_MS[-1])
         return np.histogram(clipped, BIN_EDGES_MS)[0].astype(float)

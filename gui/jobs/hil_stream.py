@@ -54,7 +54,7 @@ Event = SceneWanted | Listening | SessionNote | FrameRecord | LedgerSummary | Fa
 
 
 def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> None:
-    """Be the host until told to stop; what the process runs."""
+    """Run the host until told to stop; the entry point of the process."""
     threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
     # who closes the session interrupts it, as Ctrl-C does
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -75,7 +75,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
         pass
     except UserError as error:
         ends.append(Failed(str(error)))
-    except Exception as error:  # noqa: BLE001 - the console is told, whatever it was
+    except Exception as error:  # noqa: BLE001 - every failure is reported to the console
         ends.append(Failed(f"the session failed ({type(error).__name__}: {error})"))
     with contextlib.suppress(OSError, KeyboardInterrupt):
         for end in ends:
@@ -92,7 +92,7 @@ class _Newest:
         self._changed = False
 
     def frames(self, device_index: int | None) -> Iterator[Frame]:
-        """A frame for each scene that is handed over, numbered from 0, until told to stop."""
+        """Yield a frame for each scene that arrives, numbered from 0, until told to stop."""
         with open_frames(Frame.image_and_truth, processes=1, device_index=device_index, ahead=1) as producer:
             ready: deque[Frame] = deque()
             faulty: Iterator[Frame] | None = None
@@ -107,7 +107,7 @@ class _Newest:
                 yield next(faulty)
 
     def take_line_faults(self) -> list[LineFault]:
-        """Those that came since the last frame."""
+        """Return the line faults that came since the last frame."""
         taken, self._line_faults = self._line_faults, []
         return taken
 
@@ -126,13 +126,13 @@ class _Newest:
 
 
 def _handed(ready: deque[Frame]) -> Iterator[Frame]:
-    """Frames as they are put there; asked only when there is one."""
+    """Yield frames as they arrive; called only when there is one."""
     while True:
         yield ready.popleft()
 
 
 class _ToConsole(logging.Handler):
-    """What the link logs goes to the operator."""
+    """A logging handler that sends records to the operator."""
 
     def __init__(self, pipe: Connection) -> None:
         super().__init__(logging.INFO)

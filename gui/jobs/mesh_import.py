@@ -48,5 +48,5 @@ class MeshImport:
 
 
 def target_name(stem: str) -> str:
-    """A target's name made of a file's."""
+    """Return a target's name made of a file's."""
     return re.sub(r"[^a-z0-9]+", "-", stem.lower()).strip("-")[:LONGEST_NAME] or "mesh"

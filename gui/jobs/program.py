@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 PATIENCE_S = 8.0
-"""For a program that is told to end; then it is killed."""
+"""Time that a program has to end before it is killed."""
 MOST_BYTES = 200_000
 """Of a program's output that are read."""
 
@@ -53,7 +53,7 @@ class ChildProgram:
 
     @property
     def running(self) -> bool:
-        """Whether it runs; one that was told to end and does not is killed here."""
+        """True while it runs; kills it if it was asked to end and does not."""
         if self._process.poll() is not None:
             return False
         if self._told_s is not None and self._clock() - self._told_s > PATIENCE_S:
@@ -67,11 +67,11 @@ class ChildProgram:
 
     @property
     def stopped(self) -> bool:
-        """Whether it was told to end."""
+        """True once it was asked to end."""
         return self._told_s is not None
 
     def stop(self) -> None:
-        """Tell it to end, as Ctrl-C does; a second time kills it."""
+        """Interrupt it as Ctrl-C does; a second call kills it."""
         if self._process.poll() is not None:
             return
         with contextlib.suppress(OSError):
@@ -79,11 +79,11 @@ class ChildProgram:
         self._told_s = self._told_s or self._clock()
 
     def output(self) -> str:
-        """What it printed; the beginning of very much."""
+        """Return its standard output, truncated."""
         return _read(self._out.fileno())
 
     def last_words(self) -> str:
-        """The last line on its error stream, without the program's name."""
+        """Return the last line on its error stream, without the program's name."""
         lines = [line.strip() for line in _read(self._err.fileno()).splitlines() if line.strip()]
         return lines[-1].removeprefix("flyaround: ") if lines else ""
 
@@ -104,7 +104,7 @@ def _read(fd: int) -> str:
 
 
 def new_folder(base: Path, name: str) -> Path:
-    """A folder that is not there yet: ``base/name``, or with a number behind it."""
+    """Return a path that does not exist yet: ``base/name``, or with a number appended."""
     for k in range(1, 100_000):
         path = base / (name if k == 1 else f"{name}-{k}")
         if not path.exists():

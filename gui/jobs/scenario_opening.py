@@ -24,7 +24,7 @@ class ScenarioOpener:
         """Built-in name or file of what was opened last; empty for a scenario that is in no file."""
 
     def is_busy(self) -> bool:
-        """Whether one is being opened."""
+        """Return True while a scenario is being opened."""
         return self._pending is not None
 
     def open(self, scenario: str | Scenario) -> None:
@@ -42,7 +42,7 @@ class ScenarioOpener:
         self._pending = self._pool.submit(_open, scenario)
 
     def take(self) -> FlightSession | None:
-        """The flight that was opened, once.
+        """Return the flight that was opened, once.
 
         Raises
         ------

@@ -1,60 +1,28 @@
-"""Every panel and view, in the order of the menu; `flyaround.gui.layout` opens, docks and names them."""
+"""Every panel and view, in the order of tabs; `flyaround.gui.layout` opens, docks and names them."""
 
 from __future__ import annotations
 
-from flyaround.gui.panels.board_link import BoardLinkPanel
-from flyaround.gui.panels.capture import CapturePanel
-from flyaround.gui.panels.chaser import ChaserPanel
-from flyaround.gui.panels.command_line import CommandLinePanel
-from flyaround.gui.panels.docking import DockingPanel
-from flyaround.gui.panels.editor import EditorPanel
-from flyaround.gui.panels.estimator import EstimatorPanel
-from flyaround.gui.panels.help import HelpPanel
-from flyaround.gui.panels.key_list import KeyList, Palette
-from flyaround.gui.panels.log import LogPanel
-from flyaround.gui.panels.passes import PassesPanel
-from flyaround.gui.panels.picture import PicturePanel, WorldPanel
-from flyaround.gui.panels.plots import PlotsPanel
-from flyaround.gui.panels.scenarios import ScenarioChooser
-from flyaround.gui.panels.sensor import SensorPanel
-from flyaround.gui.panels.steering import SteeringPanel
-from flyaround.gui.panels.target import TargetPanel
-from flyaround.gui.panels.timeline import TimelinePanel
-from flyaround.gui.panels.tour import TourPanel
-from flyaround.gui.views.camera import CameraView
-from flyaround.gui.views.earth_map import EarthMap
-from flyaround.gui.views.labels import DepthView, KeypointsView, PartsView
-from flyaround.gui.views.lvlh_map import LvlhMap
-from flyaround.gui.views.orbit_camera import OrbitCameraView
-from flyaround.gui.widgets import Panel
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-PANELS: tuple[type[Panel], ...] = (
-    CameraView,
-    ScenarioChooser,
-    EditorPanel,
-    EstimatorPanel,
-    BoardLinkPanel,
-    CapturePanel,
-    ChaserPanel,
-    LvlhMap,
-    EarthMap,
-    OrbitCameraView,
-    DepthView,
-    PartsView,
-    KeypointsView,
-    PicturePanel,
-    WorldPanel,
-    PassesPanel,
-    SensorPanel,
-    TargetPanel,
-    CommandLinePanel,
-    TimelinePanel,
-    SteeringPanel,
-    PlotsPanel,
-    DockingPanel,
-    LogPanel,
-    KeyList,
-    Palette,
-    HelpPanel,
-    TourPanel,
-)
+if TYPE_CHECKING:
+    from flyaround.gui.widgets import Panel
+
+CLASSES = """
+views.camera:CameraView panels.scenarios:ScenarioChooser panels.editor:EditorPanel panels.estimator:EstimatorPanel
+panels.board_link:BoardLinkPanel panels.capture:CapturePanel panels.chaser:ChaserPanel views.lvlh_map:LvlhMap
+views.earth_map:EarthMap views.orbit_camera:OrbitCameraView views.labels:DepthView views.labels:PartsView
+views.labels:KeypointsView panels.picture:PicturePanel panels.picture:WorldPanel panels.passes:PassesPanel
+panels.sensor:SensorPanel panels.target:TargetPanel panels.command_line:CommandLinePanel
+panels.timeline:TimelinePanel panels.steering:SteeringPanel panels.plots:PlotsPanel panels.docking:DockingPanel
+panels.log:LogPanel panels.key_list:KeyList panels.key_list:Palette panels.help:HelpPanel panels.tour:TourPanel
+"""
+
+
+def _class(name: str) -> type[Panel]:
+    module, _, kind = name.partition(":")
+    found: type[Panel] = getattr(import_module(f"flyaround.gui.{module}"), kind)
+    return found
+
+
+PANELS = tuple(_class(name) for name in CLASSES.split())

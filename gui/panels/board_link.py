@@ -34,8 +34,7 @@ class BoardLinkPanel(Panel):
         super().__init__(window)
         self._url = LISTEN
         self._methods: tuple[str, ...] = ()
-        self._method = 0
-        self._fault = 0
+        self._method, self._fault = "", next(iter(FAULTS))
         self._seconds = FAULT_S
 
     def draw(self, console: Console) -> None:
@@ -59,13 +58,13 @@ class BoardLinkPanel(Panel):
             )
         w.section("Board of this machine")
         self._methods = self._methods or known_methods()
-        imgui.set_next_item_width(-1)
-        _, self._method = imgui.combo("##method", self._method, list(self._methods))
-        w.about(console, "hil.board", argument="method")
+        self._method = w.choice(
+            console, "hil.board", self._method or self._methods[0], self._methods, argument="method"
+        )
         if hil.board_running:
             w.button(console, "hil.board-stop", width=w.width)
         else:
-            w.button(console, "hil.board", self._methods[self._method], width=w.width)
+            w.button(console, "hil.board", self._method, width=w.width)
         w.section("Answers")
         self._answers(hil)
         w.section("Faults on purpose")
@@ -97,43 +96,44 @@ class BoardLinkPanel(Panel):
         """Answered pictures by latency, on a log scale of milliseconds."""
         w, implot = self._w, self._w.implot
         counts = hil.latency_counts()
-        flags = implot.Flags_
-        quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title | flags.no_inputs
-        if not implot.begin_plot("##latency", w.vec(-1, 120 * w.window.scale), quiet):
-            return
-        axis = implot.AxisFlags_
-        implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)
-        filled = np.flatnonzero(counts)
-        low, high = BIN_EDGES_MS[max(filled[0] - 2, 0)], BIN_EDGES_MS[min(filled[-1] + 3, len(counts))]
-        implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
-        implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
-        decades = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000]
-        # one at the edge would leave the panel
-        ticks = [t for t in decades if low <= t <= 0.8 * high]
-        if ticks:
-            implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])
-        spec = implot.Spec()
-        spec.line_color = w.imgui.ImVec4(*style.ACCENT)
-        spec.line_weight = 1.6
-        steps = np.append(counts, 0.0)
-        implot.plot_stairs("pictures", np.array(BIN_EDGES_MS), np.ascontiguousarray(steps), spec)
-        implot.end_plot()
-        w.tip("pictures by their latency, from the first byte out to the pose back [ms, log scale]")
+        tip = "pictures by their latency, from the first byte out to the pose back [ms, log scale]"
+        with w.plot("latency", 120, tip) as seen:
+            if not seen:
+                return
+            axis = implot.AxisFlags_
+            implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)
+            filled = np.flatnonzero(counts)
+            low, high = BIN_EDGES_MS[max(filled[0] - 2, 0)], BIN_EDGES_MS[min(filled[-1] + 3, len(counts))]
+            implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
+            implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
+            decades = [m * p for p in (1, 10, 100, 1000) for m in (1, 2, 5)] + [10000]
+            # one at the edge would leave the panel
+            ticks = [t for t in decades if low <= t <= 0.8 * high]
+            if ticks:
+                implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])
+            steps = np.append(counts, 0.0)
+            implot.plot_stairs(
+                "pictures", np.array(BIN_EDGES_MS), np.ascontiguousarray(steps), w.curve(style.ACCENT)
+            )
 
     def _faults(self, console: Console) -> None:
         w, imgui = self._w, self._w.imgui
-        kinds = list(FAULTS)
-        imgui.set_next_item_width(-1)
-        _, self._fault = imgui.combo("##fault", self._fault, [k.replace("_", " ") for k in kinds])
-        w.about(console, "hil.fault", argument="kind")
-        w.text(FAULTS[kinds[self._fault]][1], style.QUIET)
+        self._fault = w.choice(
+            console,
+            "hil.fault",
+            self._fault,
+            list(FAULTS),
+            argument="kind",
+            shown=lambda kind: kind.replace("_", " "),
+        )
+        w.text(FAULTS[self._fault][1], style.QUIET)
         imgui.set_next_item_width(min(8 * imgui.get_font_size(), 0.5 * w.width))
         _, self._seconds = imgui.input_double("s##seconds", self._seconds, 0.0, 0.0, "%.3g")
         w.about(console, "hil.fault", argument="seconds")
         w.flow(6 * imgui.get_font_size(), first=False)
         imgui.begin_disabled(not console.jobs.hil.on)
         seconds = min(max(self._seconds, 0.1), 3600.0)
-        w.button(console, "hil.fault", kinds[self._fault], seconds, label="Inject")
+        w.button(console, "hil.fault", self._fault, seconds, label="Inject")
         imgui.end_disabled()
         for kind, n in console.jobs.hil.struck.items():
             w.row(kind.replace("_", " "), (n,), "{:d}", "pictures or answers that it struck")

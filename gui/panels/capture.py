@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from flyaround.gui import style
 from flyaround.gui.commands.capture import NEW, THIS
-from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS
+from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, time_text
 from flyaround.gui.widgets import Panel
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.scenario.load import list_recipes, list_scenarios
@@ -26,7 +26,7 @@ class CapturePanel(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        self._what = 0
+        self._what = THIS
         self._names: tuple[str, ...] = ()
         self._frames, self._workers = 20, 1
         self._folder = ""
@@ -44,10 +44,14 @@ class CapturePanel(Panel):
         w, imgui, job = self._w, self._w.imgui, console.jobs.capture
         self._names = self._names or (THIS, *list_scenarios(), *list_recipes())
         self._label("What")
-        _, self._what = imgui.combo(
-            "##what", self._what, [n.replace(THIS, "this flight's scenario") for n in self._names]
+        self._what = w.choice(
+            console,
+            "capture.start",
+            self._what,
+            self._names,
+            argument="what",
+            shown=lambda name: name.replace(THIS, "this flight's scenario"),
         )
-        self._w.about(console, "capture.start", argument="what")
         self._label("Frames")
         _, self._frames = imgui.input_int("##frames", self._frames, 10, 100)
         self._w.about(console, "capture.start", argument="frames")
@@ -58,18 +62,17 @@ class CapturePanel(Panel):
         _, self._workers = imgui.input_int("##workers", self._workers, 1, 1)
         self._w.about(console, "capture.start", argument="workers")
         w.text("Beside the native layout", style.QUIET)
-        for k, name in enumerate(writable()[1:]):
-            w.flow(imgui.calc_text_size(name).x + 2.2 * imgui.get_frame_height(), first=k == 0)
+        formats = writable()[1:]
+        for name, _ in zip(formats, w.grid(len(formats), 110), strict=True):
             changed, on = imgui.checkbox(name, name in self._formats)
             w.about(console, "capture.start", argument="formats")
             if changed:
                 (self._formats.add if on else self._formats.discard)(name)
         self._frames = min(max(self._frames, 1), MOST_FRAMES)
         self._workers = min(max(self._workers, 1), MOST_WORKERS)
-        if imgui.button("Capture##start", w.vec(w.width, 0)):
-            what, formats = self._names[self._what], ",".join(sorted(self._formats)) or "native"
-            console.do("capture.start", self._frames, what, self._folder or NEW, formats, self._workers)
-        w.about(console, "capture.start")
+        formats = ",".join(sorted(self._formats)) or "native"
+        given = (self._frames, self._what, self._folder or NEW, formats, self._workers)
+        w.button(console, "capture.start", *given, width=w.width)
         if job.outcome:
             colour = style.GOOD if job.outcome.startswith("captured") else style.WARN
             w.text(job.outcome, colour, "how the last capture ended")
@@ -77,7 +80,7 @@ class CapturePanel(Panel):
                 w.button(console, "capture.resume", width=w.width)
 
     def _label(self, text: str) -> None:
-        """A name before the part that comes next, which takes the rest of the line."""
+        """Draw a name before the next part, which takes the rest of the line."""
         imgui = self._w.imgui
         imgui.align_text_to_frame_padding()
         self._w.one_line(text, style.QUIET)
@@ -92,13 +95,11 @@ class CapturePanel(Panel):
         w.text(request.what, tip="scenario, recipe or file that is captured")
         w.text(f"into {request.folder}", style.QUIET, "folder of the data set")
         share = min(job.done / max(request.frames, 1), 1.0)
-        imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*style.ACCENT[:3], 0.45))
         imgui.progress_bar(share, w.vec(-1, 0), f"{job.done} of {request.frames}")
-        imgui.pop_style_color()
         w.tip("frames on the disk, of those that were asked for")
-        left = "" if job.left_s is None else f", {_time(job.left_s)} left"
+        left = "" if job.left_s is None else f", {time_text(job.left_s)} left"
         w.text(
-            "stopping ..." if job.stopping else f"{_time(job.elapsed_s)}{left}",
+            "stopping ..." if job.stopping else f"{time_text(job.elapsed_s)}{left}",
             style.QUIET,
             "time since it began, and what is left at the pace so far",
         )
@@ -109,15 +110,8 @@ class CapturePanel(Panel):
         if not job.thumbnails:
             return
         w.section("Last pictures")
-        columns, width = w.columns(THUMB)
-        for k, thumb in enumerate(reversed(job.thumbnails)):
-            if k % columns:
-                imgui.same_line()
+        for k, width in enumerate(w.grid(len(job.thumbnails), THUMB)):
+            thumb = job.thumbnails[-1 - k]
             texture = w.window.show_picture(f"thumbnail/{k}", thumb, thumb.image)
             imgui.image(texture, w.vec(width, width * thumb.image.shape[0] / thumb.image.shape[1]))
             w.tip(thumb.name)
-
-
-def _time(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

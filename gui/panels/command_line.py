@@ -1,4 +1,4 @@
-"""What is on screen as a command line, to be copied."""
+"""The flight and view on the screen as command lines, to be copied."""
 
 from __future__ import annotations
 

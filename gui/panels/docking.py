@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
@@ -33,48 +34,37 @@ class DockingPanel(Panel):
         text, colour = status(console)
         w.text(text, colour, "what flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
-        w.coloured(style.OUTSIDE)
-        w.button(console, "docking.abort", width=w.width)
-        w.imgui.pop_style_color()
+        w.button(console, "docking.abort", width=w.width, fill=style.GUARDED)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())
         w.row("Distance", (figures.axial_m,), "{:.2f} m", DISTANCE)
         self._table(judge(figures, docking.limits, docking.corridor_deg))
-        self._preset(console)
+        self._limits(console)
         self._points(console)
         self._contacts(console)
 
     def _table(self, rows: tuple[Judged, ...]) -> None:
-        w, imgui = self._w, self._w.imgui
-        if not imgui.begin_table("figures", 3, imgui.TableFlags_.sizing_stretch_prop):
-            return
-        for weight in (0.5, 0.28, 0.22):
-            imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch, weight)
+        w = self._w
+        cells = []
         for row in rows:
-            imgui.table_next_row()
-            imgui.table_next_column()
             short = row.name.replace("offset ", "").replace("rate ", "").replace(" rate", "")
-            w.text(f"{short} {row.unit}", style.QUIET)
-            w.tip(ABOUT[row.name])
-            imgui.table_next_column()
-            mark = style.LIMIT_MARKS[row.state]
-            w.text(f"{row.text}{mark}".rstrip(), style.LIMIT_COLORS[row.state])
-            w.tip(f"{row.name} now [{row.unit}]; {STATES[row.state]}")
-            imgui.table_next_column()
-            w.text(f"{row.limit:.2g}", style.QUIET)
-            w.tip(f"how large it may be at this distance [{row.unit}]")
-        imgui.end_table()
+            now, colour = f"{row.text}{style.LIMIT_MARKS[row.state]}", style.LIMIT_COLORS[row.state]
+            state = f"{row.name} now [{row.unit}]; {STATES[row.state]}"
+            most = f"how large it may be at this distance [{row.unit}]"
+            cells.append(
+                (
+                    partial(w.text, f"{short} {row.unit}", style.QUIET, ABOUT[row.name]),
+                    partial(w.text, now, colour, state),
+                    partial(w.text, f"{row.limit:.2g}", style.QUIET, most),
+                )
+            )
+        w.table("figures", (0.46, 0.29, 0.25), cells, ("figure", "now", "at most"))
 
-    def _preset(self, console: Console) -> None:
-        w, imgui = self._w, self._w.imgui
-        names = list(PRESETS)
-        now = console.session.craft.docking.limits
-        imgui.set_next_item_width(w.width)
-        changed, k = imgui.combo("##limits", names.index(now.name), [p.title for p in PRESETS.values()])
-        w.tip(f"{console.table['docking.limits'].about()}\nnow: {now.source}; ! near a limit, # outside")
-        if changed:
-            console.do("docking.limits", names[k])
+    def _limits(self, console: Console) -> None:
+        w, now = self._w, console.session.craft.docking.limits
+        w.choice(console, "docking.limits", now.name, list(PRESETS), shown=lambda name: PRESETS[name].title)
+        w.tip(f"now: {now.source}; ! near a limit, # outside")
         w.button(console, "docking.axis-here", width=w.width)
 
     def _points(self, console: Console) -> None:

@@ -47,8 +47,9 @@ class EstimatorPanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, estimates = self._w, console.jobs.estimates
-        w.switch(console, "estimator.run")
-        w.flow(12 * w.imgui.get_font_size(), first=False)
+        label = "Stop estimating" if estimates.on else "Estimate"
+        fill = None if estimates.on else style.PRIMARY
+        w.button(console, "estimator.run", label=label, width=w.width, on=estimates.on, fill=fill)
         state = STATES[estimates.state]
         if estimates.state in ("starting", "estimating") and estimates.busy_s > SLOW_S:
             state = f"{state} for {estimates.busy_s:.0f} s; the first time prepares the target's tables"
@@ -66,7 +67,7 @@ class EstimatorPanel(Panel):
             self._figures(newest)
         w.section("Over the flight")
         self._plots(estimates)
-        w.button(console, "estimator.forget", label="Begin plots again")
+        w.button(console, "estimator.forget")
         w.section("Stages")
         w.switch(console, "estimator.stages")
         if newest is not None and newest.answer.stages:
@@ -78,17 +79,14 @@ class EstimatorPanel(Panel):
         w, imgui, estimates = self._w, self._w.imgui, console.jobs.estimates
         self._methods = self._methods or known_methods()
         for k, method in enumerate(self._methods):
-            width = imgui.calc_text_size(method).x + 2 * imgui.get_style().frame_padding.x
-            w.flow(width, first=k == 0)
+            w.flow(w.button_width(method), first=k == 0)
             w.button(console, "estimator.method", method, label=method, on=method == estimates.method)
-        button = imgui.calc_text_size("Network").x + 2 * imgui.get_style().frame_padding.x
-        imgui.set_next_item_width(max(w.width - button - 8, 60))
+        imgui.set_next_item_width(max(w.width - w.button_width("Network") - 8, 60))
         _, self._network = imgui.input_text("##network", self._network)
         w.tip("a network as method: net: and the file that flyaround train has written")
-        w.flow(button, first=False)
-        w.button(
-            console, "estimator.method", self._network, label="Network", on=estimates.method == self._network
-        )
+        w.flow(w.button_width("Network"), first=False)
+        on = estimates.method == self._network
+        w.button(console, "estimator.method", self._network, label="Network", on=on)
 
     def _figures(self, e: ComparedEstimate) -> None:
         w, answer = self._w, e.answer
@@ -139,36 +137,30 @@ class EstimatorPanel(Panel):
     def _plot(self, name: str, t: Any, values: Any, good: Any, *, log: bool) -> None:  # noqa: ANN401 - arrays
         w, implot = self._w, self._w.implot
         w.text(name)
-        flags = implot.Flags_
-        quiet = flags.no_legend | flags.no_menus | flags.no_title | flags.no_mouse_text
-        if not implot.begin_plot(f"##{name}", w.vec(-1, PLOT_HEIGHT * w.window.scale), quiet):
-            return
-        axis = implot.AxisFlags_
-        implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
-        low, high = float(t[0]), float(t[-1])
-        # a little wider than what is there: dots at its ends are whole
-        margin = 0.04 * max(high - low, 1.0)
-        implot.setup_axis_limits(implot.ImAxis_.x1, low - margin, high + margin, w.imgui.Cond_.always)
-        if log:
+        tip = f"{name} over the flight [s since the start]; dots: accepted, rings: declined"
+        with w.plot(name, PLOT_HEIGHT, tip, still=False) as in_sight:
+            if not in_sight:
+                return
+            axis, always = implot.AxisFlags_, w.imgui.Cond_.always
+            implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
+            low, high = float(t[0]), float(t[-1])
+            # a little wider than the data: dots at its ends are whole
+            margin = 0.04 * max(high - low, 1.0)
+            implot.setup_axis_limits(implot.ImAxis_.x1, low - margin, high + margin, always)
             seen = values[np.isfinite(values)]
             least, most = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 1.0)
-            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
-            implot.setup_axis_limits(implot.ImAxis_.y1, least / 2, 2 * most, w.imgui.Cond_.always)
-        else:
-            implot.setup_axis_limits(implot.ImAxis_.y1, -0.1, 1.1, w.imgui.Cond_.always)
-        colour = w.imgui.ImVec4(*style.ESTIMATE)
-        for filled, which in ((True, good), (False, ~good)):
-            if not which.any():
-                continue
-            spec = implot.Spec()
-            spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale
-            spec.marker_line_color = colour if filled else w.imgui.ImVec4(*style.WARN)
-            spec.marker_fill_color = colour if filled else w.imgui.ImVec4(0.0, 0.0, 0.0, 0.0)
-            implot.plot_scatter(
-                f"{name} {filled}", np.ascontiguousarray(t[which]), np.ascontiguousarray(values[which]), spec
-            )
-        implot.end_plot()
-        w.tip(f"{name} over the flight [s since the start]; dots: accepted, rings: declined")
+            if log:
+                implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            limits = (least / 2, 2 * most) if log else (-0.1, 1.1)
+            implot.setup_axis_limits(implot.ImAxis_.y1, *limits, always)
+            for colour, filled, which in ((style.ESTIMATE, 1.0, good), (style.WARN, 0.0, ~good)):
+                spec = implot.Spec()
+                spec.marker, spec.marker_size = implot.Marker_.circle, 2.6 * w.window.scale
+                spec.marker_line_color = w.imgui.ImVec4(*colour)
+                spec.marker_fill_color = w.imgui.ImVec4(*colour[:3], filled)
+                if which.any():
+                    dots = (np.ascontiguousarray(a[which]) for a in (t, values))
+                    implot.plot_scatter(f"{name} {filled}", *dots, spec)
 
     # --- stages
 
@@ -186,18 +178,14 @@ class EstimatorPanel(Panel):
         self._picture(self._stage, w.width)
         w.tip(f"what the stage {self._stage.replace('_', ' ')} made of the picture")
         w.text(f"{self._stage.replace('_', ' ')}; a click on a small one shows it here", style.QUIET)
-        columns, width = w.columns(THUMB, 2)
-        for k, name in enumerate(self._pictures):
-            if k % columns:
-                imgui.same_line()
+        for name, width in zip(self._pictures, w.grid(len(self._pictures), THUMB, 2), strict=True):
             imgui.begin_group()
             self._picture(name, width)
             if imgui.is_item_clicked():
                 self._stage = name
-            w.tip(name.replace("_", " "))
-            w.one_line(
-                w.elided(name.replace("_", " "), width), style.ACCENT if name == self._stage else style.QUIET
-            )
+            text = name.replace("_", " ")
+            w.tip(text)
+            w.one_line(w.elided(text, width), style.ACCENT if name == self._stage else style.QUIET)
             imgui.end_group()
 
     def _picture(self, name: str, width: float) -> None:

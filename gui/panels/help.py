@@ -1,11 +1,10 @@
-"""What one panel is for, and the commands that belong to it."""
+"""The purpose of one panel, and its commands."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flyaround.gui import style
-from flyaround.gui.panels.key_list import matches
+from flyaround.gui.panels.key_list import command_rows, matches
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ class HelpPanel(Panel):
 
     def draw(self, console: Console) -> None:
         """Draw into the current window."""
-        w, imgui = self._w, self._w.imgui
+        w = self._w
         name = console.help.panel or "camera"
         title, text = console.help.about.get(name, (name, "There is no such panel."))
         w.section(title)
@@ -44,13 +43,4 @@ class HelpPanel(Panel):
             c for c in console.table if c.name == opens or c.group in groups or matches(c, f"{name}.")
         ]
         w.section("Commands")
-        if not imgui.begin_table("rows", 3, imgui.TableFlags_.sizing_stretch_prop):
-            return
-        for column, share in (("key", 0.2), ("name", 0.35), ("help", 0.45)):
-            imgui.table_setup_column(column, imgui.TableColumnFlags_.width_stretch, share)
-        for c in commands:
-            imgui.table_next_row()
-            for words, colour in ((c.shown, style.ACCENT), (c.name, style.INK), (c.help, style.QUIET)):
-                imgui.table_next_column()
-                w.text(words, colour)
-        imgui.end_table()
+        command_rows(w, console, commands)

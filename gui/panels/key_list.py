@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from flyaround.gui.command_table import Command
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
+    from flyaround.gui.widgets import Widgets
 
 
 class KeyList(Panel):
@@ -37,36 +39,35 @@ class KeyList(Panel):
             found = [c for c in commands if matches(c, self._wanted)]
             if found:
                 w.section(group.capitalize())
-                self._rows(console, found)
+                command_rows(w, console, found)
 
-    def _rows(self, console: Console, commands: Iterable[Command]) -> None:
-        w, imgui = self._w, self._w.imgui
-        flags = imgui.TableFlags_.sizing_stretch_prop
-        if not imgui.begin_table("rows", 3, flags):
-            return
-        imgui.table_setup_column("key", imgui.TableColumnFlags_.width_stretch, 0.2)
-        imgui.table_setup_column("title", imgui.TableColumnFlags_.width_stretch, 0.3)
-        imgui.table_setup_column("help", imgui.TableColumnFlags_.width_stretch, 0.5)
-        for c in commands:
-            imgui.table_next_row()
-            imgui.table_next_column()
-            w.text(c.shown, style.ACCENT)
-            imgui.table_next_column()
-            if c.at_once and not c.held:
-                if imgui.selectable(f"{w.elided(c.title, w.width)}##{c.name}", False)[0]:
-                    console.do(c.name)
-            else:
-                w.text(c.title)
-            w.about(console, c.name)
-            imgui.table_next_column()
-            w.text(f"{c.help}{' (hold)' if c.held else ''}", style.QUIET)
-        imgui.end_table()
+
+def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> None:
+    """Draw a table of commands: key, title and help; a click on a title does the command."""
+
+    def title(c: Command) -> None:
+        if c.at_once and not c.held:
+            if w.imgui.selectable(f"{w.elided(c.title, w.width)}##{c.name}", False)[0]:
+                console.do(c.name)
+        else:
+            w.text(c.title)
+        w.about(console, c.name)
+
+    rows = (
+        (
+            partial(w.text, c.shown, style.ACCENT),
+            partial(title, c),
+            partial(w.text, f"{c.help}{' (hold)' if c.held else ''}", style.QUIET),
+        )
+        for c in commands
+    )
+    w.table("rows", (0.2, 0.3, 0.5), rows)
 
 
 class Palette(Panel):
     """A command by its first letters, and Enter; arguments after it as in a script."""
 
-    name, title, place, shown = "palette", "Do ...", "over", False
+    name, title, place, shown = "palette", "Find a command", "over", False
     keys = ("ctrl+p",)
     rows = 9
 
@@ -94,7 +95,7 @@ class Palette(Panel):
                 chosen = c.name
             w.about(console, c.name)
         if entered and name:
-            # a name that nobody knows is told by whoever does the line
+            # an unknown name is reported by the line that is done
             chosen = name if name in console.table or not found else found[0].name
         if chosen is not None:
             console.open_panel(self.name, shown=False)
@@ -102,6 +103,6 @@ class Palette(Panel):
 
 
 def matches(command: Command, wanted: str) -> bool:
-    """Whether every word of what is looked for is in the command's name, title, help or keys."""
+    """Return True if every wanted word is in the command's name, title, help or keys."""
     text = f"{command.name} {command.title} {command.help} {command.shown}".lower()
     return all(word in text for word in wanted.lower().split())

@@ -1,4 +1,4 @@
-"""What the console said, and what was done, as a script that does it again."""
+"""Messages of the console, and the commands that were done, as a script that does them again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flyaround.gui import style
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
-    from flyaround.gui.console import Console
+    from flyaround.gui.console import Console, Message
 
 SHOWN_LINES = 200
 COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
@@ -24,24 +24,13 @@ class LogPanel(Panel):
         w, imgui = self._w, self._w.imgui
         if not imgui.begin_tab_bar("log"):
             return
-        if imgui.begin_tab_item_simple("Messages"):
-            for message in reversed(console.messages[-SHOWN_LINES:]):
-                colour = style.QUIET if message.acknowledged else COLOURS[message.level]
-                w.text(f"{message.t_ms / 1000:9.1f} s  {message.text}", colour)
-            imgui.end_tab_item()
-        if imgui.begin_tab_item_simple("Cautions"):
-            w.button(console, "window.acknowledge")
-            raised = [m for m in console.messages if m.level != "note"]
-            if not raised:
-                w.text("none so far", style.QUIET)
-            for message in reversed(raised[-SHOWN_LINES:]):
-                seen = message.acknowledged_ms
-                when = f"seen {seen / 1000:.1f} s" if seen is not None else "not seen yet"
-                w.text(
-                    f"{message.t_ms / 1000:9.1f} s  {message.level}, {when}: {message.text}",
-                    style.QUIET if message.acknowledged else COLOURS[message.level],
-                )
-            imgui.end_tab_item()
+        raised = [m for m in console.messages if m.level != "note"]
+        for title, messages in (("Messages", console.messages), ("Cautions", raised)):
+            if imgui.begin_tab_item_simple(title):
+                w.button(console, "window.acknowledge")
+                for message in reversed(messages[-SHOWN_LINES:]):
+                    self._message(message)
+                imgui.end_tab_item()
         if imgui.begin_tab_item_simple("Commands"):
             w.button(console, "log.save")
             imgui.same_line()
@@ -50,3 +39,10 @@ class LogPanel(Panel):
                 w.text(str(line))
             imgui.end_tab_item()
         imgui.end_tab_bar()
+
+    def _message(self, message: Message) -> None:
+        """Write a message; a caution with whether it was acknowledged."""
+        seen = "" if message.acknowledged_ms is None else f", seen {message.acknowledged_ms / 1000:.1f} s"
+        level = "" if message.level == "note" else f"{message.level}{seen}: "
+        colour = style.QUIET if message.acknowledged else COLOURS[message.level]
+        self._w.text(f"{message.t_ms / 1000:9.1f} s  {level}{message.text}", colour)

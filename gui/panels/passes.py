@@ -1,7 +1,8 @@
-"""What each pass of the picture takes, as a table with bars."""
+"""Time of each pass of the picture, as a table with bars."""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
@@ -19,31 +20,25 @@ class PassesPanel(Panel):
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
-        w, imgui, feed = self._w, self._w.imgui, console.feed
+        w, feed = self._w, console.feed
         rows = shown_passes(feed.pass_ms)
         if not rows:
             w.text("timing the passes ...", style.QUIET)
             return
         total = sum(ms for _, ms in rows)
-        flags = imgui.TableFlags_.sizing_stretch_prop
-        if imgui.begin_table("passes", 3, flags):
-            imgui.table_setup_column("pass", imgui.TableColumnFlags_.width_stretch, 0.45)
-            imgui.table_setup_column("ms", imgui.TableColumnFlags_.width_stretch, 0.2)
-            imgui.table_setup_column("share", imgui.TableColumnFlags_.width_stretch, 0.35)
-            for name, ms in (*rows, ("picture", total)):
-                imgui.table_next_row()
-                imgui.table_next_column()
-                colour = style.WARN if name == "picture" else style.INK
-                w.one_line(w.elided(name, w.width), colour)
-                w.tip(
-                    "all of them: the whole picture" if name == "picture" else f"pass of the renderer: {name}"
+        cells = []
+        for name, ms in (*rows, ("picture", total)):
+            whole = name == "picture"
+            colour = style.WARN if whole else style.INK
+            about = "all of them: the whole picture" if whole else f"pass of the renderer: {name}"
+            cells.append(
+                (
+                    partial(w.text, name, colour, about),
+                    partial(w.text, f"{ms:.1f} ms", tip="milliseconds a picture, median of five"),
+                    partial(self._bar, ms / total, colour),
                 )
-                imgui.table_next_column()
-                imgui.text_unformatted(f"{ms:.1f}")
-                w.tip("milliseconds a picture, median of five")
-                imgui.table_next_column()
-                self._bar(ms / total, colour)
-            imgui.end_table()
+            )
+        w.table("passes", (0.45, 0.2, 0.35), cells)
         picture = feed.newest
         if picture is not None:
             height, width = picture.frame.image.shape[:2]

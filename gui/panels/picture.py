@@ -1,4 +1,4 @@
-"""How the view is drawn: exposure, detail, overlays, layers of the world."""
+"""Settings of the view: exposure, detail, overlays, layers of the world."""
 
 from __future__ import annotations
 
@@ -40,11 +40,7 @@ class PicturePanel(Panel):
         if changed:
             console.do("picture.exposure", min(max(round(stops, 2), -MOST_STOPS), MOST_STOPS))
         w.button(console, "picture.meter", width=w.width)
-        imgui.set_next_item_width(min(10 * imgui.get_font_size(), w.width))
-        changed, k = imgui.combo("##detail", DETAILS.index(settings.detail), [f"{d} detail" for d in DETAILS])
-        w.about(console, "picture.detail")
-        if changed:
-            console.do("picture.detail", DETAILS[k])
+        w.choice(console, "picture.detail", settings.detail, DETAILS, shown="{} detail".format)
         w.switches(console, ("picture.colour", "picture.noise"))
         w.button(console, "picture.save", label="Saving ..." if console.feed.saving else None, width=w.width)
         w.section("Over the view")
@@ -65,7 +61,7 @@ class WorldPanel(Panel):
 
 
 def exposure_text(seconds: float) -> str:
-    """An exposure in the unit that gives two or three digits."""
+    """Return an exposure in the unit that gives two or three digits."""
     unit, factor = next(
         ((u, f) for u, f in (("us", 1e6), ("ms", 1e3), ("s", 1.0)) if seconds * f < 1000), ("s", 1.0)
     )

@@ -8,36 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flyaround.gui import style
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.widgets import DRAGGED, Panel
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.picture.telemetry import Telemetry
     from flyaround.gui.surface import Surface
+    from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
 """Pictures whose figures are kept: minutes of a fast window."""
 COLOURS = (style.ACCENT, style.WARN, style.GOOD)
-FIGURES: dict[str, tuple[str, Callable[[Telemetry], tuple[float, ...]]]] = {
-    "Range": ("range [m]", lambda r: (r.range_m,)),
-    "Closing": ("closing speed [m/s]", lambda r: (r.closing_m_s,)),
-    "Across": ("speed across the line of sight [m/s]", lambda r: (r.lateral_m_s,)),
-    "LVLH m": ("radial, along, cross [m]", lambda r: r.position_lvlh_m),
-    "  mm/s": (
-        "speed radial, along, cross [mm/s]",
-        lambda r: tuple(1e3 * v for v in r.velocity_lvlh_m_s),
-    ),
-    "Rel. °/s": ("target's rate x, y, z [deg/s]", lambda r: r.relative_rate_deg_s),
-    "Cam. °/s": ("camera's rate x, y, z [deg/s]", lambda r: r.camera_rate_deg_s),
-    "Off axis": ("off the boresight [deg]", lambda r: (r.off_boresight_deg,)),
-    "Altitude": ("altitude [km]", lambda r: (r.altitude_km,)),
-    "Phase": ("phase angle [deg]", lambda r: (r.phase_deg,)),
-    "Sun": ("share of the Sun's disc [1]", lambda r: (r.sun_visible_fraction,)),
-}
-"""Title with its unit, and values, of each figure by the name that the panel Chaser gives it."""
 
 
 class PlotsPanel(Panel):
@@ -59,7 +41,7 @@ class PlotsPanel(Panel):
         imgui.set_next_item_width(-1)
         if imgui.begin_combo("##add", "watch another figure ..."):
             for name in others:
-                if imgui.selectable(FIGURES[name][0], False)[0]:
+                if imgui.selectable(FIGURES[name].title, False)[0]:
                     self._watched.append(name)
             imgui.end_combo()
         w.tip("or drag a row of figures here from the panel Chaser")
@@ -79,7 +61,7 @@ class PlotsPanel(Panel):
 
     def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
         w, implot, imgui = self._w, self._w.implot, self._w.imgui
-        title, values_of = FIGURES[name]
+        title, values_of = FIGURES[name].title, FIGURES[name].values
         values = np.array([values_of(r) for r in self._kept], float).reshape(len(times), -1)
         if imgui.small_button(f"x##{name}"):
             self._watched.remove(name)
@@ -88,18 +70,15 @@ class PlotsPanel(Panel):
         newest = ", ".join(f"{v:.4g}" for v in values[-1]) if len(values) else "no picture yet"
         w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
         w.tip(f"{title}, of the newest picture")
-        flags = implot.Flags_
-        quiet = flags.no_legend | flags.no_menus | flags.no_title
-        if implot.begin_plot(f"##{name}", w.vec(-1, 110 * w.window.scale), quiet):
-            axis = implot.AxisFlags_
-            implot.setup_axes("", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit)
-            for k, column in enumerate(values.T):
-                spec = implot.Spec()
-                spec.line_color = imgui.ImVec4(*COLOURS[k % len(COLOURS)])
-                spec.line_weight = 1.5
-                implot.plot_line(f"{name} {k}", times, np.ascontiguousarray(column), spec)
-            implot.end_plot()
-            w.tip(f"{title} over the flight [s since the start]")
+        axis = implot.AxisFlags_
+        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as seen:
+            if seen:
+                implot.setup_axes(
+                    "", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
+                )
+                for k, column in enumerate(values.T):
+                    line = w.curve(COLOURS[k % len(COLOURS)])
+                    implot.plot_line(f"{name} {k}", times, np.ascontiguousarray(column), line)
         self._take_dropped()
 
     def _take_dropped(self) -> None:

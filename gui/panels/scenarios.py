@@ -61,26 +61,27 @@ class ScenarioChooser(Panel):
             w.button(console, "scenario.open", wanted, label="Open this file", width=w.width)
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
-        columns, width = w.columns(CARD)
         found = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in wanted.lower().split())]
         if wanted.endswith(".toml"):
             found = self._cards
+        # those flown before come first
+        recent = {name: k for k, name in enumerate(console.recent)}
+        found = sorted(found, key=lambda card: recent.get(card[0], len(recent)))
         _, self._as_list = imgui.checkbox("names and titles alone", self._as_list)
         w.tip("a line for each scenario instead of its picture")
         if not found:
             w.text(f"no scenario has {wanted!r} in its name or title", style.QUIET)
-        # what was written above stays in sight while the list scrolls
+        # the search stays in sight while the list scrolls
         imgui.begin_child("found")
-        for k, (name, title, picture) in enumerate(found):
-            if self._as_list:
+        if self._as_list:
+            for name, title, _ in found:
                 here = name == console.session.plan.scenario.name
                 if imgui.selectable(f"{name}: {title}", here)[0]:
                     console.do("scenario.open", name)
                 w.tip(f"{title}\nflyaround sim {name}")
-                continue
-            if k % columns:
-                imgui.same_line()
-            self._draw_card(console, name, title, picture, width)
+        else:
+            for card, width in zip(found, w.grid(len(found), CARD), strict=True):
+                self._draw_card(console, *card, width)
         imgui.end_child()
 
     def _draw_card(self, console: Console, name: str, title: str, picture: ByteArray, width: float) -> None:
@@ -99,7 +100,7 @@ class ScenarioChooser(Panel):
 
 
 def _card(name: str) -> tuple[str, ByteArray]:
-    """A scenario's title and its picture; a grey one where none was made."""
+    """Return a scenario's title and picture; a grey one if there is none."""
     scenario = load_scenario(name)
     place = files("flyaround.assets").joinpath("scenarios", f"{name}.jpg")
     picture = (

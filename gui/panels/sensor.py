@@ -19,13 +19,11 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
 
-BAND_COLOURS = (style.AXIS_COLORS[0], style.AXIS_COLORS[1], style.AXIS_COLORS[2])
-
 
 class SensorPanel(Panel):
-    """Which camera, what its sensor does, and how the levels lie."""
+    """The camera, the terms of its sensor, and the histogram of the picture."""
 
-    name, title, place, shown = "sensor", "Camera and sensor", "right-low", True
+    name, title, place, shown = "sensor", "Sensor", "right-low", True
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
@@ -38,15 +36,8 @@ class SensorPanel(Panel):
         w, settings = self._w, console.options.settings
         self._draw_histogram(console)
         w.section("Camera")
-        names = (SCENARIO, *list_cameras())
-        w.imgui.set_next_item_width(-1)
-        if settings.camera is None:
-            self._camera = SCENARIO
-        changed, k = w.imgui.combo("##camera", names.index(self._camera), list(names))
-        w.about(console, "camera.use")
-        if changed:
-            self._camera = names[k]
-            console.do("camera.use", self._camera)
+        self._camera = SCENARIO if settings.camera is None else self._camera
+        self._camera = w.choice(console, "camera.use", self._camera, (SCENARIO, *list_cameras()))
         scene = console.session.scene()
         c = settings.camera or scene.camera
         across, up = (
@@ -98,24 +89,19 @@ class SensorPanel(Panel):
         if picture is not self._of or self._histogram is None:
             self._of, self._histogram = picture, histogram_of(picture.frame.image, bits)
         h = self._histogram
-        flags = implot.Flags_
-        quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title | flags.no_inputs
-        if implot.begin_plot("##histogram", w.vec(-1, 110 * w.window.scale), quiet):
-            axis = implot.AxisFlags_
-            implot.setup_axes(
-                "level [DN]", "pixels", axis.no_highlight, axis.no_tick_labels | axis.no_highlight
-            )
-            top = max(float(np.log10(1 + h.counts).max()), 1.0)
-            implot.setup_axes_limits(0, BINS * h.width_dn, 0, 1.05 * top, w.imgui.Cond_.always)
-            levels = (np.arange(BINS) + 0.5) * h.width_dn
-            for k, counts in enumerate(h.counts):
-                colour = BAND_COLOURS[k] if len(h.counts) == 3 else style.ACCENT
-                spec = implot.Spec()
-                spec.line_color = w.imgui.ImVec4(*colour)
-                spec.line_weight = 1.5
-                implot.plot_line(f"band {k}", levels, np.log10(1.0 + counts), spec)
-            implot.end_plot()
-            w.tip("how many pixels have each level [DN]; pixels on a log scale, a line for each band")
+        tip = "how many pixels have each level [DN]; pixels on a log scale, a line for each band"
+        with w.plot("histogram", 110, tip) as seen:
+            if seen:
+                axis = implot.AxisFlags_
+                implot.setup_axes(
+                    "level [DN]", "pixels", axis.no_highlight, axis.no_tick_labels | axis.no_highlight
+                )
+                top = max(float(np.log10(1 + h.counts).max()), 1.0)
+                implot.setup_axes_limits(0, BINS * h.width_dn, 0, 1.05 * top, w.imgui.Cond_.always)
+                levels = (np.arange(BINS) + 0.5) * h.width_dn
+                for k, counts in enumerate(h.counts):
+                    line = w.curve(style.AXIS_COLORS[k] if len(h.counts) == 3 else style.ACCENT)
+                    implot.plot_line(f"band {k}", levels, np.log10(1.0 + counts), line)
         w.text(
             f"levels {h.least_dn} to {h.most_dn} of {2**bits - 1}, median {h.median_dn:.0f}, "
             f"saturated {100 * h.saturated:.2f} % (pixels on a log scale)",

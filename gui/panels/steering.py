@@ -13,6 +13,8 @@ from flyaround.simulator.piloting.jumps import EVENTS
 from flyaround.simulator.piloting.planned_burns import BurnPlan
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.planned_burns import PlannedBurn
@@ -34,7 +36,7 @@ PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's spher
 
 
 class SteeringPanel(Panel):
-    """How keys and sticks act, what else may fly the chaser, and its propellant."""
+    """Axes, pulses and attitude of keys and sticks; guidance; planned burns; propellant."""
 
     name, title, place, shown = "steering", "Steering", "left", False
 
@@ -50,8 +52,7 @@ class SteeringPanel(Panel):
         w.switches(console, ("steer.lvlh", "steer.pulses"))
         w.section("Attitude")
         for k, mode in enumerate(ATTITUDE_MODES):
-            width = w.imgui.calc_text_size(mode).x + 2 * w.imgui.get_style().frame_padding.x
-            w.flow(width, first=k == 0)
+            w.flow(w.button_width(mode), first=k == 0)
             w.button(console, "steer.attitude", mode, label=mode, on=steering.attitude == mode)
         w.section("Guidance")
         colour = style.ACCENT if steering.doing else style.QUIET
@@ -69,89 +70,84 @@ class SteeringPanel(Panel):
         w, steering = self._w, console.session.craft.steering
         spent = steering.propellant
         w.section("Spent by steering")
-        w.row(
-            "Delta-v",
-            (spent.delta_v_m_s,),
-            "{:.3f} m/s",
-            "change of velocity that the thrusters gave since the start, all pushes added up",
-        )
-        isp = spent.thrusters.specific_impulse_s
-        w.row(
-            "Propellant",
-            (spent.used_kg,),
-            "{:.3f} kg",
-            f"burnt since the start, at a specific impulse of {isp:g} s",
-        )
-        w.row(
-            "Mass",
-            (spent.mass_kg,),
-            "{:.2f} kg",
-            "of the chaser, as the scenario gives it; 100 kg unless it does",
-        )
+        tip = "change of velocity that the thrusters gave since the start, all pushes added up"
+        w.row("Delta-v", (spent.delta_v_m_s,), "{:.3f} m/s", tip)
+        tip = f"burnt since the start, at a specific impulse of {spent.thrusters.specific_impulse_s:g} s"
+        w.row("Propellant", (spent.used_kg,), "{:.3f} kg", tip)
+        tip = "of the chaser, as the scenario gives it; 100 kg unless it does"
+        w.row("Mass", (spent.mass_kg,), "{:.2f} kg", tip)
         if steering.plume:
             w.text("# the plume strikes the target", style.OUTSIDE, PLUME)
         else:
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
-        """Three numbers and two ways to read them: a place, or a way from here."""
+        """Draw three numbers with two ways to use them: as a point, or as a way from here."""
         w, imgui = self._w, self._w.imgui
         w.section("Fly to a point")
         imgui.set_next_item_width(w.width)
         self._point = imgui.input_float3("##point", self._point, "%.2f m")[1]
         w.tip("radial, along-track and cross-track in the target's LVLH frame [m]")
-        half = (w.width - imgui.get_style().item_spacing.x) / 2
         here = console.session.craft.state_lvlh()[0]
         place = tuple(float(v) for v in self._point)
         by = tuple(round(float(h) + v, 3) for h, v in zip(here, place, strict=True))
-        for k, (label, point) in enumerate((("Fly there", place), ("Fly by so much", by))):
-            if k:
-                imgui.same_line()
-            if imgui.button(label, w.vec(half, 0)):
-                console.do("guidance.waypoint", *point)
-            w.about(console, "guidance.waypoint", *point)
+        half = (w.width - imgui.get_style().item_spacing.x) / 2
+        w.button(console, "guidance.waypoint", *place, label="Fly there", width=half)
+        imgui.same_line()
+        w.button(
+            console,
+            "guidance.waypoint",
+            *by,
+            label="Fly by so much",
+            width=half,
+            icon="by",
+            fill=style.RAISED,
+        )
 
     def _burns(self, console: Console) -> None:
-        """A row for each planned burn, whose numbers can be typed, and one for a new one."""
-        w, imgui, session = self._w, self._w.imgui, console.session
+        """Draw a table of the planned burns, whose numbers can be typed, and a button for a new one."""
+        w, session = self._w, console.session
         w.section("Planned burns")
         burns = session.craft.steering.burns.burns
-        flags = imgui.TableFlags_.sizing_stretch_prop
-        if imgui.begin_table("burns", 3, flags):
-            for title in ("T+ [s]", "radial, along, cross [m/s]", ""):
-                imgui.table_setup_column(title)
-            imgui.table_headers_row()
-            for k, burn in enumerate(burns):
-                self._burn_row(console, k, burn)
-            imgui.end_table()
-        if imgui.button("Add a burn", w.vec(w.width, 0)):
-            at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
-            console.do("burn.plan", round(at_s, 1), 0.0, FIRST_M_S, 0.0)
-        w.about(console, "burn.plan")
+        rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
+        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "delta-v [m/s]", ""))
+        at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
+        first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
+        w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)
         if burns:
             self._forecast(console)
             w.button(console, "burn.cancel", width=w.width)
 
-    def _burn_row(self, console: Console, k: int, burn: PlannedBurn) -> None:
+    def _burn_cells(self, console: Console, k: int, burn: PlannedBurn) -> tuple[Callable[[], None], ...]:
+        """Return what draws the time, the components and the cross of a burn; Enter takes what was typed."""
         w, imgui = self._w, self._w.imgui
         entered = imgui.InputTextFlags_.enter_returns_true
-        imgui.table_next_row()
-        imgui.table_next_column()
-        imgui.set_next_item_width(-1)
-        changed, t_s = imgui.input_double(f"##t{k}", burn.t_s, 0.0, 0.0, "%.1f", entered)
-        w.tip("middle of the burn since the scenario's start [s]; Enter takes it")
-        imgui.table_next_column()
-        imgui.set_next_item_width(-1)
-        parts = [float(v) for v in burn.delta_v_lvlh_m_s]
-        other, parts = imgui.input_float3(f"##v{k}", parts, "%.4g", entered)
-        w.tip("change of velocity: radial, along-track, cross-track [m/s]; Enter takes it")
-        imgui.table_next_column()
-        gone = imgui.small_button(f"x##burn{k}")
-        w.about(console, "burn.cancel", burn.t_s)
-        if gone or changed or other:
+
+        def replan(t_s: float, parts: Sequence[float]) -> None:
             console.do("burn.cancel", burn.t_s)
-        if changed or other:
             console.do("burn.plan", t_s, *(round(float(v), 6) for v in parts))
+
+        def time() -> None:
+            imgui.set_next_item_width(-1)
+            changed, t_s = imgui.input_double(f"##t{k}", burn.t_s, 0.0, 0.0, "%.1f", entered)
+            w.tip("middle of the burn since the scenario's start [s]; Enter takes it")
+            if changed:
+                replan(t_s, burn.delta_v_lvlh_m_s)
+
+        def delta_v() -> None:
+            imgui.set_next_item_width(-1)
+            parts = [float(v) for v in burn.delta_v_lvlh_m_s]
+            changed, parts = imgui.input_float3(f"##v{k}", parts, "%.4g", entered)
+            w.tip("change of velocity: radial, along-track, cross-track [m/s]; Enter takes it")
+            if changed:
+                replan(burn.t_s, parts)
+
+        def cross() -> None:
+            if imgui.small_button(f"x##burn{k}"):
+                console.do("burn.cancel", burn.t_s)
+            w.about(console, "burn.cancel", burn.t_s)
+
+        return time, delta_v, cross
 
     def _forecast(self, console: Console) -> None:
         """Delta-v of all burns, and how near their path comes to the target."""

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class TargetPanel(Panel):
-    """Which craft, what it is made of, and what lights it."""
+    """The craft, its materials, and the lights on it."""
 
-    name, title, place, shown = "target", "Target and lights", "right-low", True
+    name, title, place, shown = "target", "Target", "right-low", True
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
@@ -29,11 +29,7 @@ class TargetPanel(Panel):
         if not self._names:
             self._names = list_targets()
         names = self._names if target.name in self._names else (target.name, *self._names)
-        imgui.set_next_item_width(-1)
-        changed, k = imgui.combo("##target", names.index(target.name), list(names))
-        w.about(console, "scenario.target")
-        if changed:
-            console.do("scenario.target", names[k])
+        w.choice(console, "scenario.target", target.name, names)
         triangles = sum(len(part.triangles) for part in target.parts)
         w.text(
             f"{len(target.parts)} parts, {triangles:,} triangles, {len(target.keypoints)} keypoints",

@@ -5,13 +5,27 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.gui import style
-from flyaround.gui.commands.timeline import clock
+from flyaround.gui.commands.timeline import FRAMES, clock
+from flyaround.gui.icons import labelled
 from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.flight_history import Timeline
+
+
+BUTTONS = {
+    "back": "- 10 s",
+    "step-back": "- 0.1 s",
+    "forward": "+ 10 s",
+    "end": "To the end",
+    "fly-on": "Fly on from here",
+    "other-future": "Swap future",
+    "keep": "Keep flight",
+    "dataset": f"Data set, {FRAMES} frames",
+    "hil": "HIL run",
+}
 
 
 class TimelinePanel(Panel):
@@ -28,31 +42,21 @@ class TimelinePanel(Panel):
         """Draw into the current panel."""
         w, session = self._w, console.session
         timeline = session.look_back.timeline
-        end_s = max(timeline.end_s, session.t_s)
         back = session.look_back.active
-        where = f"{clock(session.t_s)} of {clock(end_s)[2:]}"
         w.text(
-            f"{where}   LOOKING BACK" if back else f"{where}   at the end",
-            style.WARN if back else style.INK,
-            "where one is, and the end of what was flown [h:min:s since the start]",
+            "looking back: steering, or Fly on, takes the flight up from here"
+            if back
+            else "at the end of the flight",
+            style.WARN if back else style.QUIET,
         )
-        labels = {"back": "- 10 s", "step-back": "- 0.1 s", "forward": "+ 10 s", "end": "End"}
-        for k, (name, label) in enumerate(labels.items()):
-            self._button(console, f"timeline.{name}", label, first=k == 0)
-        if back:
-            self._button(console, "timeline.fly-on", "Fly on from here")
-        if timeline.left_s is not None:
-            self._button(console, "timeline.other-future", "Other future")
-        self._button(console, "timeline.keep", "Keep flight")
-        self._button(console, "timeline.dataset", "Data set ...")
-        self._button(console, "timeline.hil", "HIL run ...")
+        # a button that cannot be used stays in its place
+        usable = {"fly-on": back, "other-future": timeline.left_s is not None}
+        for k, (name, label) in enumerate(BUTTONS.items()):
+            w.flow(w.button_width(labelled(f"timeline.{name}", label)), first=k == 0)
+            w.imgui.begin_disabled(not usable.get(name, True))
+            w.button(console, f"timeline.{name}", label=label)
+            w.imgui.end_disabled()
         self._bookmarks(console, timeline)
-
-    def _button(self, console: Console, name: str, label: str, *, first: bool = False) -> None:
-        w = self._w
-        width = w.imgui.calc_text_size(label).x + 2 * w.imgui.get_style().frame_padding.x
-        w.flow(width, first=first)
-        w.button(console, name, label=label)
 
     def _bookmarks(self, console: Console, timeline: Timeline) -> None:
         imgui, w = self._w.imgui, self._w

@@ -104,7 +104,8 @@ class TourPanel(Panel):
     def _frame(self, console: Console, place: str) -> None:
         """Draw a frame around what a step is about."""
         w, imgui = self._w, self._w.imgui
-        if place in console.help.rects:
+        covered = console.window.enlarged or imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        if place in console.help.rects and not covered:
             x, y, wide, tall = console.help.rects[place]
             draw = imgui.get_foreground_draw_list()
             low, high = w.vec(x + 1, y + 1), w.vec(x + wide - 1, y + tall - 1)

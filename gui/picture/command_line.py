@@ -1,4 +1,4 @@
-"""What is on screen as command lines, and what they leave out."""
+"""Command lines of the flight and view on the screen, and what they leave out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class CommandLines:
 
     Parameters
     ----------
-    lines : what for, and the line. left_out : what of the console they do not know.
+    lines : purpose, and the line. left_out : settings of the console that they cannot express.
     """
 
     lines: tuple[tuple[str, str], ...]
@@ -27,7 +27,7 @@ class CommandLines:
 
 
 def command_lines(session: FlightSession, options: Options, source: str, saved: str = "") -> CommandLines:
-    """Command lines of a flight and its view.
+    """Return command lines of a flight and its view.
 
     Parameters
     ----------

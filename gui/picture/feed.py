@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Protocol
 
-from flyaround.gui.picture.telemetry import Telemetry, telemetry_of
 from flyaround.gui.picture.view_settings import apply_view_settings
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import FrameRequest
+from flyaround.simulator.piloting.telemetry import Telemetry, telemetry_of
 from flyaround.simulator.runtime.worker_pool import JobsLostError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ MEMORY_S = 15.0
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
 """Before a picture that failed is asked for again."""
-STALE_S = 2.0
+STALE_S, LEAST_SPAN_S = 2.0, 0.5
 """A picture that is replaced no sooner is shown as an old one."""
 SEEN_S = 0.5
 """A view that has not been drawn for so long is not looked at, and gets no pictures."""
@@ -49,13 +49,13 @@ class PictureFailedError(Exception):
 
 
 class FramesOnRequest(Protocol):
-    """What the feed needs of a frame producer. Its methods may raise `JobsLostError` and `PictureFailedError`."""
+    """A frame producer as the feed uses it. Its methods may raise `JobsLostError` and `PictureFailedError`."""
 
     def submit(self, request: FrameRequest) -> bool:
         """Ask for a frame; False when enough are under way."""
 
     def finished(self) -> Iterable[Frame]:
-        """The frames finished since the last call, in the order they were asked for."""
+        """Return the frames finished since the last call, in the order they were asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,13 @@ class Picture:
 def chaser_scene(
     session: FlightSession, settings: ViewSettings, divisor: int, quality: Quality | None
 ) -> SceneState:
-    """What the chaser's camera sees now, as the operator wants it drawn."""
+    """Return the scene of the chaser's camera now, with the operator's settings."""
     return apply_view_settings(session.scene(), settings, divisor=divisor, quality=quality)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureKind:
-    """What a feed asks for.
+    """The kind of pictures that a feed requests.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class Feed:
 
     @property
     def saving(self) -> bool:
-        """Whether a picture to be saved is on its way."""
+        """True while a picture to be saved is under way."""
         return self._save_wanted or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
@@ -160,12 +160,12 @@ class Feed:
 
     @property
     def waiting(self) -> bool:
-        """Whether a picture of it is under way."""
+        """True while a picture is under way."""
         return bool(self._waiting)
 
     @property
     def looked_at(self) -> bool:
-        """Whether its view is on the screen."""
+        """True while its view is on the screen."""
         return self._clock() - self._seen_s < SEEN_S
 
     @property
@@ -219,8 +219,10 @@ class Feed:
     @property
     def frames_s(self) -> float:
         """Pictures a second."""
-        span_s = self._ends_s[-1] - self._ends_s[0] if len(self._ends_s) > 1 and not self.late_s else 0.0
-        return (len(self._ends_s) - 1) / span_s if span_s > 0 else 0.0
+        if len(self._ends_s) < 2 or self.late_s:
+            return 0.0
+        # two that come together are no rate yet
+        return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
     def take_trouble(self) -> str | None:
         """Why pictures were lost or failed since the last call, if some were."""
@@ -334,7 +336,7 @@ class Feed:
 
 
 def _made(make: Callable[[], SceneState]) -> SceneState:
-    """A scene; one that cannot be made is a picture that failed."""
+    """Return the scene; raise `PictureFailedError` if it cannot be made."""
     try:
         return make()
     except (UserError, ValueError, ArithmeticError) as error:
@@ -342,7 +344,7 @@ def _made(make: Callable[[], SceneState]) -> SceneState:
 
 
 def last_line(error: Exception) -> str:
-    """What an error says; of one with a traceback of another process its last line."""
+    """Return the last line of an error's message."""
     return (str(error).strip() or type(error).__name__).splitlines()[-1]
 
 

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
 CAMERA_SHARE = 2.0
-"""Of the render process's time the chaser's camera gets so many times what another view gets."""
+"""Share of the render process's time of the chaser's camera; that of another view is 1."""
 
 
 def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
-    """A feed for each kind of further view, by name; one is updated only while it is looked at.
+    """Return a feed for each kind of further view, by name; one is updated only while it is looked at.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ class GroundMap:
     night: Float32Array
 
     def lit(self, subsolar_latitude_deg: float, subsolar_longitude_deg: float) -> ByteArray:
-        """(360, 720, 3) RGB: the day where the Sun is up, the night's lights elsewhere, twilight between."""
+        """Return (360, 720, 3) RGB: the day where the Sun is up, the night's lights elsewhere, twilight between."""
         latitude = np.radians(90.0 - (np.arange(HEIGHT_PX, dtype=np.float32) + 0.5) * 180.0 / HEIGHT_PX)
         longitude = np.radians((np.arange(WIDTH_PX, dtype=np.float32) + 0.5) * 360.0 / WIDTH_PX - 180.0)
         sun_lat, sun_lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
@@ -52,7 +52,7 @@ class GroundMap:
 
 
 def load_ground_map(body: Body) -> GroundMap:
-    """The maps of a body; takes a few tenths of a second.
+    """Return the maps of a body; takes a few tenths of a second.
 
     Raises
     ------

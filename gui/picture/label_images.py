@@ -30,7 +30,7 @@ DIMMED = 0.35
 """What is left of the picture under parts and keypoints."""
 
 CLOSE_UP_MARGIN = 1.5
-"""A close-up is so many times as large as the target in it."""
+"""Size of a close-up over that of the target in it."""
 CLOSE_UP_LEAST_PX = 48
 
 PART_COLOURS: dict[PartClass, Rgba] = {
@@ -70,7 +70,7 @@ class DepthPicture:
 
 @lru_cache(maxsize=1)
 def depth_colours() -> ByteArray:
-    """(256, 3) RGB, near bright and far dark: its brightness rises evenly, so that it reads without colour vision."""
+    """Return (256, 3) RGB, near bright and far dark; its luminance is monotonic, for readers without colour vision."""
     ramp = np.arange(255, -1, -1, dtype=np.uint8)[:, None]
     return np.ascontiguousarray(cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1])
 
@@ -106,7 +106,7 @@ def round_ticks(low: float, high: float, most: int = 5) -> tuple[float, ...]:
 
 
 def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None:
-    """Parts of the target in the colours of their classes over the dimmed picture, and the classes that are seen.
+    """Return the parts in the colours of their classes over the dimmed picture, and the visible classes.
 
     None where the frame has no parts, or the camera sees none.
     """
@@ -131,7 +131,7 @@ def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None
 
 
 def mask_picture(frame: Frame) -> ByteArray | None:
-    """The picture, with everything that is not the target tinted dark blue; None without a mask."""
+    """Return the picture, with everything that is not the target tinted dark blue; None without a mask."""
     if frame.mask is None:
         return None
     image = np.repeat(grey(frame)[..., None], 3, axis=2)
@@ -161,11 +161,11 @@ def close_up(frame: Frame) -> tuple[slice, slice]:
 
 
 def grey(frame: Frame) -> ByteArray:
-    """(H, W) the picture in eight bits of one band."""
+    """Return (H, W) the picture in eight bits of one band."""
     eight = screen_picture(frame)
     return eight if eight.ndim == 2 else np.asarray(cv2.cvtColor(eight, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def dimmed(frame: Frame) -> ByteArray:
-    """(H, W, 3) the picture, darker, for what is drawn over it."""
+    """Return (H, W, 3) the picture, darker, for what is drawn over it."""
     return np.repeat((DIMMED * grey(frame)).astype(np.uint8)[..., None], 3, axis=2)

@@ -26,7 +26,7 @@ _DIRECTIONS = np.array([(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0,
 
 @dataclass(frozen=True)
 class PlacedLabel:
-    """Where a name goes.
+    """The place of a name.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def place_labels(
     kept: Sequence[int | None] = (),
     taken: Sequence[tuple[float, float, float, float]] = (),
 ) -> list[PlacedLabel | None]:
-    """A place for each name, or None where there is none left.
+    """Return a place for each name, or None where there is none left.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def place_labels(
 
 
 def candidates(point: FloatArray, size: Point) -> FloatArray:
-    """(32, 4) boxes about a point: eight beside it, then eight at each distance from which a line leads to it."""
+    """Return (32, 4) boxes about a point: eight beside it, then eight at each distance with a leader line."""
     half = np.array(size) / 2
     boxes = []
     for distance in (NEAR, *LED):
@@ -97,7 +97,7 @@ def candidates(point: FloatArray, size: Point) -> FloatArray:
 
 
 def _cost(outward: FloatArray) -> FloatArray:
-    """(32,) of the candidates: outward before inward, near before far, beside before above."""
+    """Return (32,) of the candidates: outward before inward, near before far, beside before above."""
     unit = outward / max(float(np.linalg.norm(outward)), 1e-9)
     towards = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True) @ unit
     rank = np.arange(len(_DIRECTIONS)) * 0.02 - towards
@@ -105,7 +105,7 @@ def _cost(outward: FloatArray) -> FloatArray:
 
 
 def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(n, m) whether boxes x0 y0 x1 y1 overlap."""
+    """Return (n, m) whether boxes x0 y0 x1 y1 overlap."""
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, 2:], b[None, :, 2:])
     return np.asarray((high > low).all(axis=2))

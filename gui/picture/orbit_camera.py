@@ -1,4 +1,4 @@
-"""Where a free camera is that circles target or chaser, and the form of its pictures."""
+"""Place of a free camera that circles target or chaser, and the size of its pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ About = Literal["target", "chaser"]
 ABOUT: tuple[About, ...] = ("target", "chaser")
 FIRST = (-60.0, 25.0, 12.0)
 AWAY = 2.0
-"""At first it is so many times as far from the target as the chaser, so that both are seen."""
+"""Initial distance from the target over that of the chaser, so that both are seen."""
 NEAREST_M, FARTHEST_M = 0.6, 20_000.0
 STEEPEST_DEG = 89.0
 LARGEST_PX = (960, 640)
@@ -25,7 +25,7 @@ _STEP_PX = 16
 
 @dataclass
 class OrbitCamera:
-    """Where the free camera is, in the target's LVLH frame, radial up.
+    """Place of the free camera in the target's LVLH frame, radial up.
 
     Parameters
     ----------
@@ -41,13 +41,13 @@ class OrbitCamera:
     size_px: tuple[int, int] = (480, 304)
 
     def place(self, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
-        """Be there; what is out of reach is brought back."""
+        """Move to a place; angles and distance are clipped to their bounds."""
         self.azimuth_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
         self.elevation_deg = min(max(elevation_deg, -STEEPEST_DEG), STEEPEST_DEG)
         self.distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)
 
     def reset(self, range_m: float) -> None:
-        """Where it is at first, for a chaser at a range."""
+        """Move to the initial place for a chaser at a range."""
         self.place(FIRST[0], FIRST[1], max(FIRST[2], AWAY * range_m))
 
     def fill(self, width: float, height: float) -> None:

@@ -36,7 +36,7 @@ _NEAR_M = 0.02
 def orbit_scene(
     session: FlightSession, settings: ViewSettings, look: OrbitCamera, divisor: int, quality: Quality | None
 ) -> SceneState:
-    """The moment as the free camera sees it: the same world and target, metered exposure, no noise.
+    """Return the scene of the free camera: the same world and target, metered exposure, no noise.
 
     The chaser's own lamp and the lights fixed to its camera are left out, for they would move along.
 
@@ -65,7 +65,7 @@ def orbit_scene(
 
 
 def seen_from(world: WorldState, frame: Lvlh, look: OrbitCamera) -> WorldState:
-    """The world with the free camera in the chaser's place, at rest in LVLH."""
+    """Return the world with the free camera in the chaser's place, at rest in LVLH."""
     R = frame.R_eci_from_lvlh
     away, up = R @ look.from_focus_lvlh, R[:, 0]
     focus = np.zeros(3) if look.about == "target" else np.array(world.relative_eci_m)
@@ -87,7 +87,7 @@ def seen_from(world: WorldState, frame: Lvlh, look: OrbitCamera) -> WorldState:
 
 @lru_cache(maxsize=16)
 def pinhole(width_px: int, height_px: int) -> Camera:
-    """A camera without distortion, ``FIELD_DEG`` high."""
+    """Return a camera without distortion, ``FIELD_DEG`` high."""
     f = height_px / 2 / math.tan(math.radians(FIELD_DEG / 2))
     return Camera(
         width_px=width_px,
@@ -119,7 +119,7 @@ class ChaserMarks:
 def chaser_marks(
     scene: SceneState, world: WorldState, chaser: Camera, frame: Lvlh, trail_lvlh_m: FloatArray
 ) -> ChaserMarks:
-    """Where the chaser is in the free camera's picture.
+    """Return the marks of the chaser in the free camera's picture.
 
     Parameters
     ----------

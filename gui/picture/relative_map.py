@@ -58,7 +58,7 @@ OUT_OF_PLANE = Plane("out of plane", 1, 2, "cross-track")
 
 @dataclass
 class MapLook:
-    """What of the surroundings the map shows.
+    """Centre and scale of the map.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class MapLook:
     fitted: bool = True
 
     def place(self, centre_lvlh_m: Vec3, width_m: float) -> None:
-        """Show this and stay there."""
+        """Show a place and do not follow the flight."""
         self.centre_lvlh_m = centre_lvlh_m
         self.width_m = min(max(width_m, LEAST_WIDTH_M), MOST_WIDTH_M)
         self.fitted = False
@@ -92,7 +92,7 @@ class MapPort:
     scale: float
 
     def at(self, points_lvlh_m: FloatArray | Sequence[float]) -> FloatArray:
-        """Screen places (..., 2) of points (..., 3)."""
+        """Return screen places (..., 2) of points (..., 3)."""
         p = np.asarray(points_lvlh_m, float) - np.array(self.centre_lvlh_m)
         x, y, w, h = self.rect
         return np.stack(
@@ -104,7 +104,7 @@ class MapPort:
         )
 
     def point(self, x: float, y: float, through_m: float = 0.0) -> Vec3:
-        """The place under a point of the screen, at a height over the plane [m]."""
+        """Return the place under a point of the screen, at a height over the plane [m]."""
         left, top, w, h = self.rect
         p = np.zeros(3)
         p[self.plane.right] = self.centre_lvlh_m[self.plane.right] + (x - left - w / 2) / self.scale
@@ -113,7 +113,7 @@ class MapPort:
         return vec3(p)
 
     def inside(self, x: float, y: float) -> bool:
-        """Whether a point of the screen lies in it."""
+        """Return True if a point of the screen lies in it."""
         left, top, w, h = self.rect
         return left <= x < left + w and top <= y < top + h
 
@@ -124,7 +124,7 @@ class MapPort:
 
 
 def ports(rect: Rect, look: MapLook, gap: float = 6.0) -> tuple[MapPort, MapPort]:
-    """Both planes side by side, or one over the other where the place is not twice as wide as high."""
+    """Return both planes side by side, or one over the other where the place is not twice as wide as high."""
     x, y, w, h = rect
     if w > 1.8 * h:
         half = max((w - gap) / 2, 1.0)
@@ -159,14 +159,14 @@ def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
 
 
 def nice_step(length_m: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+    """Return the largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(length_m))
     # the small term: a length of 5 that rounding has made 4.999... is 5
     return next(m * power for m in (5.0, 2.0, 1.0) if m * power <= length_m * (1 + 1e-9))
 
 
 def metres_text(metres: float) -> str:
-    """A length in its unit."""
+    """Return a length in its unit."""
     if abs(metres) >= 1000:
         return f"{metres / 1000:g} km"
     return f"{metres:g} m" if abs(metres) >= 1 or metres == 0 else f"{100 * metres:g} cm"
@@ -195,23 +195,23 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
 
 
 def hull(points_lvlh_m: FloatArray, plane: Plane) -> FloatArray:
-    """The points (m, 3) on the convex outline of a cloud (n, 3) as a plane shows it, in order around it."""
+    """Return the points (m, 3) on the convex outline of a cloud (n, 3) in a plane, in order around it."""
     return points_lvlh_m[ConvexHull(points_lvlh_m[:, [plane.right, plane.up]]).vertices]
 
 
 def target_edges_lvlh_m(target: Target, world: WorldState, frame: Lvlh) -> FloatArray:
-    """The target's wireframe as it lies in the LVLH frame, about its centre of mass, (n, 2, 3) [m]."""
+    """Return the target's wireframe as it lies in the LVLH frame, about its centre of mass, (n, 2, 3) [m]."""
     ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
     R_lvlh_from_target = frame.R_eci_from_lvlh.T @ matrix_from_quat(world.q_eci_from_target_wxyz)
     return (ends - np.array(target.mass.com_m)) @ R_lvlh_from_target.T
 
 
 def sun_lvlh(world: WorldState, frame: Lvlh) -> FloatArray:
-    """(3,) unit vector from the target to the Sun, LVLH axes."""
+    """Return (3,) unit vector from the target to the Sun, LVLH axes."""
     to_sun = np.array(world.r_sun_eci_m) - np.array(world.r_target_eci_m)
     return np.asarray(frame.R_eci_from_lvlh.T @ (to_sun / np.linalg.norm(to_sun)))
 
 
 def boresight_lvlh(world: WorldState, frame: Lvlh) -> FloatArray:
-    """(3,) unit vector along the camera's boresight, LVLH axes."""
+    """Return (3,) unit vector along the camera's boresight, LVLH axes."""
     return np.asarray(frame.R_eci_from_lvlh.T @ matrix_from_quat(world.q_camera_from_eci_wxyz)[2])

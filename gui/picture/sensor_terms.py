@@ -79,7 +79,7 @@ class SensorTerm:
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
-    """How often each level is in a picture.
+    """Histogram of a picture's levels.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Histogram:
 
 
 def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
-    """Each number of a sensor."""
+    """Return the numbers of a sensor."""
     rows = RECIPE if sensor.detector is None else DETECTOR
     return tuple(SensorTerm(name, text, effect, _value(sensor, name)) for name, text, effect in rows)
 
@@ -108,7 +108,7 @@ def _value(sensor: Sensor, name: str) -> float:
 
 
 def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: float) -> dict[str, float]:
-    """The changes with one more.
+    """Return the changes with one more, which is checked.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: 
 
 
 def histogram_of(image: NDArray[np.unsignedinteger], bits: int) -> Histogram:
-    """The histogram of (H, W) or (H, W, bands) digital numbers."""
+    """Return the histogram of (H, W) or (H, W, bands) digital numbers."""
     full = 2**bits
     values = image.reshape(-1, 1) if image.ndim == 2 else image.reshape(-1, image.shape[2])
     by_level = np.stack([np.bincount(band, minlength=full)[:full] for band in values.T])

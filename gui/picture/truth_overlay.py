@@ -1,4 +1,4 @@
-"""What the truth overlay shows, in picture pixels: keypoints and how they are seen, box, axes, wireframe."""
+"""The truth overlay in picture pixels: keypoints and their visibility, box, axes, wireframe."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Marker:
         self._seen: tuple[Seen, ...] = ()
 
     def marks(self, scene: SceneState, overlays: Overlays, *, exact: bool = False) -> Marks:
-        """The marks of a picture.
+        """Return the marks of a picture.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Marker:
         )
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
-        """Geometry alone: the labels' radiometric states need a noise-free signal, not at hand here."""
+        """Return the visibility of keypoints by geometry; radiometric states would need a noise-free signal."""
         pose = scene.camera_from_target
         occluded = np.ones(len(self._points_m), bool)
         occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)
@@ -127,7 +127,7 @@ def _axes(scene: SceneState) -> tuple[Segment, ...]:
 
 
 def wireframe_at(camera: Camera, pose: Pose, target: Target) -> tuple[Segment, ...]:
-    """Edges of the target that have a face towards the camera, where a pose puts them."""
+    """Return the edges of the target that face the camera, at a pose."""
     ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
     eye = pose.inverse().t_m
     in_camera = pose.apply(ends)

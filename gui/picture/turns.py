@@ -44,7 +44,7 @@ class Turns:
         self._drawn = False
 
     def channel(self, share: float = 1.0) -> Channel:
-        """A place for one more view.
+        """Return a channel for one more view.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Turns:
             self._under_way.popleft().inbox.append(PictureFailedError(last_line(error)))
 
     def _lose(self, error: JobsLostError) -> None:
-        """Every view is told: what it had asked for will not come."""
+        """Report to every view that its requests are lost."""
         self._under_way.clear()
         for channel in self._channels:
             channel.lost = error
@@ -134,7 +134,7 @@ class Channel:
         self.used += ms / self._share
 
     def wants(self, now_s: float) -> bool:
-        """Whether it waits for its turn."""
+        """Return True while it waits for its turn."""
         return self.asked_s is not None and now_s - self.asked_s < WANTS_S
 
     def submit(self, request: FrameRequest) -> bool:
@@ -142,7 +142,7 @@ class Channel:
         return self._turns.submit(self, request)
 
     def finished(self) -> Iterable[Frame]:
-        """Its frames finished since the last call, in the order they were asked for.
+        """Return its frames finished since the last call, in the order they were asked for.
 
         Raises
         ------

@@ -65,7 +65,7 @@ class Film:
         self._thread.start()
 
     def add(self, t_ms: int, image: ByteArray) -> None:
-        """One more picture; never waits.
+        """Queue a picture; never waits.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How the operator wants the view drawn: exposure, layers, bands, detail; applied to a scene."""
+"""The operator's settings of the view: exposure, layers, bands, detail; applied to a scene."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Options:
 def apply_view_settings(
     scene: SceneState, settings: ViewSettings, *, divisor: int = 1, quality: Quality | None = None
 ) -> SceneState:
-    """The scene with the operator's choices.
+    """Return the scene with the operator's settings applied.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def apply_view_settings(
 
 
 def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
-    """A sensor with some of its numbers, or its detector's, changed; names that it has not are passed over."""
+    """Return a sensor with some of its numbers changed; names that it lacks are ignored."""
     detector = sensor.detector
     own: dict[str, Any] = {}
     of_detector: dict[str, Any] = {}
@@ -157,7 +157,7 @@ def brightened(lights: tuple[AreaLight, ...], gains: dict[int, float]) -> tuple[
 
 
 def reduced_camera(camera: Camera, divisor: int) -> Camera:
-    """The same lens on ``divisor`` times fewer pixels each way.
+    """Return the same lens on ``divisor`` times fewer pixels each way.
 
     A pixel's index is its centre, so a coarse pixel's centre lies half a coarse pixel from the image's edge:
     ``c' = (c + 1/2) / divisor - 1/2``.

@@ -36,7 +36,7 @@ SAMPLES = 40
 
 @dataclass(frozen=True)
 class Grip:
-    """What of which burn the pointer holds, and in which plane."""
+    """The node or handle of a burn that the pointer holds, and the plane."""
 
     burn: PlannedBurn
     what: Literal["node", "handle"]
@@ -85,7 +85,7 @@ class BurnNodes:
         return other
 
     def draw(self, canvas: Canvas, port: MapPort) -> None:
-        """The path after the burns, each node, and its handle in this plane."""
+        """Draw the path after the burns, each node, and its handle in this plane."""
         path, burns = self._path, self._plan.burns
         if path is None or not burns:
             return
@@ -100,12 +100,13 @@ class BurnNodes:
 
     @staticmethod
     def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, written: list[Point]) -> None:
-        """A burn's size beside its handle, inside the map, unless another's is there already."""
+        """Write a burn's size below its handle, inside the map, unless another's is there already."""
         x, y, w, h = port.rect
         width, height = canvas.size(text)
-        at = (min(tip[0] + 8, x + w - width - 4), min(max(tip[1] - height / 2, y), y + h - height))
+        # below the handle: the chaser and its boresight lie along the path
+        at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
         if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
-            canvas.text(
+            canvas.label(
                 at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
             )
             written.append(at)
@@ -169,7 +170,7 @@ class BurnNodes:
         self._of = ()
 
     def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
-        """When the chaser is nearest to the pointer, of what is foretold; not in the next seconds."""
+        """Return when the predicted path is nearest to the pointer; not in the next seconds."""
         path = self._path
         if path is None:
             session.craft.take_over()
@@ -181,7 +182,7 @@ class BurnNodes:
 
 
 def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
-    """Screen place of a burn's handle: from its node along what the plane sees of its delta-v."""
+    """Return the screen place of a burn's handle: from its node along the delta-v in this plane."""
     part = np.array([burn.delta_v_lvlh_m_s[plane.right], -burn.delta_v_lvlh_m_s[plane.up]])
     size = float(np.linalg.norm(part))
     along = part / size if size > 0 else np.array([1.0, 0.0])
@@ -189,7 +190,7 @@ def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
 
 
 def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> PlannedBurn:
-    """The burn whose handle is where the pointer is, in whole millimetres a second; never none at all."""
+    """Return the burn whose handle is at the pointer, in whole millimetres a second; never zero."""
     way = np.array([mouse[0] - node[0], node[1] - mouse[1]])
     length = float(np.linalg.norm(way))
     size = max(length - ARM, 0.0) / PER_M_S

@@ -1,16 +1,17 @@
-"""The chaser's camera: the newest frame, letterboxed, with truth, crosshair and figures drawn over it."""
+"""The view of the chaser's camera: the newest picture, with truth, crosshair and figures over it or beside it."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from flyaround.gui import hover_text, style
+from flyaround.gui import style
+from flyaround.gui.canvas import Canvas
 from flyaround.gui.commands.timeline import clock
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.picture.screen import exposure_fault, screen_picture
-from flyaround.gui.picture.truth_overlay import Pixel
 from flyaround.gui.views.docking_hud import DockingHud
 from flyaround.gui.views.estimate_overlay import EstimateOverlay
 from flyaround.gui.views.letterbox import Letterbox
@@ -24,26 +25,30 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
     from flyaround.simulator.piloting.session import FlightSession
 
-FIGURES = {
-    "UTC": "mid-exposure of this picture",
-    "T+": "simulated time since the scenario's start [h:min:s], and how many times as fast as the clock it runs",
-    "RANGE": "from the camera to the target's centre of mass",
-    "CLOSING": "how fast the range shrinks; minus: it grows",
-    "ACROSS": "speed across the line of sight, in the target's LVLH frame",
-    "RATE": "how fast the target turns before the camera; Chaser has its three axes",
-    "RADIAL": "chaser in the target's LVLH frame: outward from the Earth",
-    "ALONG": "chaser in the target's LVLH frame: ahead along the orbit",
-    "CROSS": "chaser in the target's LVLH frame: along the orbit's normal",
-    "PHASE": "angle Sun, target, camera: at 0 the Sun stands behind the camera",
-    "SUN": "share of the Sun's disc that the target sees past the Earth and the Moon",
-}
-BADGE = "what flies the chaser / how its attitude is kept"
-SPEED = "pictures a second, what one costs (render and sensor), and its size in pixels"
-PASSES = "what this pass of the renderer takes, median of five pictures; the bar is its share (F8)"
+Place = tuple[float, float, float, float]
+"""x, y, width and height on the screen."""
+MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
+"""Between figures and the edge of the view, and between columns of figures, in screen units."""
+OLD_S = 1.0
+"""A picture's age is marked beyond this, at 1x."""
+NAME = "CLOSING "
+"""The widest name of a figure."""
+
+
+class Row(NamedTuple):
+    """A figure over the view: name, value, colour and hover text."""
+
+    name: str
+    value: str
+    colour: style.Rgba
+    tip: str
+
+
+Groups = tuple[tuple[Row, ...], ...]
 
 
 class CameraView(Panel):
-    """Draws the picture and what is laid over it."""
+    """Draws the picture and its overlays."""
 
     name, title, place, shown = "camera", "Chaser's camera", "centre", True
     bare = True
@@ -53,205 +58,242 @@ class CameraView(Panel):
         self._docking = DockingHud(window)
         self._mouse = MouseSteering(window)
         self._truth = TruthMarks(window)
-        self._plates: list[tuple[float, float, float, float]] = []
-        self._estimate = EstimateOverlay(window)
+        self._plates: list[Place] = []
+        self._estimate = EstimateOverlay()
         self._judged_of: Picture | None = None
         self._judged = ""
 
     def draw(self, console: Console) -> None:
         """Draw into the current view."""
-        imgui = self._imgui
         session, feed, options = console.session, console.feed, console.options
-        place = self._free(1.0)
-        draw = imgui.get_window_draw_list()
+        place, canvas = self._free(1.0), Canvas(self._window)
         picture = feed.newest
         if picture is None:
             name = session.plan.scenario.title or session.plan.scenario.name
-            self._centred(
-                draw,
-                place,
-                f"preparing {name}: {feed.late_s:.0f} s; the flight starts with its first picture",
-            )
+            self._centred(canvas, place, name, f"{console.preparing}, {feed.late_s:.0f} s so far")
             return
+        groups = self._groups(session, feed, picture) if options.overlays.hud else ()
         image = picture.frame.image
-        box = Letterbox.fit((image.shape[1], image.shape[0]), place)
-        size = (round(box.width), round(box.height))
+        box, beside = self._placed(canvas, place, (image.shape[1], image.shape[0]), groups)
         raw = options.overlays.raw
         view = f"{self.name}, raw" if raw else self.name
         screen = partial(screen_picture, picture.frame, raw=raw)
-        texture = self._window.show_picture(view, picture, screen, size=size)
-        left, top = round(box.x), round(box.y)
-        draw.add_image(texture, imgui.ImVec2(left, top), imgui.ImVec2(left + size[0], top + size[1]))
+        canvas.picture(view, picture, screen, (box.x, box.y, box.width, box.height))
         self._mouse.take(box, console)
-        draw.push_clip_rect(
-            imgui.ImVec2(box.x, box.y), imgui.ImVec2(box.x + box.width, box.y + box.height), True
-        )
+        canvas.clip((box.x, box.y), (box.width, box.height))
         # names stay clear of where the figures stood the last time
         taken, self._plates = tuple(self._plates), []
         self._truth.draw(box, picture, options, paused=session.clock.paused, taken=taken)
         if options.overlays.estimate:
-            self._estimate.draw(draw, box, picture, console.jobs.estimates)
+            self._estimate.draw(canvas, box, picture, console.jobs.estimates)
         # the docking display has a cross and figures of its own
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
         if options.overlays.docking:
             self._docking.draw(box, console, picture)
-        draw.pop_clip_rect()
-        if options.overlays.hud:
-            self._hud(draw, place, session, feed, picture)
+        canvas.unclip()
+        within = (box.x, box.y, box.width, box.height)
+        if beside is None:
+            # the docking display has figures of its own at the upper edge
+            shown = ((groups[0], (), *groups[2:]) if options.overlays.docking else groups) if groups else ()
+            self._corners(canvas, within if box.width > 0.75 * place[2] else place, shown)
+        else:
+            self._in_columns(canvas, beside, groups)
         if options.overlays.times:
-            self._times(draw, place, feed)
+            self._times(canvas, within, feed, self._line * (2 if beside is None else 0))
         if picture is not self._judged_of:
             self._judged_of, self._judged = picture, exposure_fault(picture.frame)
-        if self._judged and not feed.late_s:
-            self._notice(draw, place, self._judged)
         if feed.late_s:
-            self._veil(draw, place, f"picture of {feed.late_s:.0f} s ago; the next is being prepared")
-
-    def _veil(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
-        """Darken what is not the present, and say so."""
-        corner = self._vec((place[0] + place[2], place[1] + place[3]))
-        draw.add_rect_filled(self._vec((place[0], place[1])), corner, self._color(style.PLATE))
-        self._centred(draw, place, text)
-
-    def _notice(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
-        """Say something at the top of the view, between the corners' figures."""
-        width = self._imgui.calc_text_size(text).x
-        at = (place[0] + (place[2] - width) / 2, place[1] + 14 + 2 * self._line)
-        self._plate(draw, at, width, 1)
-        self._text(draw, at, text, style.WARN)
-
-    def _hud(
-        self,
-        draw: Any,  # noqa: ANN401
-        place: tuple[float, float, float, float],
-        session: FlightSession,
-        feed: Feed,
-        picture: Picture,
-    ) -> None:
-        imgui = self._imgui
-        x, y, width, height = place
-        r = picture.telemetry
-        imgui.push_font(self._window.figure_font, 0.0)
-        line = self._line
-        rate = float(np.linalg.norm(r.relative_rate_deg_s))
-        left = (
-            ("UTC", f"{r.epoch_utc.replace('T', ' ')[:23].rstrip('Z')}", style.INK),
-            (
-                "T+",
-                f"{clock(r.t_s)[2:]}   x{session.clock.rate:g}",
-                style.WARN if session.clock.paused else style.INK,
-            ),
-        )
-        bottom = (
-            ("RANGE", f"{r.range_m:10.3f} m", style.ACCENT),
-            ("CLOSING", f"{r.closing_m_s:+10.4f} m/s", style.INK),
-            ("ACROSS", f"{r.lateral_m_s:10.4f} m/s", style.INK),
-            ("RATE", f"{rate:10.3f} deg/s", style.INK),
-        )
-        lit = style.GOOD if r.sun_visible_fraction > 0 else style.BAD
-        right = (
-            ("RADIAL", f"{r.position_lvlh_m[0]:+10.3f} m", style.INK),
-            ("ALONG", f"{r.position_lvlh_m[1]:+10.3f} m", style.INK),
-            ("CROSS", f"{r.position_lvlh_m[2]:+10.3f} m", style.INK),
-            ("PHASE", f"{r.phase_deg:10.1f} deg", style.INK),
-            ("SUN", f"{100 * r.sun_visible_fraction:10.0f} %", lit),
-        )
-        column = imgui.calc_text_size("CLOSING +99999.999 deg").x
-        # in a small view the figures that matter most
-        tall, wide = height > line * (len(left) + len(right) + 3), width > 2 * column + 64
-        if tall and wide:
-            self._column(draw, (x + 16, y + 14), left)
-        self._column(draw, (x + 16, y + height - 14 - line * len(bottom)), bottom)
-        if wide:
-            self._column(draw, (x + width - 16 - column, y + height - 14 - line * len(right)), right)
-        badge, color = _badge(session)
-        image = picture.frame.image
-        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
-        if not session.clock.paused:
-            speed = f"{feed.frames_s:.1f} fps  {speed}"
-        widest = max(imgui.calc_text_size(badge).x, imgui.calc_text_size(speed).x)
-        self._plate(draw, (x + width - 16 - widest, y + 14), widest, 2)
-        self._text(draw, (x + width - 16 - imgui.calc_text_size(badge).x, y + 14), badge, color)
-        self._text(draw, (x + width - 16 - imgui.calc_text_size(speed).x, y + 14 + line), speed, style.QUIET)
-        self._tip((x + width - 16 - widest, y + 14), (widest, line), BADGE)
-        self._tip((x + width - 16 - widest, y + 14 + line), (widest, line), SPEED)
-        imgui.pop_font()
-
-    def _times(self, draw: Any, place: tuple[float, float, float, float], feed: Feed) -> None:  # noqa: ANN401
-        """Each pass's time with a bar as long as its share of the picture's."""
-        imgui = self._imgui
-        imgui.push_font(self._window.figure_font, 0.0)
-        rows = shown_passes(feed.pass_ms)
-        total = sum(ms for _, ms in rows)
-        rows = (*rows, ("picture", total)) if rows else (("timing the passes ...", 0.0),)
-        step, number = (imgui.calc_text_size(t).x for t in ("target geometry  ", "9999.9 ms "))
-        bar = 7.0 * self._line
-        x, y = place[0] + 16, place[1] + 14 + 3 * self._line
-        self._plate(draw, (x, y), step + number + bar, len(rows))
-        for k, (name, ms) in enumerate(rows):
-            at = y + k * self._line
-            self._text(draw, (x, at), name, style.QUIET)
-            self._tip((x, at), (step + number + bar, self._line), PASSES)
-            if total <= 0:
-                continue
-            self._text(draw, (x + step, at), f"{ms:6.1f} ms", style.INK)
-            left, top = x + step + number, at + 0.25 * self._line
-            color = style.WARN if name == "picture" else style.ACCENT
-            draw.add_rect_filled(
-                self._vec((left, top)),
-                self._vec((left + max(bar * ms / total, 1.0), top + 0.45 * self._line)),
-                self._color((*color[:3], 0.85)),
+            canvas.box(within[:2], within[2:], style.PLATE)
+            text = f"picture of {feed.late_s:.0f} s ago"
+            self._centred(canvas, within, text, console.preparing)
+        elif self._judged:
+            x = box.x + (box.width - canvas.size(self._judged)[0]) / 2
+            self._write(
+                canvas, (x, box.y + MARGIN + 2 * self._line), (Row("", self._judged, style.WARN, ""),)
             )
-        imgui.pop_font()
 
-    def _column(self, draw: Any, at: Pixel, rows: tuple[tuple[str, str, style.Rgba], ...]) -> None:  # noqa: ANN401
-        x, y = at
-        step = self._imgui.calc_text_size("CLOSING ").x
-        width = step + max(self._imgui.calc_text_size(value).x for _, value, _ in rows)
-        self._plate(draw, at, width, len(rows))
-        for k, (name, value, color) in enumerate(rows):
-            self._text(draw, (x, y + k * self._line), name, style.QUIET)
-            self._text(draw, (x + step, y + k * self._line), value, color)
-            self._tip((x, y + k * self._line), (width, self._line), FIGURES[name])
+    # --- places
 
-    def _tip(self, corner: Pixel, size: Pixel, text: str) -> None:
-        # what is drawn in letters of figures is told in the panels' own
-        self._imgui.push_font(self._window.text_font, 0.0)
-        hover_text.tell_place(self._imgui, corner, size, text)
+    def _placed(
+        self, canvas: Canvas, place: Place, image: tuple[int, int], groups: Groups
+    ) -> tuple[Letterbox, Place | None]:
+        """Return where the picture goes, and where its figures go beside it; None if they lie over it.
+
+        The picture is as large as the view allows. What its form leaves free, below or at the right, is for figures.
+        """
+        x, y, width, height = place
+        box = Letterbox.fit(image, place)
+        across, down = width - box.width, height - box.height
+        self._push()
+        widths = [self._width(canvas, rows) for rows in _columns(groups)]
+        self._imgui.pop_font()
+        deep = self._line * max((len(rows) for rows in _columns(groups)), default=0) + 2 * MARGIN
+        tall = self._line * sum(len(rows) for rows in groups) + 2 * MARGIN
+        if groups and down >= deep and sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= width:
+            top = Letterbox(box.x, y, box.width, box.height, box.scale)
+            return top, (x, y + box.height, width, down)
+        if groups and across >= max(widths) + 2 * MARGIN and height >= tall:
+            left = Letterbox(x, box.y, box.width, box.height, box.scale)
+            return left, (x + box.width, y, across, height)
+        return box, None
+
+    def _in_columns(self, canvas: Canvas, place: Place, groups: Groups) -> None:
+        """Draw the figures below the picture in columns, or one below the other beside it."""
+        self._push()
+        columns = _columns(groups)
+        widths = [self._width(canvas, rows) for rows in columns]
+        below = sum(widths) + 2 * MARGIN + 2 * LEAST_GAP <= place[2]
+        gap = min((place[2] - sum(widths) - 2 * MARGIN) / 2, WIDEST_GAP)
+        x, y = place[0] + MARGIN, place[1] + MARGIN
+        for rows, width in zip(columns, widths, strict=True):
+            self._write(canvas, (x, y), rows, plate=False)
+            x, y = (x + width + gap, y) if below else (x, y + len(rows) * self._line)
         self._imgui.pop_font()
 
-    def _plate(self, draw: Any, at: Pixel, width: float, lines: int) -> None:  # noqa: ANN401
-        """A dark ground under figures, which must be read over a sunlit cloud deck too."""
-        corner = (at[0] + width + 8, at[1] + lines * self._line + 3)
-        self._plates.append((at[0] - 8, at[1] - 6, corner[0] - at[0] + 8, corner[1] - at[1] + 6))
-        draw.add_rect_filled(
-            self._vec((at[0] - 8, at[1] - 6)), self._vec(corner), self._color(style.PLATE), 4.0
+    def _corners(self, canvas: Canvas, place: Place, groups: Groups) -> None:
+        """Draw the figures over the picture's corners; in a small view those that matter most."""
+        if not groups:
+            return
+        x, y, width, height = place
+        self._push()
+        flying, moment, motion, right = groups
+        column = self._width(canvas, right)
+        tall = height > self._line * (len(moment) + len(right) + 3)
+        wide = width > 2 * column + 64
+        low = y + height - MARGIN
+        if tall and wide and moment:
+            self._write(canvas, (x + MARGIN, y + MARGIN), moment)
+        self._write(canvas, (x + MARGIN, low - self._line * len(motion)), motion)
+        if wide:
+            self._write(canvas, (x + width - MARGIN - column, low - self._line * len(right)), right)
+        at = (x + width - MARGIN - self._width(canvas, flying), y + MARGIN)
+        self._write(canvas, at, flying)
+        self._imgui.pop_font()
+
+    # --- figures
+
+    @staticmethod
+    def _groups(session: FlightSession, feed: Feed, picture: Picture) -> Groups:
+        """Return figures by subject: who flies, moment, motion, place with light."""
+        r, image = picture.telemetry, picture.frame.image
+        badge, colour = _badge(session)
+        speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
+        rate = "" if session.clock.paused else f"{feed.frames_s:.1f} fps  "
+        turning = float(np.linalg.norm(r.relative_rate_deg_s))
+        age_s = max(session.t_s - r.t_s, 0.0)
+        old = style.WARN if age_s > OLD_S * max(session.clock.rate, 1.0) else style.INK
+        running = style.WARN if session.clock.paused else style.INK
+
+        def row(name: str, colour: style.Rgba = style.INK) -> Row:
+            figure = FIGURES[name.capitalize()]
+            return Row(name, figure.form.format(*figure.values(r)), colour, figure.tip)
+
+        axes = (
+            ("RADIAL", "outward"),
+            ("ALONG", "ahead along the orbit"),
+            ("CROSS", "along the orbit's normal"),
         )
+        return (
+            (
+                Row("", badge, colour, "what flies the chaser / how its attitude is kept"),
+                Row("", rate + speed, style.QUIET, "pictures a second, time and pixels of one"),
+            ),
+            (
+                Row(
+                    "UTC",
+                    r.epoch_utc.replace("T", " ")[:23].rstrip("Z"),
+                    style.INK,
+                    "mid-exposure of this picture",
+                ),
+                Row(
+                    "T+",
+                    f"{clock(r.t_s)[2:]}   x{session.clock.rate:g}",
+                    running,
+                    "simulated time since the scenario's start [h:min:s], and its rate",
+                ),
+                Row("AGE", f"{age_s:.1f} s", old, "simulated time since this picture was taken"),
+            ),
+            (
+                row("RANGE", style.ACCENT),
+                row("CLOSING"),
+                row("ACROSS"),
+                Row(
+                    "RATE", f"{turning:9.3f} deg/s", style.INK, "how fast the target turns before the camera"
+                ),
+            ),
+            (
+                *(
+                    Row(name, f"{v:+9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
+                    for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
+                ),
+                row("PHASE"),
+                row("SUN", style.GOOD if r.sun_visible_fraction > 0 else style.BAD),
+            ),
+        )
+
+    def _write(
+        self, canvas: Canvas, at: tuple[float, float], rows: tuple[Row, ...], *, plate: bool = True
+    ) -> None:
+        """Draw figures one below the other, over the picture on a dark plate."""
+        x, y = at
+        step = canvas.size(NAME)[0]
+        width = self._width(canvas, rows)
+        if plate:
+            ground = (x - 8, y - 6, width + 16, len(rows) * self._line + 9)
+            self._plates.append(ground)
+            canvas.box(ground[:2], ground[2:], style.PLATE, 4.0)
+        for k, row in enumerate(rows):
+            top = y + k * self._line
+            canvas.plain_text((x, top), row.name, style.QUIET, row.tip)
+            canvas.plain_text((x + step if row.name else x, top), row.value, row.colour, row.tip)
+
+    def _times(self, canvas: Canvas, place: Place, feed: Feed, below: float) -> None:
+        """Draw each pass's time with a bar as long as its share of the picture's."""
+        self._push()
+        passes = shown_passes(feed.pass_ms)
+        total = sum(ms for _, ms in passes)
+        rows = (*passes, ("picture", total)) if passes else (("timing the passes ...", 0.0),)
+        step, bar = canvas.size("target geometry  9999.9 ms ")[0], 7.0 * self._line
+        x, y = place[0] + MARGIN, place[1] + MARGIN + below
+        canvas.box((x - 8, y - 6), (step + bar + 16, len(rows) * self._line + 9), style.PLATE, 4.0)
+        for k, (name, ms) in enumerate(rows):
+            at = y + k * self._line
+            text = f"{name:16s} {ms:7.1f} ms" if total else name
+            canvas.plain_text((x, at), text, tip="median of five pictures, and its share (F8)")
+            colour = (*(style.WARN if name == "picture" else style.ACCENT)[:3], 0.85)
+            size = (bar * ms / max(total, 1e-9), 0.45 * self._line)
+            canvas.box((x + step, at + 0.25 * self._line), size, colour)
+        self._imgui.pop_font()
+
+    def _centred(self, canvas: Canvas, place: Place, *lines: str) -> None:
+        """Draw lines in the middle of a place."""
+        for k, text in enumerate(lines):
+            width, height = canvas.size(text)
+            at = (place[0] + (place[2] - width) / 2, place[1] + place[3] / 2 + (k - 0.5) * 1.4 * height)
+            canvas.text(at, text)
+
+    def _push(self) -> None:
+        """Use the letters of figures until ``pop_font``."""
+        self._imgui.push_font(self._window.figure_font, 0.0)
+
+    @staticmethod
+    def _width(canvas: Canvas, rows: tuple[Row, ...]) -> float:
+        """Return the width of figures one below the other."""
+        return max(canvas.size(NAME + row.value if row.name else row.value)[0] for row in rows)
 
     @property
     def _line(self) -> float:
-        return float(self._imgui.get_text_line_height_with_spacing())
+        return float(1.12 * self._imgui.get_text_line_height())
 
-    def _text(self, draw: Any, at: Pixel, text: str, color: style.Rgba, *, shadow: bool = True) -> None:  # noqa: ANN401
-        if shadow:
-            draw.add_text(self._vec((at[0] + 1, at[1] + 1)), self._color((0.0, 0.0, 0.0, 0.85)), text)
-        draw.add_text(self._vec(at), self._color(color), text)
 
-    def _centred(self, draw: Any, place: tuple[float, float, float, float], text: str) -> None:  # noqa: ANN401
-        size = self._imgui.calc_text_size(text)
-        at = (place[0] + (place[2] - size.x) / 2, place[1] + (place[3] - size.y) / 2)
-        self._text(draw, at, text, style.INK)
-
-    def _vec(self, p: Pixel) -> Any:  # noqa: ANN401
-        return self._imgui.ImVec2(p[0], p[1])
-
-    def _color(self, rgba: style.Rgba) -> int:
-        return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
+def _columns(groups: Groups) -> list[tuple[Row, ...]]:
+    """Return the groups as columns: who flies stands over the moment."""
+    return [(*groups[0], *groups[1]), *groups[2:]] if groups else []
 
 
 def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
-    """Names for people and times [ms] of the passes that took any, in the order they run; without the sums."""
+    """Return names for people and times [ms] of the passes that took any, in the order they run; without the sums."""
     passes = [(name.removeprefix("render."), ms) for name, ms in stage_ms.items() if "." in name]
     if not passes:
         return ()

@@ -89,7 +89,7 @@ class DockingHud:
     def _corridor(
         self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, docking: Docking
     ) -> None:
-        """A square about the axis at each hold point, as wide as the offset may be there."""
+        """Draw a square about the axis at each hold point, as wide as the offset may be there."""
         following = docking.hold_points.next
         for point in docking.hold_points.points:
             if point.axial_m > figures.axial_m + 1.0:
@@ -112,7 +112,7 @@ class DockingHud:
     def _port(
         self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
-        """The port's rim and its upper side, and where the docking point will meet its plane."""
+        """Draw the port's rim and its upper side, and where the docking point will meet its plane."""
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
         rim = np.stack([CAPTURE_M * np.cos(turn), CAPTURE_M * np.sin(turn), 0 * turn], axis=1)
         drawn = self._seen(box, camera, figures, rim)
@@ -134,7 +134,7 @@ class DockingHud:
     def _seen(
         self, box: Letterbox, camera: Camera, figures: DockingFigures, points_port_m: np.ndarray
     ) -> list[Point] | None:
-        """Screen places of points, or None if one is beside or behind the camera."""
+        """Return screen places of points, or None if one is beside or behind the camera."""
         in_camera = figures.in_camera_m(points_port_m)
         depth = in_camera[:, 2]
         # what is far out of the picture would be bent by the lens
@@ -147,7 +147,7 @@ class DockingHud:
     def _ring(
         self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
-        """The boresight's reticle and, unless the radius is 0, the ring with its figures."""
+        """Draw the boresight's reticle and, unless the radius is 0, the ring with its figures."""
         cx, cy = centre
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             canvas.stroke([(cx + r * dx, cy + r * dy) for r in (6, 22)], style.INK, 1.4)
@@ -168,7 +168,7 @@ class DockingHud:
     def _needles(
         self, canvas: Canvas, centre: Point, radius: float, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
-        """Marks at the ring that wander with roll (above), pitch (right) and yaw (below); at rest where it is right."""
+        """Draw marks on the ring that move with roll (top), pitch (right) and yaw (bottom) error."""
         cx, cy = centre
         for name, value, base in (
             ("roll", figures.roll_deg, -90.0),
@@ -190,7 +190,7 @@ class DockingHud:
 
     @staticmethod
     def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
-        """Letters of which ``share`` lies left of the place: 0.5 centres them."""
+        """Draw letters of which ``share`` lies left of the place: 0.5 centres them."""
         canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
@@ -198,7 +198,7 @@ class DockingHud:
         self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
 
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
-        """What flies, and what the operator is waited for: where the view's other letters leave room."""
+        """Write what flies and what the operator must decide, where other letters leave room."""
         text, colour = status(console)
         if console.session.craft.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
@@ -224,7 +224,7 @@ _CROSS = (
 
 
 def status(console: Console) -> tuple[str, style.Rgba]:
-    """A line on how the approach stands, and its colour."""
+    """Return a line on how the approach stands, and its colour."""
     session = console.session
     docking, steering = session.craft.docking, session.craft.steering
     contact = docking.contact

@@ -11,7 +11,9 @@ import numpy as np
 from flyaround.gui import style
 from flyaround.gui.canvas import Canvas
 from flyaround.gui.picture.ground_map import GroundMap, load_ground_map
-from flyaround.gui.picture.ground_track import (
+from flyaround.gui.views.letterbox import Letterbox
+from flyaround.gui.widgets import Panel
+from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,
@@ -19,8 +21,6 @@ from flyaround.gui.picture.ground_track import (
     terminator_deg,
     unbroken,
 )
-from flyaround.gui.views.letterbox import Letterbox
-from flyaround.gui.widgets import Panel
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -41,7 +41,7 @@ AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is
 
 
 class EarthMap(Panel):
-    """Where the target is over the ground; the orbit behind and before it; when shadow begins and ends."""
+    """Ground track of the last orbit and the next; begin and end of shadow."""
 
     name, title, place, shown = "earth-map", "Earth map", "bottom", False
     bare = True
@@ -89,7 +89,7 @@ class EarthMap(Panel):
     # --- what is worked out aside
 
     def _follow(self, session: FlightSession) -> None:
-        """A new track where the last one has grown old."""
+        """Request a new track once the last one is old."""
         if self._session is not session:
             self._session, self._track, self._asked_s = session, None, -math.inf
             self._coming = None
@@ -204,7 +204,7 @@ class EarthMap(Panel):
 
 
 def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
-    """Screen places (n, 2) of places on the ground."""
+    """Return screen places (n, 2) of places on the ground."""
     return np.stack(
         [
             box.x + (longitude_deg + 180.0) / 360.0 * box.width,
@@ -215,19 +215,19 @@ def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArr
 
 
 def map_place(box: Letterbox, latitude_deg: float, longitude_deg: float) -> Point:
-    """Screen place of a place on the ground."""
+    """Return screen place of a place on the ground."""
     x, y = map_places(box, np.array(latitude_deg), np.array(longitude_deg))
     return (float(x), float(y))
 
 
 def place_text(latitude_deg: float, longitude_deg: float) -> str:
-    """A place as maps write it."""
+    """Return a place as maps write it."""
     north, east = "N" if latitude_deg >= 0 else "S", "E" if longitude_deg >= 0 else "W"
     return f"{abs(latitude_deg):.1f}° {north}  {abs(longitude_deg):.1f}° {east}"
 
 
 def duration_text(seconds: float) -> str:
-    """Minutes and seconds, and hours where there are some."""
+    """Return minutes and seconds, and hours where there are some."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.gui import hover_text, style
+from flyaround.gui import style
 from flyaround.gui.picture.truth_overlay import Segment, wireframe_at
 from flyaround.simulator.world.frames.pose import Pose
 from flyaround.simulator.world.frames.rotation import quat_normalize
 
 if TYPE_CHECKING:
+    from flyaround.gui.canvas import Canvas
     from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates
     from flyaround.gui.picture.feed import Picture
-    from flyaround.gui.surface import Surface
     from flyaround.gui.views.letterbox import Letterbox
 
 OLD_S = 5.0
@@ -23,19 +23,13 @@ SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture
 
 
 class EstimateOverlay:
-    """Draws the newest estimate; keeps its lines while estimate and camera stay.
+    """Draws the newest estimate; keeps its lines while estimate and camera stay."""
 
-    Parameters
-    ----------
-    window : drawn in.
-    """
-
-    def __init__(self, window: Surface) -> None:
-        self._imgui = window.imgui
+    def __init__(self) -> None:
         self._of: tuple[object, ...] = ()
         self._lines: tuple[Segment, ...] = ()
 
-    def draw(self, draw: Any, box: Letterbox, picture: Picture, estimates: Estimates) -> None:  # noqa: ANN401 - imgui's
+    def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
         """Draw over a picture what is known of it, or of the one before it."""
         estimate, scene = estimates.newest, picture.frame.scene
         if estimate is None or not estimates.on:
@@ -47,22 +41,13 @@ class EstimateOverlay:
         if key != self._of:
             self._of, self._lines = key, self._lines_of(estimate, picture)
         accepted = estimate.answer.accepted
-        colour, halo = self._colour(1.0 if accepted else 0.55), self._dark(0.7)
-        vec = self._imgui.ImVec2
-        ends = [(vec(*box.at(a)), vec(*box.at(b))) for a, b in self._lines]
-        for a, b in ends:
-            draw.add_line(a, b, halo, 3.4)
-        for a, b in ends:
-            draw.add_line(a, b, colour, 1.5)
+        colour = (*style.ESTIMATE[:3], 1.0 if accepted else 0.55)
+        for ends in self._lines:
+            canvas.stroke([box.at(p) for p in ends], colour, 1.5)
         says = f"{estimate.answer.confidence:.2f}" if accepted else f"declined: {estimate.answer.reason}"
         age = f", {age_s:.1f} s ago" if age_s > 0.05 else ""
         text = f"{estimate.method}  {says}{age}"
-        x, y = self._place(box, text)
-        for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, 1)):
-            draw.add_text(vec(x + dx, y + dy), self._dark(0.85), text)
-        draw.add_text(vec(x, y), self._colour(1.0), text)
-        size = self._imgui.calc_text_size(text)
-        hover_text.tell_place(self._imgui, (x, y), (size.x, size.y), SAYS)
+        canvas.text(self._place(canvas, box, text), text, style.ESTIMATE, SAYS)
 
     @staticmethod
     def _lines_of(estimate: ComparedEstimate, picture: Picture) -> tuple[Segment, ...]:
@@ -72,23 +57,14 @@ class EstimateOverlay:
         pose = Pose.of("camera", "target", quat_normalize(q), t)
         return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
-    def _place(self, box: Letterbox, text: str) -> tuple[float, float]:
-        """Under the wireframe, inside the picture; in the middle below where there is none."""
-        size = self._imgui.calc_text_size(text)
+    def _place(self, canvas: Canvas, box: Letterbox, text: str) -> tuple[float, float]:
+        """Return a place under the wireframe inside the picture, or in its lower middle without one."""
+        width = canvas.size(text)[0]
         ends = [box.at(p) for line in self._lines for p in line]
         if ends:
-            x = (min(p[0] for p in ends) + max(p[0] for p in ends)) / 2 - size.x / 2
+            x = (min(p[0] for p in ends) + max(p[0] for p in ends)) / 2 - width / 2
             y = max(p[1] for p in ends) + 8
         else:
-            x, y = box.x + (box.width - size.x) / 2, box.y + 0.72 * box.height
-        x = min(max(x, box.x + 8), max(box.x + box.width - size.x - 8, box.x + 8))
+            x, y = box.x + (box.width - width) / 2, box.y + 0.72 * box.height
+        x = min(max(x, box.x + 8), max(box.x + box.width - width - 8, box.x + 8))
         return x, min(max(y, box.y + 8), box.y + 0.8 * box.height)
-
-    def _colour(self, alpha: float) -> int:
-        return self._packed((*style.ESTIMATE[:3], alpha))
-
-    def _dark(self, alpha: float) -> int:
-        return self._packed((0.0, 0.0, 0.0, alpha))
-
-    def _packed(self, rgba: style.Rgba) -> int:
-        return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))

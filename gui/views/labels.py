@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from flyaround.gui.canvas import Point
     from flyaround.gui.console import Console
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
@@ -36,6 +35,8 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float, float]
 SCALE_STEPS = 32
+LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
+"""States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
 NO_TARGET = "the camera sees no target"
 
@@ -43,7 +44,7 @@ NO_TARGET = "the camera sees no target"
 class _LabelView(Panel):
     """A view of the feed of labels; each kind makes its picture once for every frame."""
 
-    name, title, place, shown = "", "", "left", False
+    name, title, place, shown = "", "", "bottom", False
     bare = True
     legend_tip = ""
 
@@ -63,7 +64,7 @@ class _LabelView(Panel):
             feed.look()
             picture = feed.newest
         if picture is None or picture.frame.truth is None:
-            canvas.text((place[0] + 8, place[1] + 6), "the first labels are made ...", style.QUIET)
+            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
         else:
             if picture is not self._made_of:
                 self._part = close_up(picture.frame)
@@ -81,7 +82,7 @@ class _LabelView(Panel):
         """Show what was made last."""
 
     def _image(self, canvas: Canvas, place: Place, image: ByteArray) -> Letterbox:
-        """The part of the picture about the target; what the whole picture's pixels have on the screen."""
+        """Draw the part of the picture about the target; return the whole picture's place."""
         rows, columns = self._part
         part = image[rows, columns]
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
@@ -96,7 +97,7 @@ class _LabelView(Panel):
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
     def _legend(self, canvas: Canvas, place: Place, rows: Sequence[tuple[str, style.Rgba]]) -> None:
-        """Names with their colours, in the place for them."""
+        """Draw names with their colours, in the place for them."""
         x, y, _, h = place
         line = canvas.line
         left, top = x + 10, y + 6
@@ -109,7 +110,7 @@ class _LabelView(Panel):
     def _split(
         self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
     ) -> tuple[Place, Place]:
-        """Where the picture goes and where its legend: at the right, or below where the view is narrow."""
+        """Return the places of the picture and its legend: at the right, or below in a narrow view."""
         x, y, w, h = place
         width = self._legend_width(canvas, names)
         if h < (w if w > 2.4 * width else 0.6 * w):
@@ -219,16 +220,6 @@ class KeypointsView(_LabelView):
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
-                mark(canvas, box.at(k.pixel_px), k.state)
+                seen = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
+                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], seen)
         self._legend(canvas, legend, rows)
-
-
-def mark(canvas: Canvas, at: Point, state: KeypointState | Any) -> None:  # noqa: ANN401 - a word of the labels
-    """A keypoint by form as well as by colour: a dot is seen, a diamond is not lit, a ring is hidden."""
-    colour = STATE_COLOURS[state]
-    if state in {"visible", "saturated"}:
-        canvas.dot(at, 4.0, colour)
-    elif state in {"shadowed", "eclipsed", "below_noise"}:
-        canvas.diamond(at, 5.0, colour)
-    else:
-        canvas.circle(at, 4.5, colour, 1.4)

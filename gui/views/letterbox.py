@@ -1,4 +1,4 @@
-"""Where a picture lies on the screen: as large as fits, its shape kept."""
+"""Place of a picture on the screen: as large as fits, its shape kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Letterbox:
-    """Where a picture lies on the screen.
+    """Place of a picture on the screen.
 
     Parameters
     ----------
@@ -29,16 +29,16 @@ class Letterbox:
 
     @staticmethod
     def fit(image: tuple[int, int], place: tuple[float, float, float, float]) -> Letterbox:
-        """The largest centred rectangle of the image's aspect inside ``place`` (x, y, width, height)."""
+        """Return the largest centred rectangle of the image's aspect inside ``place`` (x, y, width, height)."""
         x, y, width, height = place
         scale = min(width / image[0], height / image[1])
         w, h = image[0] * scale, image[1] * scale
         return Letterbox(x + (width - w) / 2, y + (height - h) / 2, w, h, scale)
 
     def at(self, pixel: Pixel) -> Pixel:
-        """Screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
+        """Return screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
         return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
 
     def all_at(self, pixels: FloatArray) -> FloatArray:
-        """The same for many (..., 2); not finite where they are not."""
+        """Return the screen positions of many points (..., 2)."""
         return np.array([self.x, self.y]) + (pixels + 0.5) * self.scale

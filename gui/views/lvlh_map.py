@@ -51,7 +51,7 @@ SUN = "direction of the Sun, as long as it lies in this plane; grey while the ta
 
 
 class LvlhMap(Panel):
-    """What was planned, flown and is foretold; keep-out sphere, corridor, burns, Sun.
+    """Planned, flown and predicted paths; keep-out sphere, corridor, burns, Sun.
 
     Wheel: zoom. Drag: move. Right click: plan a burn there, or cancel the one that is there; drag its node or handle.
     """
@@ -83,6 +83,7 @@ class LvlhMap(Panel):
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
             fit(look, self._extent(session, flown), first[2] / height)
         self.ports = ports(rect, look)
+        imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
         self._mouse(console)
         canvas = Canvas(self._window)
@@ -101,9 +102,10 @@ class LvlhMap(Panel):
             self._sun(canvas, port, sun_lvlh(world, frame), world.sun_visible_fraction)
             self._letters(canvas, port, session)
             canvas.unclip()
+        self._buttons(console)
 
     def _remember(self, session: FlightSession) -> None:
-        """What is worked out now and then only."""
+        """Compute what changes slowly."""
         if self._session is not session:
             self._session, self._drift_t_s = session, -np.inf
             times = np.linspace(0.0, session.plan.scenario.duration_s, PLANNED_POINTS)
@@ -116,7 +118,7 @@ class LvlhMap(Panel):
             self._drift_t_s = session.t_s
 
     def _extent(self, session: FlightSession, flown: FloatArray) -> FloatArray:
-        """Everything that a fitted map holds: the drift only as far as the rest is wide."""
+        """Return the points that a fitted map holds: the drift only as far as the rest is wide."""
         points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
@@ -212,63 +214,66 @@ class LvlhMap(Panel):
         canvas.dot(point(at), 4.5 * self._window.scale, FLOWN)
 
     def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
-        """An arrow to the Sun in the upper right corner, as long as the Sun's direction lies in the plane."""
+        """Draw an arrow to the Sun at the right edge, as long as the Sun's direction lies in the plane."""
         x, y, w, _ = port.rect
-        reach = 20.0 * self._window.scale
+        reach = 18.0 * self._window.scale
         colour = style.YELLOW if lit > 0 else style.QUIET
-        centre = np.array([x + w - 1.6 * reach, y + 1.3 * reach])
+        centre = np.array([x + w - 1.3 * reach, y + 2.9 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
         canvas.disc(point(centre), 2.0, colour)
         canvas.arrow(point(centre), point(centre + reach * flat), colour)
-        text = "Sun" if lit > 0 else "Sun (eclipse)"
-        size = canvas.size(text)
-        canvas.text((x + w - size[0] - 6, y + 2.5 * reach), text, colour, SUN)
+        text = "Sun" if lit > 0 else "eclipse"
+        width, height = canvas.size(text)
+        canvas.label((centre[0] - 1.2 * reach - width, centre[1] - height / 2), text, colour, SUN)
 
     def _letters(self, canvas: Canvas, port: MapPort, session: FlightSession) -> None:
         x, y, w, h = port.rect
         plane, line = port.plane, canvas.line
         narrow = w < 240 * self._window.scale
+        text = f"up: {plane.up_title}"
         if h > 12 * line and not narrow:
-            text = f"{plane.name}, up: {plane.up_title}{plane.note}"
-        else:
-            text = f"up: {plane.up_title}"
-        canvas.text((x + 6, y + 4), text, style.INK, LINES)
+            text = f"{plane.name}, {text}{plane.note}"
+        canvas.label((x + 6, y + 4), text, tip=LINES)
         bar_m = nice_step(port.width_m / 4)
-        bar = bar_m * port.scale
-        right, foot = x + w - 10, y + h - 8
+        bar, right, foot = bar_m * port.scale, x + w - 10, y + h - 8
         canvas.stroke(
             [(right - bar, foot - 5), (right - bar, foot), (right, foot), (right, foot - 5)], style.INK
         )
         label = metres_text(bar_m)
         at = (right - bar / 2 - canvas.size(label)[0] / 2, foot - 6 - line)
-        canvas.text(at, label, style.INK, "length of the bar below, in both planes")
-        axis = "V-bar" if narrow else "V-bar, flight direction"
+        canvas.label(at, label, tip="length of the bar below, in both planes")
         length = 24.0 * self._window.scale
         canvas.arrow((x + 8, foot - 4), (x + 8 + length, foot - 4), style.QUIET)
-        canvas.text(
-            (x + 14 + length, foot - 4 - line / 2),
-            axis,
-            style.QUIET,
-            "along-track of the target's LVLH frame",
-        )
+        axis, tip = "V-bar" if narrow else "V-bar, flight direction", "along-track of the target's LVLH frame"
+        canvas.label((x + 14 + length, foot - 4 - line / 2), axis, style.QUIET, tip)
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             top = port.at(np.zeros(3)) - (0.0, keep_out.radius_m * port.scale)
             text = f"keep out {metres_text(keep_out.radius_m)}"
             if y + 3 * line < top[1] < y + h - 3 * line and not narrow:
-                at = (top[0] - canvas.size(text)[0] / 2, top[1] - line)
-                canvas.text(
-                    at, text, style.BAD, "radius of the sphere that the scenario keeps the chaser out of"
-                )
+                at = (top[0] - canvas.size(text)[0] / 2, top[1] - 1.3 * line)
+                tip = "radius of the sphere that the scenario keeps the chaser out of"
+                canvas.label(at, text, style.BAD, tip)
         mouse = self._imgui.get_io().mouse_pos
         if self._imgui.is_item_hovered() and port.inside(mouse.x, mouse.y):
             p = port.point(mouse.x, mouse.y)
             text = f"{p[plane.right]:+.2f}, {p[plane.up]:+.2f} m"
-            canvas.text((x + 6, foot - 4 - 1.6 * line), text, style.INK, "the place under the pointer")
+            canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="the place under the pointer")
+
+    def _buttons(self, console: Console) -> None:
+        """Draw what shows all of the map, and what makes it fill the window, in the upper right corner."""
+        imgui, w = self._imgui, self._w
+        x, y, width, _ = self.ports[0].rect
+        side = imgui.get_frame_height()
+        names = ("map.fit", "window.enlarge")
+        imgui.set_cursor_screen_pos(w.vec(x + width - len(names) * (side + 4) - 4, y + 4))
+        for name in names:
+            w.button(console, name, *(["lvlh-map"] if name == "window.enlarge" else []), label="", width=side)
+            imgui.same_line(0, 4)
 
 
 def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
-    """(n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
+    """Return (n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
     scenario = session.plan.scenario
     times = [b.start_s for b in scenario.burns if b.craft == "chaser" and b.start_s <= scenario.duration_s]
     places = [session.flight.state(t).position_lvlh_m for t in times if t <= session.flight.duration_s]
@@ -276,7 +281,7 @@ def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
 
 
 def zoomed(port: MapPort, look: MapLook, mouse: Point, factor: float) -> tuple[Vec3, float]:
-    """Middle and width of the map that is so many times as large, with the same place under the pointer."""
+    """Return middle and width of the map enlarged by a factor, with the same place under the pointer."""
     under = np.array(port.point(*mouse))
     centre = np.array(look.centre_lvlh_m)
     through = port.plane.through
@@ -286,6 +291,6 @@ def zoomed(port: MapPort, look: MapLook, mouse: Point, factor: float) -> tuple[V
 
 
 def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
-    """The map's place by its command, in whole centimetres."""
+    """Do the command of the map's place, in whole centimetres."""
     radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
     console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))

@@ -50,13 +50,10 @@ class OrbitCameraView(Panel):
         self._mouse(console)
         canvas = Canvas(self._window)
         feed = console.feeds.get(ORBIT_CAMERA)
-        if feed is None:
-            canvas.text((place[0] + 8, place[1] + 6), "no pictures here", style.QUIET)
-            return
-        feed.look()
-        picture = feed.newest
-        if picture is None:
-            canvas.text((place[0] + 8, place[1] + 6), "the first picture is drawn ...", style.QUIET)
+        if feed is not None:
+            feed.look()
+        if feed is None or (picture := feed.newest) is None:
+            canvas.text((place[0] + 8, place[1] + 6), console.preparing, style.QUIET)
             return
         image = picture.frame.image
         box = Letterbox.fit((image.shape[1], image.shape[0]), place)
@@ -91,7 +88,7 @@ class OrbitCameraView(Panel):
         return self._marks
 
     def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """A mark where the target would be smaller than a letter."""
+        """Draw a mark where the target would be smaller than a letter."""
         scene = picture.frame.scene
         x, y, z = scene.t_camera_from_target_m
         if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
@@ -111,7 +108,7 @@ class OrbitCameraView(Panel):
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
-        """About what, and back to the first place, in the lower left corner."""
+        """Draw about what, and back to the first place, in the lower left corner."""
         imgui, look = self._imgui, console.options.orbit
         height = imgui.get_frame_height()
         if place[3] < 5 * height:

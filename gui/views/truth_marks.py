@@ -74,17 +74,12 @@ class TruthMarks:
         # by form as well as by colour: a dot is lit, a diamond in shadow, a ring hidden
         for pixel, seen, _ in marks.keypoints:
             at = box.at(pixel)
-            if seen == "hidden":
-                canvas.circle(at, 4.0, SEEN_COLORS[seen], 1.4)
-            elif seen == "shadowed":
-                canvas.diamond(at, 5.0, SEEN_COLORS[seen])
-            else:
-                canvas.dot(at, 4.0, SEEN_COLORS[seen])
+            canvas.keypoint(at, SEEN_COLORS[seen], seen)
         if options.overlays.names:
             self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
 
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
-        """The principal point, and a ring every five degrees of field angle."""
+        """Draw the principal point, and a ring every five degrees of field angle."""
         canvas = Canvas(self._window)
         camera = picture.frame.scene.camera
         cx, cy = box.at((camera.cx_px, camera.cy_px))
@@ -114,7 +109,7 @@ class TruthMarks:
     def _names(
         self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
     ) -> None:
-        """Names of what is seen, none over another or over a letter of axes or rings."""
+        """Draw names of what is seen, none over another or over a letter of axes or rings."""
         named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:

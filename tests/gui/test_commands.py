@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from flyaround.gui.app import command_table
-from flyaround.gui.command_table import Argument, Command, CommandTable, line_of
+from flyaround.gui.command_table import Argument, Command, CommandTable, _texts, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.panels.key_list import matches
@@ -30,6 +30,10 @@ def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> No
         assert not (command.held and command.arguments)
     assert frozenset(c.name for c in table if c.held) == STEERING | {f"steer.{name}" for name in MODIFIERS}
     assert {f"panel.{p.name}" for p in PANELS} <= {c.name for c in table}
+
+
+def test_every_text_is_of_a_command(table: CommandTable) -> None:
+    assert set(_texts()) <= {c.name for c in table}
 
 
 def test_two_commands_of_one_key_are_refused() -> None:

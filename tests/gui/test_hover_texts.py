@@ -20,11 +20,11 @@ from flyaround.gui.jobs.estimator_process import Answer
 from flyaround.gui.panels.all import PANELS
 from flyaround.gui.picture.feed import Feed, Picture
 from flyaround.gui.picture.label_images import LABELS
-from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.frame import Frame, take_frame
 from flyaround.simulator.piloting.docking_figures import judge_contact
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from tests.gui.jobs.test_hil_session import row

@@ -8,7 +8,7 @@ import pytest
 
 from flyaround.gui.panels.chaser import ChaserPanel
 from flyaround.gui.panels.plots import PlotsPanel
-from flyaround.gui.picture.telemetry import Telemetry
+from flyaround.simulator.piloting.telemetry import Telemetry
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 

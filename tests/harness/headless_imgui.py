@@ -23,11 +23,12 @@ CONTROLS = frozenset(
             "slider_int",
         ),
         *("input_text", "input_text_with_hint", "input_text_multiline", "input_int", "input_double"),
-        *("progress_bar", "image", "end_plot"),
+        *("input_float3", "progress_bar", "image", "end_plot", "menu_item_simple"),
     }
 )
 TEXTS = frozenset({"text_unformatted"})
 FIGURE = re.compile(r"\d")
+ICON = re.compile("^[\ue000-\uf8ff]\\s*")
 
 
 @dataclass
@@ -57,6 +58,7 @@ class NotedModule:
 
         def call(*arguments: Any) -> Any:
             label = str(arguments[0]) if arguments and name not in {"progress_bar", "image"} else name
+            label = ICON.sub("", label.lstrip() if name in CONTROLS else label)
             given = found(*arguments)
             if hasattr(self._module, "get_item_rect_min"):
                 low, high = self._module.get_item_rect_min(), self._module.get_item_rect_max()

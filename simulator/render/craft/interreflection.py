@@ -14,6 +14,7 @@ from flyaround.simulator.baking.radiance_transfer import (
     harmonics,
 )
 from flyaround.simulator.geometry.directions import orthonormal_basis, spherical_fibonacci
+from flyaround.simulator.runtime.progress import watch_steps
 from flyaround.simulator.scene.illumination.bands import reflectance
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ class Interreflection:
         pool = ThreadPoolExecutor(1)
         share = _mean_reflectance(self._mesh.materials, bands)
         self._begun[bands] = pool.submit(baked_transfer, self._mesh, share, self._patch)
+        watch_steps({"light between the parts": self._begun[bands]})
         pool.shutdown(wait=False)
 
     def bake(self, bands: Bands) -> AtlasTextures:

@@ -16,6 +16,7 @@ from flyaround.simulator.celestial.earth_maps import packed_maps
 from flyaround.simulator.celestial.ocean_colour import ocean_colour
 from flyaround.simulator.celestial.seasons import Season, ground_slopes, month_gains, season
 from flyaround.simulator.render.gl.mipmaps import mipmap_chain
+from flyaround.simulator.runtime.progress import watch_steps
 from flyaround.simulator.runtime.threads import beside_the_caller
 from flyaround.simulator.scene.illumination.atmosphere import earth_atmosphere
 from flyaround.simulator.scene.illumination.multiple_scattering import HEIGHTS, SUNS
@@ -81,6 +82,16 @@ def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: st
             environment.atmosphere_thickness_km * 1e3,
             aerosol_depth=environment.aerosol_optical_depth,
         ),
+    )
+    watch_steps(
+        {
+            "maps of the Earth": prefetched.maps,
+            "terrain": prefetched.detail,
+            "albedo": prefetched.albedo,
+            "relief": prefetched.ground_slopes,
+            "seasons": prefetched.months,
+            "air": prefetched.air,
+        }
     )
     for pool in pools:
         pool.shutdown(wait=False)

@@ -16,11 +16,11 @@ import pytest
 from flyaround.gui.jobs.estimates import MOST_DEATHS, ComparedEstimate, Estimates, compared
 from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest
 from flyaround.gui.picture.feed import Picture
-from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import reduced_camera
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.turned_clock import TurnedClock
 

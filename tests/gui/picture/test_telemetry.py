@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyaround.gui.picture.telemetry import telemetry_of
 from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.simulator.piloting.session import FlightSession
+from flyaround.simulator.piloting.telemetry import telemetry_of
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scene.state import SceneState
 from flyaround.simulator.world.frames.rotation import rotation_angle_rad

@@ -1,4 +1,4 @@
-"""Where the target flies over the ground: the last orbit and the next, what of it lies in shadow, when shadow comes."""
+"""Ground track of the last orbit and the next, with eclipses."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class GroundTrack:
 
 
 def ground_track(flight: Flight, t_s: float) -> GroundTrack:
-    """The last orbit and the next about a moment, under the body's attraction and its J2, to about a kilometre.
+    """Compute the last orbit and the next about a moment, under central gravity and J2, to about a kilometre.
 
     Neither burns nor what the flight has not reached yet matter to it, and it takes milliseconds.
 
@@ -128,7 +128,7 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
 
 
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
-    """When shadow next begins and ends, from now."""
+    """Return the times from now at which the next shadow begins and ends."""
     times = np.linspace(0.0, span_s, int(AHEAD * 150))
     lit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
     found: dict[bool, float | None] = {False: None, True: None}
@@ -161,7 +161,7 @@ def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatAr
 
 
 def unbroken(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same line with NaN put in where it leaves the map at one side and comes back at the other."""
+    """Insert NaN where a line leaves the map at one side and returns at the other."""
     jumps = np.flatnonzero(np.abs(np.diff(longitude_deg)) > 180.0) + 1
     return np.insert(latitude_deg, jumps, np.nan), np.insert(longitude_deg, jumps, np.nan)
 
@@ -180,7 +180,7 @@ def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple
 def terminator_deg(
     subsolar_latitude_deg: float, subsolar_longitude_deg: float, samples: int = 241
 ) -> tuple[FloatArray, FloatArray]:
-    """The great circle where the Sun's middle is on the horizon: latitudes and longitudes [deg], in map order."""
+    """Compute the terminator: latitudes and longitudes [deg] of the great circle with the Sun on its horizon."""
     lat, lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
     east = np.array([-math.sin(lon), math.cos(lon), 0.0])
     north = np.array([-math.sin(lat) * math.cos(lon), -math.sin(lat) * math.sin(lon), math.cos(lat)])

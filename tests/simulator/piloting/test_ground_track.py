@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flyaround.gui.picture.ground_map import HEIGHT_PX, WIDTH_PX, GroundMap
-from flyaround.gui.picture.ground_track import (
+from flyaround.simulator.piloting.ground_track import (
     GroundTrack,
     geodetic_deg,
     ground_track,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Telemetry:
-    """What one picture shows, in figures.
+    """Figures of the moment that a picture shows.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ class Telemetry:
     altitude_km: float
 
     def document(self) -> dict[str, Any]:
-        """As a JSON-able object."""
+        """Return them as a JSON-able object."""
         return asdict(self)
 
 
 def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
-    """The figures of one moment.
+    """Return the figures of one moment.
 
     Parameters
     ----------

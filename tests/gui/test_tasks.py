@@ -1,0 +1,127 @@
+"""An operator's tasks by mouse alone, in a small, a usual and a large window; each click is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tests.harness.pointer import Pointer
+
+SIZES = ((800, 600), (1280, 800), (1920, 1080))
+BESIDE = frozenset(
+    {
+        *("hil.start", "hil.board", "capture.start", "estimator.run", "film.start"),
+        *("scenario.open", "scenario.target", "picture.save", "timeline.dataset", "timeline.keep"),
+    }
+)
+"""Commands that start processes or threads; here they are noted, not done."""
+
+
+@pytest.fixture(params=SIZES, ids=lambda s: f"{s[0]}x{s[1]}")
+def at(request: pytest.FixtureRequest) -> Iterator[Pointer]:
+    made = Pointer("tango-vbar-closed-loop", request.param)
+    done: list[str] = []
+    real = made.console.do
+
+    def do(name: str, *arguments: Any) -> None:
+        done.append(name)
+        if name not in BESIDE:
+            real(name, *arguments)
+
+    made.console.do = do  # type: ignore[method-assign]
+    made.done = done  # type: ignore[attr-defined]
+    yield made
+    made.close()
+
+
+def change_scenario(at: Pointer) -> None:
+    at.menu("File", "Scenarios")
+    at.press("##tango-close-3m")
+
+
+def move_by_five_metres(at: Pointer) -> None:
+    at.menu("View", "Layout", "Fly")
+    at.type(at.sight("##point"), "5")
+    at.press("Fly by so much")
+
+
+def dock(at: Pointer) -> None:
+    at.menu("View", "Layout", "Dock")
+    at.press("Autopilot")
+    at.press("Go")
+
+
+def estimate(at: Pointer) -> None:
+    at.menu("View", "Layout", "Estimate")
+    at.press("Estimate")
+    at.press("Stages as pictures")
+
+
+def expose(at: Pointer) -> None:
+    at.press("Expose by the meter")
+    at.press("Noise")
+    at.press("Colour")
+
+
+def eclipse(at: Pointer) -> None:
+    at.menu("Flight", "Jump to", "Jump to the next eclipse")
+    x, y = at.place("##rate")
+    at.click((x + 30.0 * at.window.scale, y))
+
+
+def look_back_and_fly_on(at: Pointer) -> None:
+    for _ in range(20):
+        at.console.pass_time(100)
+    at.turn()
+    x, y = at.place("##t")
+    at.drag((x + 20, y), (x - 20, y))
+    at.menu("Flight", "Timeline", "Fly on from here")
+
+
+def film(at: Pointer) -> None:
+    at.menu("File", "Export", "Film the view")
+
+
+def data_set(at: Pointer) -> None:
+    at.menu("View", "Layout", "Capture")
+    at.press("Capture")
+
+
+def board(at: Pointer) -> None:
+    at.menu("View", "Layout", "Link")
+    at.press("Start session")
+    at.press("Start board here")
+
+
+def abort(at: Pointer) -> None:
+    at.press("ABORT")
+    at.press("ABORT NOW")
+
+
+TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
+    change_scenario: (("scenario.open",), 3),
+    move_by_five_metres: (("guidance.waypoint",), 5),
+    dock: (("docking.approach", "docking.go"), 5),
+    estimate: (("estimator.run", "estimator.stages"), 5),
+    expose: (("picture.meter", "picture.noise", "picture.colour"), 3),
+    eclipse: (("time.next-eclipse", "time.rate"), 4),
+    look_back_and_fly_on: (("timeline.seek", "timeline.fly-on"), 4),
+    film: (("film.start",), 3),
+    data_set: (("capture.start",), 4),
+    board: (("hil.start", "hil.board"), 5),
+    abort: (("docking.abort",), 2),
+}
+"""Commands that a task ends in, and the most clicks that it may take."""
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda t: t.__name__)
+def test_a_task_takes_few_clicks(
+    at: Pointer, task: Callable[[Pointer], None], record_property: Callable[[str, object], None]
+) -> None:
+    commands, most = TASKS[task]
+    task(at)
+    assert [name for name in commands if name not in at.done] == []  # type: ignore[attr-defined]
+    record_property("clicks", at.clicks)
+    assert at.clicks <= most
