@@ -260,13 +260,13 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if NIGHT
-    // the map's cells are broken up into streets, where they are dark into villages, each of a mean of one
+    // the map's cells are broken up into streets, where they are dark into towns and roads, each of a mean of one
 #if UNLIT
     vec4 city = detail.ground;
 #else
     vec4 city = textureLod(t_city, g.plane, DETAIL_LEVEL);
 #endif
-    float streets = mix(city.z, city.y, min(3.0 * s.lit, 1.0)) * CITY_BRIGHTEST;
+    float streets = mix(city.z, city.y, clamp(1.5 * s.lit - 0.25, 0.0, 1.0)) * CITY_BRIGHTEST;
 #if HIGH
     // smaller streets
     streets *= textureLod(t_city, mat2(2.9, 2.4, -2.4, 2.9) * g.plane, DETAIL_LEVEL + 1.9).y * CITY_BRIGHTEST;
