@@ -100,6 +100,7 @@ struct Surface {
     float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
+    float region;  // HIGH: which kind of cloud
     float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
@@ -176,6 +177,21 @@ float sea_calm(float gusts, float streaks, float swell) {
     return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
 }
 
+#if HIGH
+// The detail at the clouds' height, and smaller clouds added, here more and there less: by a region of some 300 km, from 0 to 1.
+const mat2 REGION = mat2(0.11, 0.06, -0.06, 0.11), SMALLER = mat2(2.5, 1.9, -1.9, 2.5);
+vec4 cloud_detail(vec2 place, float region, float level) {
+    vec4 broad = textureLod(t_detail, place, level), small = textureLod(t_detail, SMALLER * place, level + 1.65);
+    float b = clamp(0.15 + 0.7 * (region - 0.3), 0.08, 0.5), a = 1.0 - b;
+    vec4 both = a * broad + b * small;
+    // a weighted sum of two even histograms, made even
+    float x = both.x, under = min(x, 1.0 - x);
+    float even = under < b ? under * under / (2.0 * a * b) : (under - 0.5 * b) / a;
+    both.x = x < 0.5 ? even : 1.0 - even;
+    return both;
+}
+#endif
+
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
 color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float puff = detail.cloud.x;
@@ -238,7 +254,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets
     vec2 sunward = g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM));
-    float shading = (textureLod(t_detail, sunward, DETAIL_LEVEL).x - puff) * scale;
+    float shading = (cloud_detail(sunward, s.region, DETAIL_LEVEL).x - puff) * scale;
 #else
     float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.35);
 #endif
@@ -289,7 +305,8 @@ color ground_radiance(GroundPoint g, Waters waters) {
     vec4 map = ground_map(g);
     vec2 land_uv = g.uv;
 #if HIGH
-    Detail detail = Detail(textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
+    vec4 region = textureLod(t_detail, REGION * g.plane, DETAIL_LEVEL - 3.0);
+    Detail detail = Detail(cloud_detail(g.plane + g.lift, region.x, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
     // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
     vec2 aside = (detail.ground.xw - 0.5) * WARP_KM;
     land_uv += aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
@@ -299,5 +316,12 @@ color ground_radiance(GroundPoint g, Waters waters) {
 #else
     Detail detail = detail_at(g, detail_place(g, map));
 #endif
+#if HIGH
+    Surface s = surface_at(g, map, land_uv, waters);
+    s.region = region.x;
+    s.thick *= 0.55 + 1.1 * region.w;
+    return surface_radiance(g, s, waters, detail);
+#else
     return surface_radiance(g, surface_at(g, map, land_uv, waters), waters, detail);
+#endif
 }
