@@ -42,7 +42,7 @@ const vec3 DOWN = vec3(0.054, 0.092, 0.175), ASIDE = vec3(0.046, 0.080, 0.193);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
+const float FLOE = 0.62;      // reflectance of the pack, between 0.8 to 0.9 of April and 0.4 of late July (Perovich et al. 2002, JGR 107, 8044)
 const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
@@ -165,7 +165,7 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
 }
 
 // Reflectance of cloud over that of endless cloud; over: from its edge, 0, to the middle of the thickest, 1. Two-stream: for
-// thick cloud this is the asymptotic theory of King (1987).
+// thick cloud this is the asymptotic theory of Kokhanovsky & Nauss (2006, ACP 6, 5537).
 float cloud_reflectance(float over, float thick, float veil, float thin) {
     float depth = thick * over * over + veil;
     return depth / (depth + thin * (1.15 - over));

@@ -22,7 +22,7 @@ MAP_MAX_W_M2_SR = 7.0e-4
 """Radiance of a texel of the night map at its brightest, 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
 
 The map is a picture of Suomi NPP's day-night band of 2012. With this figure 50 km around the largest cities send 25 to
-60 nW cm-2 sr-1, as Elvidge et al. (2017, Int. J. Remote Sensing 38, 5860) map them.
+60 nW cm-2 sr-1: our reading of that band's maps (Elvidge et al. 2017, Int. J. Remote Sensing 38, 5860).
 """
 _SEED = 20120401
 _TILE = SIZE // 2  # texels of the pattern, repeated twice each way
