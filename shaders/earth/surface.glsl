@@ -263,7 +263,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #else
     float before = clamp(over + shading, 0.0, 1.0);
     ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+#if HIGH
+    // tops that the Sun reaches, and valleys of thick cloud in their shade
+    float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * rise, 0.4, 1.5);
+#else
     float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
+#endif
     ground = mix(ground, color(g.white * relief), cloud);
 #endif
 #endif
