@@ -177,17 +177,23 @@ float sea_calm(float gusts, float streaks, float swell) {
     return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
 }
 
+// A sum x of two numbers from 0 to 1 of even histograms, with weights 1 - b and b (b at most a half), made even.
+float even_sum(float x, float b) {
+    float rise = min(x, b);
+    float middle = max(min(x, 1.0 - b) - b, 0.0);
+    float fall = min(1.0 - x, b);
+    return (0.5 * (rise * rise + b * b - fall * fall) + b * middle) / (b * (1.0 - b));
+}
+
 #if HIGH
 // The detail at the clouds' height, and smaller clouds added, here more and there less: by a region of some 300 km, from 0 to 1.
 const mat2 REGION = mat2(0.11, 0.06, -0.06, 0.11), SMALLER = mat2(2.5, 1.9, -1.9, 2.5);
 vec4 cloud_detail(vec2 place, float region, float level) {
     vec4 broad = textureLod(t_detail, place, level), small = textureLod(t_detail, SMALLER * place, level + 1.65);
-    float b = clamp(0.15 + 0.7 * (region - 0.3), 0.08, 0.5), a = 1.0 - b;
-    vec4 both = a * broad + b * small;
-    // a weighted sum of two even histograms, made even
-    float x = both.x, under = min(x, 1.0 - x);
-    float even = under < b ? under * under / (2.0 * a * b) : (under - 0.5 * b) / a;
-    both.x = x < 0.5 ? even : 1.0 - even;
+    small.yz = 0.5 + (small.yz - 0.5) * (SMALLER / 3.14); // they are as much lower as they are smaller
+    float b = clamp(0.7 * region - 0.06, 0.08, 0.5);
+    vec4 both = mix(broad, small, b);
+    both.x = even_sum(both.x, b);
     return both;
 }
 #endif
