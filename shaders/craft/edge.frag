@@ -3,7 +3,7 @@
 // Samples place an edge only as well as they are dense. But where an edge crosses a pixel is known from the mesh, and so
 // is the pixel's area on either side. Weights 1 + slope . x, for samples at x (pixels from the pixel's centre), keep
 // their sum, and give the samples below the edge its area when slope = n (N area - count) / sum of n . x over them.
-// Where all samples lie on one side, the edge's direction and the area beyond it are told instead (packed_slope.glsl).
+// Where all samples lie on one side, the edge's direction and the area beyond it are sent instead (packed_slope.glsl).
 // A hidden edge does nothing: both its sides show one surface.
 // A pixel that several edges cross or pass by (a gap between cells, a strut) keeps equal weights, which are right on the
 // average for bodies thinner than a pixel. With EXACT_AREAS (preset `high`), what the samples miss of each edge's area

@@ -9,7 +9,7 @@ float packed_slope(vec2 slope) {
     return ONE_EDGE + q.y * SLOPE_ROW + q.x;
 }
 
-// Where a pixel's samples all lie on one side of its edge they cannot be weighed. In place of a slope it is told then which
+// Where a pixel's samples all lie on one side of its edge they cannot be weighed. In place of a slope the value then encodes which
 // way the edge lies, as a second coordinate that no slope has: of a turn of four, along the square of corners (1, 0),
 // (0, 1), (-1, 0), (0, -1); and as the first what share of the pixel lies beyond it.
 const float LOWEST = 98.0, HIGHEST = 924.0; // second coordinates of slopes

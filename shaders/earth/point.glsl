@@ -133,9 +133,10 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     float back = 0.5 - 0.5 * dot(ray.direction, sun);
     back *= back;
     g.shine = 1.0 + 0.37 * back * back;
-    // clouds shine back within some 25 degrees: glory, and shadows that lie behind what throws them (Su et al. 2021)
+    // clouds shine back: glory, and shadows that lie behind what throws them. The whole Earth is up to a tenth brighter 2 than
+    // 12 degrees from there (Su et al. 2021, Front. Remote Sens. 2, 747859); height and width for a cloud are ours
     float glory = clamp((back - 0.865) * 7.4, 0.0, 1.0);
-    // escape functions of the light's and the view's angle (King 1987, eq. 2); endless cloud as the law of isotropic scatterers
+    // escape functions 3 / 7 (1 + 2 mu) of the light's and the view's angle (Kokhanovsky & Nauss 2006); endless cloud as the law of isotropic scatterers
     // has it with them, within 8 per cent of discrete ordinates; 1.3: both graze, where clouds hide each other
     g.thin = (9.0 / 49.0 * 4.0 / 3.0) * (1.0 + 2.0 * max(mu, 0.0)) * (1.0 + 2.0 * c_view);
     g.white = min(g.thin / (max(mu, 0.0) + c_view), 1.1) * (1.0 + 0.3 * glory * glory * glory);

@@ -42,7 +42,7 @@ const vec3 DOWN = vec3(0.054, 0.092, 0.175), ASIDE = vec3(0.046, 0.080, 0.193);
 const vec3 SEA = vec3(0.006, 0.020, 0.048);
 #endif
 const float COAST_KM_PER_UNIT = 73.8;   // the coast channel: 255 counts of 1/8 pixel of 1/48 degree
-const float FLOE = 0.62;      // reflectance of snow on ice, between winter's and that of melting (Perovich et al. 2002)
+const float FLOE = 0.62;      // reflectance of the pack, between 0.8 to 0.9 of April and 0.4 of late July (Perovich et al. 2002, JGR 107, 8044)
 const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
@@ -100,6 +100,7 @@ struct Surface {
     float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
+    float region;  // HIGH: which kind of cloud
     float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
@@ -164,7 +165,7 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
 }
 
 // Reflectance of cloud over that of endless cloud; over: from its edge, 0, to the middle of the thickest, 1. Two-stream: for
-// thick cloud this is the asymptotic theory of King (1987).
+// thick cloud this is the asymptotic theory of Kokhanovsky & Nauss (2006, ACP 6, 5537).
 float cloud_reflectance(float over, float thick, float veil, float thin) {
     float depth = thick * over * over + veil;
     return depth / (depth + thin * (1.15 - over));
@@ -175,6 +176,27 @@ float cloud_reflectance(float over, float thick, float veil, float thin) {
 float sea_calm(float gusts, float streaks, float swell) {
     return 0.8 * gusts + 0.5 * streaks + 0.3 * swell - 0.76;
 }
+
+// A sum x of two numbers from 0 to 1 of even histograms, with weights 1 - b and b (b at most a half), made even.
+float even_sum(float x, float b) {
+    float rise = min(x, b);
+    float middle = max(min(x, 1.0 - b) - b, 0.0);
+    float fall = min(1.0 - x, b);
+    return (0.5 * (rise * rise + b * b - fall * fall) + b * middle) / (b * (1.0 - b));
+}
+
+#if HIGH
+// The detail at the clouds' height, and smaller clouds added, here more and there less: by a region of some 300 km, from 0 to 1.
+const mat2 REGION = mat2(0.11, 0.06, -0.06, 0.11), SMALLER = mat2(2.5, 1.9, -1.9, 2.5);
+vec4 cloud_detail(vec2 place, float region, float level) {
+    vec4 broad = textureLod(t_detail, place, level), small = textureLod(t_detail, SMALLER * place, level + 1.65);
+    small.yz = 0.5 + (small.yz - 0.5) * (SMALLER / 3.14); // they are as much lower as they are smaller
+    float b = clamp(0.7 * region - 0.06, 0.08, 0.5);
+    vec4 both = mix(broad, small, b);
+    both.x = even_sum(both.x, b);
+    return both;
+}
+#endif
 
 // Radiance that a ground point sends to the camera [W m-2 sr-1].
 color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
@@ -238,7 +260,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #if HIGH
     // exactly: the puff that the Sun's ray to this ground meets
     vec2 sunward = g.plane + g.toward * (CLOUD_KM / (2.0 * SLOPE_PER_KM * DETAIL_KM));
-    float shading = (textureLod(t_detail, sunward, DETAIL_LEVEL).x - puff) * scale;
+    float shading = (cloud_detail(sunward, s.region, DETAIL_LEVEL).x - puff) * scale;
 #else
     float shading = clamp(rise * CLOUD_KM * scale, -1.0, 0.35);
 #endif
@@ -247,7 +269,12 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #else
     float before = clamp(over + shading, 0.0, 1.0);
     ground -= ground * (0.7 * cloud_reflectance(before, s.thick, s.veil, g.thin));
+#if HIGH
+    // tops that the Sun reaches, and valleys of thick cloud in their shade
+    float relief = clamp(1.0 - (2.0 * RELIEF_KM) * min(scale, 4.0) * rise, 0.4, 1.5);
+#else
     float relief = clamp(1.0 - RELIEF_KM * min(scale, 4.0) * rise, 0.5, 1.35);
+#endif
     ground = mix(ground, color(g.white * relief), cloud);
 #endif
 #endif
@@ -260,13 +287,13 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
 #endif
 #endif
 #if NIGHT
-    // the map's cells are broken up into streets, where they are dark into villages, each of a mean of one
+    // the map's cells are broken up into streets, where they are dark into towns and roads, each of a mean of one
 #if UNLIT
     vec4 city = detail.ground;
 #else
     vec4 city = textureLod(t_city, g.plane, DETAIL_LEVEL);
 #endif
-    float streets = mix(city.z, city.y, min(3.0 * s.lit, 1.0)) * CITY_BRIGHTEST;
+    float streets = mix(city.z, city.y, clamp(1.5 * s.lit - 0.25, 0.0, 1.0)) * CITY_BRIGHTEST;
 #if HIGH
     // smaller streets
     streets *= textureLod(t_city, mat2(2.9, 2.4, -2.4, 2.9) * g.plane, DETAIL_LEVEL + 1.9).y * CITY_BRIGHTEST;
@@ -289,7 +316,8 @@ color ground_radiance(GroundPoint g, Waters waters) {
     vec4 map = ground_map(g);
     vec2 land_uv = g.uv;
 #if HIGH
-    Detail detail = Detail(textureLod(t_detail, g.plane + g.lift, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
+    vec4 region = textureLod(t_detail, REGION * g.plane, DETAIL_LEVEL - 3.0);
+    Detail detail = Detail(cloud_detail(g.plane + g.lift, region.x, DETAIL_LEVEL), textureLod(t_detail, g.plane, DETAIL_LEVEL));
     // fields, woods and towns end raggedly and not as the map's texels blur them: it is read up to WARP_KM aside
     vec2 aside = (detail.ground.xw - 0.5) * WARP_KM;
     land_uv += aside * vec2(1.0 / max(sin(PI * g.uv.y), 0.05), 2.0) / (2.0 * PI * EARTH_KM);
@@ -299,5 +327,12 @@ color ground_radiance(GroundPoint g, Waters waters) {
 #else
     Detail detail = detail_at(g, detail_place(g, map));
 #endif
+#if HIGH
+    Surface s = surface_at(g, map, land_uv, waters);
+    s.region = region.x;
+    s.thick *= 0.55 + 1.1 * region.w;
+    return surface_radiance(g, s, waters, detail);
+#else
     return surface_radiance(g, surface_at(g, map, land_uv, waters), waters, detail);
+#endif
 }

@@ -31,7 +31,8 @@ color ground_radiance(MoonPoint g) {
     vec4 fine = textureLod(t_fine, mat2(0.8, 0.6, -0.6, 0.8) * g.place.zw / FINE_KM, level - log2(FINE_KM / 1024.0));
     // the maria are younger: fewer and smaller craters
     float age = clamp(albedo * 1.6 - 0.7, 0.15, 1.0);
-    vec2 slope = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age) + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
+    vec2 wall = (broad.xy - 0.5) * (2.0 * SLOPE_MAX * age);
+    vec2 slope = wall + (fine.xy - 0.5) * mat2(0.8, 0.6, -0.6, 0.8) * (2.0 * SLOPE_MAX * (0.5 + 0.5 * age));
     albedo *= 1.0 + 0.8 * (fine.z + broad.z - 1.0);
     float facet = inversesqrt(1.0 + dot(slope, slope));
     // facets that face the Sun below the horizon lie in the shadow of others
@@ -40,6 +41,9 @@ color ground_radiance(MoonPoint g) {
     // what a texel hides of the slopes: some of it still sees a Sun that their mean does not
     vec2 hidden = vec2(broad.w * age, fine.w * (0.5 + 0.5 * age)) * DEVIATION_MAX;
     float lit = 0.5 * (cosines.x + sqrt(cosines.x * cosines.x + 0.32 * dot(hidden, hidden) * dot(g.tilt.xy, g.tilt.xy)));
+    // nothing smaller is lit on a wall that has the Sun behind it, but for what a texel hides of walls
+    float behind = g.light.x - dot(wall, g.tilt.xy) + hidden.x * length(g.tilt.xy);
+    lit *= smoothstep(-0.03, 0.03, behind);
     float from_sun = reflected(lit * dawn, cosines.y, g.light.z);
     return (BAND(g.incident) * from_sun + g.incident.w) * albedo * BAND(u_moon_albedo) * BAND(u_moon_irradiance) * (1.0 / PI);
 }

@@ -1,4 +1,4 @@
-"""City lights below the night map's texels: streets and villages of a mean of one, baked once into a tiling texture.
+"""City lights below the night map's texels: streets, towns, roads of a mean of one, baked once into a tiling texture.
 
 The clouds' puffs lie beside them in its channels: where neither Sun nor Moon shine one look-up serves for both.
 """
@@ -17,12 +17,12 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
 
-BRIGHTEST = 12.0  # times the mean: what the light's channel holds
+BRIGHTEST = 16.0  # times the mean: what the light's channel holds
 MAP_MAX_W_M2_SR = 7.0e-4
 """Radiance of a texel of the night map at its brightest, 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
 
 The map is a picture of Suomi NPP's day-night band of 2012. With this figure 50 km around the largest cities send 25 to
-60 nW cm-2 sr-1, as Elvidge et al. (2017, Int. J. Remote Sensing 38, 5860) map them.
+60 nW cm-2 sr-1: our reading of that band's maps (Elvidge et al. 2017, Int. J. Remote Sensing 38, 5860).
 """
 _SEED = 20120401
 _TILE = SIZE // 2  # texels of the pattern, repeated twice each way
@@ -42,27 +42,41 @@ def make_night() -> ByteArray:
 
 
 def make_city_lights() -> ByteArray:
-    """(_TILE, _TILE, 3) cities: streets turned from district to district, parks, main roads; villages; white lamps."""
+    """(_TILE, _TILE, 3) cities of quarters, centres, parks; country of towns, villages, roads; share of white lamps."""
     rng = np.random.default_rng(_SEED)
-    district, border = _cells(rng, _DISTRICTS, 2.5)
-    _, road = _cells(rng, _TOWNS, 5.0)
-    shape = district.shape
+    quarter, border = _cells(rng, _DISTRICTS, 2.5)
+    town, road = _cells(rng, _TOWNS, 5.0)
+    shape = quarter.shape
     y, x = np.indices(shape, np.float32)
-    count = int(district.max()) + 1
+    count = int(quarter.max()) + 1
     turn, block = rng.uniform(0, np.pi / 2, count), rng.integers(*_BLOCKS, count)
-    cosine, sine, step = (a[district].astype(np.float32) for a in (np.cos(turn), np.sin(turn), block))
+    cosine, sine, step = (a[quarter].astype(np.float32) for a in (np.cos(turn), np.sin(turn), block))
     streets = np.maximum(_ridge(x * cosine + y * sine, step), _ridge(y * cosine - x * sine, 1.5 * step))
-    # built up and dark, from a kilometre to twenty, as a product of many causes has it
-    levels = sum(w * _normal(rng, shape, texels) for texels, w in ((1.5, 0.35), (4.0, 0.45), (12.0, 0.4)))
     # a crossing, a square, a mall: points of light that few texels have
     points = rng.lognormal(-0.7, 1.2, shape)
-    city = np.exp(levels) * (0.5 + streets * (0.4 + points))
-    main_roads = np.exp(-((road / 0.7) ** 2))
-    city += 0.5 * np.exp(-((border / 0.6) ** 2)) + 1.5 * np.exp(0.5 * levels) * main_roads
-    places = (rng.random(shape) < _VILLAGES) * rng.lognormal(0.0, 1.2, shape)
-    village = 0.8 * _soft(places, 0.5) + 0.2 * _soft(places, 1.6) + 0.8 * places.mean() * main_roads
+    parks = np.clip(0.9 + 0.9 * _normal(rng, shape, 3.0), 0.0, 1.0)  # a sixth is dark
+    avenues, main_roads = (np.exp(-((away / w) ** 2)) for away, w in ((border, 0.8), (road, 0.9)))
+    built = (
+        parks * _soft(rng.lognormal(0.0, 0.6, count)[quarter], 1.2) * (0.1 + streets * (0.2 + 0.6 * points))
+    )
+    centres = _towns(rng, quarter, 0.8, 1.6) * (0.4 + points)
+    around = np.minimum(_towns(rng, town, 0.5, 6.0), 3.0)
+    city = (
+        built * (0.8 + 0.7 * around)
+        + avenues * (0.2 + 0.25 * around)
+        + main_roads
+        + 0.3 * np.minimum(centres, 8.0)
+    )
+    villages = (rng.random(shape) < _VILLAGES) * rng.lognormal(0.0, 1.0, shape) * np.exp(-road / 12.0)
+    country = (
+        (0.3, 0.8 * _soft(villages, 0.5) + 0.2 * _soft(villages, 1.6)),
+        (0.35, _towns(rng, town, 1.0, 3.5) * (0.25 + streets * (0.3 + points)) * parks),
+        (0.25, _towns(rng, quarter, 1.3, 0.7) * (0.4 + points)),
+        (0.1, main_roads * (1.0 + points)),
+    )
     out = np.empty((*shape, 3), np.uint8)
-    for k, light in enumerate((_soft(city, 0.4), village)):
+    for k, light in enumerate((city, sum(share * part / part.mean() for share, part in country))):
+        light = _soft(light, 0.4)  # noqa: PLW2901 - step by step
         # cut at the brightest that is held, so that what is held has the mean of one
         for _ in range(8):
             light = np.minimum(light / light.mean(), BRIGHTEST)  # noqa: PLW2901 - step by step
@@ -71,6 +85,22 @@ def make_city_lights() -> ByteArray:
     white = 0.5 + 0.22 * _normal(rng, shape, 5.0) + 0.22 * _normal(rng, shape, 1.0)
     out[..., 2] = np.clip(white, 0, 1) * 255
     return out
+
+
+def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: float) -> Float32Array:
+    """Light of towns where three cells meet, over its mean; larger ones are wider.
+
+    Parameters
+    ----------
+    spread : standard deviation of the logarithm of a town's light. texels : width of a middling one.
+    """
+    around = np.sort([np.roll(cells, shift, (0, 1)) for shift in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=0)
+    light = ((np.diff(around, axis=0) != 0).sum(axis=0) >= 2) * rng.lognormal(0.0, spread, cells.shape)
+    out = np.zeros(cells.shape, np.float32)
+    for low, high, wide in ((0.0, 0.7, 0.5), (0.7, 2.0, 1.0), (2.0, np.inf, 2.0)):
+        kin = light * ((light >= low) & (light < high))
+        out += _soft(kin, texels * wide) + _soft(kin, 0.4 * texels * wide)
+    return np.asarray(out / out.mean(), np.float32)
 
 
 def _ridge(across: Float32Array, step: Float32Array) -> Float32Array:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.camera.encoding import encode
 from flyaround.simulator.imaging.image_formation import noise_sigma
-from flyaround.simulator.scene.illumination.bands import SRGB_FROM_BANDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,9 +49,9 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
     (H, W) or (H, W, 3) uint8 array
     """
     light, shown = _light_table(sensor, encoding), _shown_table(sensor)
-    if image.ndim == 2:
+    if image.ndim == 2 or encoding == "srgb":
         return np.asarray(shown[light][image])
-    # three bands of 100 nm are no primaries of a screen
+    # three bands of 100 nm are no primaries of a screen; sRGB images have had the matrix in the camera
     return np.asarray(shown[cv2.transform(light[image], np.array(SRGB_FROM_BANDS))])
 
 

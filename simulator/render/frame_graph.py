@@ -34,7 +34,7 @@ class Resource(Generic[T_co]):
 
 
 class FrameResources:
-    """What has been given to a frame's passes, or written by them, so far."""
+    """Resources given to a frame's passes, or written by them, so far."""
 
     def __init__(self) -> None:
         self._values: dict[str, Any] = {}

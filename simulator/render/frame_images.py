@@ -54,7 +54,7 @@ class FrameImages:
 
     @property
     def can_pack_quads(self) -> bool:
-        """Whether the radiance can be kept by two by two pixels: its sides are of even length."""
+        """True if the radiance can be kept by two by two pixels: its sides are of even length."""
         return not any(side % 2 for side in self.size)
 
     @property

@@ -43,7 +43,7 @@ class PixelRect:
         return (self.x0, self.y0, self.width, self.height)
 
     def within(self, other: PixelRect) -> PixelRect | None:
-        """What both have, if anything."""
+        """Return the intersection of both, None if it is empty."""
         x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
         x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
         return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None

@@ -120,7 +120,7 @@ class Renderer:
 
     @property
     def info(self) -> GlInfo:
-        """What draws; recorded beside every image."""
+        """The OpenGL driver; recorded beside every image."""
         return self.device.info
 
     def make_current(self) -> None:
@@ -179,7 +179,7 @@ class Renderer:
     def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
     ) -> Callable[[], Surfaces]:
-        """What of the target lies at each pixel's centre, without drawing the picture.
+        """Start drawing the target's surface at each pixel's centre, without the picture.
 
         The driver is drawing it when this returns; calling the result, once, waits for the end and reads it back.
 
@@ -223,7 +223,7 @@ class Renderer:
         return Rendered(light, share, None, 1.0, stage_ms | clock.stage_ms, window)
 
     def _begin(self, scene: SceneState, target: Target, sky: IrradianceField | None) -> FrameResources:
-        """What a frame's passes are given."""
+        """Return the resources that a frame's passes start from."""
         if scene.target.sha256 != target.sha256:
             raise UserError(
                 f"the scene was made for target {scene.target.name} ({scene.target.sha256[:12]}) and is drawn with "

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 
 import flyaround as fa
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.poses import scene_with_pose
 from flyaround.simulator.scene.environments import Environment
-from flyaround.simulator.scene.illumination.bands import SRGB_FROM_BANDS, sunlight_balance
+from flyaround.simulator.scene.illumination.bands import sunlight_balance
 from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.scene.viewpoint import place_itrs_m, scene_above
 from flyaround.simulator.world.ephemeris.earth_orientation import q_itrs_from_eci

@@ -63,7 +63,7 @@ contacts on cells.
   millimetre, none is lost. Tape lies along seams. Facets below a pixel widen the lobe by the variance of their slopes
   (Olano & Baker 2010).
 - Its colour is that of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton, film
-  outside: 0.35 to 0.45, Gilmore 2002), silver 0.26 (aluminised FEP 0.16 when new, Fortescue et al. 2011, table 11.3).
+  outside: 0.40 of all sunlight), silver 0.26 (aluminised FEP 0.16 when new; both Fortescue et al. 2011, table 11.3).
 - Cells and lenses (dark under polished glass): Fresnel reflection of cover glass with a quarter wave of magnesium
   fluoride, and of the cell with one of titanium oxide (Macleod 2010): blue, violet at a slant, white at grazing.
 - Cells in a lattice: no two alike in tilt (0.2 deg) and film; two busbars, and fingers, to their share of a pixel.

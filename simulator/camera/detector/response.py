@@ -24,6 +24,9 @@ MONO_BAND_NM = (450.0, 750.0)
 """Limits of the panchromatic band."""
 RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
 """Limits of red, green and blue: thirds of 400 to 700 nm."""
+SRGB_FROM_BANDS = ((0.610, 0.713, -0.323), (-0.055, 1.062, -0.007), (-0.003, -0.125, 1.128))
+"""Colour matrix: linear sRGB (rows) of white-balanced red, green and blue. Its rows' sums of one keep white and black
+level. Fitted to spectra of limb, twilight, grounds, paints and lamps by `tools.validation.rendering.colours`."""
 
 Curve = tuple[tuple[float, float], ...]
 """A share by wavelength: (wavelength [m], share), linear between points and zero beyond the ends."""

@@ -1,7 +1,8 @@
 """A camera's output from the detector's digital numbers: unchanged, or 8 bits encoded by a curve.
 
 Colour cameras mostly deliver 8 bits encoded by a curve, after a converter of more bits and with the black level taken
-off. A raw mosaic is always linear.
+off. sRGB has primaries of its own: before its curve a colour matrix makes them of the detector's bands. Linear images
+and raw mosaics keep the bands' own numbers.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from flyaround.simulator.camera.detector.sensor import Sensor, with_bits
 from flyaround.simulator.camera.encoding import decode, encode
 
@@ -57,8 +60,8 @@ def encode_numbers(
 
     Parameters
     ----------
-    numbers : array
-        Digital numbers of `converter`.
+    numbers : (H, W) or (H, W, 3) array
+        Digital numbers of `converter`, white balanced.
     sensor : Sensor
         The camera's own.
     encoding : str
@@ -66,6 +69,8 @@ def encode_numbers(
     """
     if encoding == "linear":
         return numbers
+    if numbers.ndim == 3 and encoding == "srgb":
+        numbers = cv2.transform(numbers, np.array(SRGB_FROM_BANDS))
     return np.asarray(_curve(encoding, _black_dn(converter(sensor, encoding)))[numbers])
 
 
@@ -73,6 +78,8 @@ def decode_numbers(
     image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
 ) -> tuple[NDArray[np.unsignedinteger], Sensor]:
     """Decode a delivered image to linear digital numbers. Return them with their sensor.
+
+    Those of an sRGB image in colour are of sRGB's primaries.
 
     Parameters
     ----------
@@ -97,7 +104,7 @@ def _black_dn(sensor: Sensor) -> float:
 
 @lru_cache(maxsize=16)
 def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
-    """Return the delivered number (16384,) for each converter number."""
+    """Return the delivered number (65536,) of each of the converter's, and of what a matrix makes of them."""
     full = 2**CONVERTER_BITS - 1
-    light = np.clip((np.arange(full + 1) - black_dn) / (full - black_dn), 0, 1)
+    light = np.clip((np.arange(1 << 16) - black_dn) / (full - black_dn), 0, 1)
     return np.rint(encode(light, encoding) * 255).astype(np.uint8)

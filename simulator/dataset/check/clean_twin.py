@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.response import white_balance
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS, white_balance
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.camera.encoding import step_share
 from flyaround.simulator.imaging.image_formation import noise_sigma
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 LEVELS = np.linspace(0, 1, 129) ** 2  # denser where the light is little: noise goes by its root
 NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
-DEMOSAICED_SPREAD = (0.2, 1.5)  # neighbours are averaged
+MIXED_SPREAD = (0.2, 1.5)  # demosaicing averages neighbours, a colour matrix adds bands of unequal light
 SHIFT = 0.5
 """Tolerance of the median of the noise [sigma]."""
 QUIET_STEPS = 1.2
@@ -30,12 +30,15 @@ MIN_PIXELS, SUFFICIENT_PIXELS = 200, 500_000
 """Minimum number of pixels for a statistic, and the number that suffices for a whole image."""
 
 
-def balance_factors(truth: Truth) -> FloatArray:
-    """Return the white-balance gain of each band (3,) of a colour image, also of its noise; 1 without a detector."""
-    sensor = truth.scene.sensor
-    if sensor.detector is None:
-        return np.ones(3)
-    return white_balance(sensor, truth.scene.optics, sunlight_balance("rgb"))
+def band_gains(truth: Truth) -> FloatArray:
+    """Return the gains (3, 3) of the detector's bands (columns) in each channel of a colour image.
+
+    White balance of a detector, and the colour matrix of sRGB.
+    """
+    sensor, gains = truth.scene.sensor, np.eye(3)
+    if sensor.detector is not None:
+        gains = np.diag(white_balance(sensor, truth.scene.optics, sunlight_balance("rgb")))
+    return np.array(SRGB_FROM_BANDS) @ gains if truth.camera.pixel_encoding == "srgb" else gains
 
 
 def check_clean(
@@ -44,15 +47,15 @@ def check_clean(
     """Check that the image minus its clean twin is the sensor's noise, band by band."""
     if clean.shape != image.shape or clean.dtype != image.dtype:
         return [f"the clean twin is {clean.shape} {clean.dtype}, the image {image.shape} {image.dtype}"]
-    factors = balance_factors(truth) if image.ndim == 3 else np.ones(1)
+    gains = band_gains(truth) if image.ndim == 3 else np.ones((1, 1))
     encoding = truth.camera.pixel_encoding
     (image, sensor), (clean, _) = (
         decode_numbers(x.reshape(*mask.shape, -1), truth.scene.sensor, encoding) for x in (image, clean)
     )
-    for k, factor in enumerate(factors.tolist()):
-        wrong = _check_band(truth, sensor, image[..., k], clean[..., k], mask > 0, factor)
+    for k, gain in enumerate(gains):
+        wrong = _check_band(truth, sensor, image[..., k], clean[..., k], mask > 0, gain)
         if wrong:
-            return [wrong if len(factors) == 1 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
+            return [wrong if len(gains) == 1 else f"{wrong} ({('red', 'green', 'blue')[k]})"]
     return []
 
 
@@ -62,24 +65,27 @@ def _check_band(
     image: NDArray[np.unsignedinteger],
     clean: NDArray[np.unsignedinteger],
     on_craft: BoolArray,
-    factor: float,
+    gain: FloatArray,
 ) -> str:
     """Return how one band (H, W) deviates from the sensor's noise; empty if it does not.
 
     Parameters
     ----------
     sensor : that both are linear numbers of.
-    factor : by which white balance multiplied the band, its noise and its dark current.
+    gain : (bands,) by which the detector's bands were multiplied, their noise and their dark current too.
     """
+    factor = float(np.linalg.norm(gain))
     detector, encoding = sensor.detector, truth.camera.pixel_encoding
     full, black = sensor.scale_dn  # a detector saturates where its well does, above its black level
     heat, spread_limits = 0.0, NOISE_SPREAD
     if detector is not None:
         # the twin has no dark current, the image has its mean too
         dark_e = detector.dark_e_s * truth.scene.exposure_s * detector.pixels_per_bin
-        heat = factor * dark_e / sensor.saturation_e
-        if detector.colour_filter != "none" and detector.demosaic:
-            spread_limits = DEMOSAICED_SPREAD
+        heat = float(gain.sum()) * dark_e / sensor.saturation_e
+    if np.count_nonzero(gain) > 1 or (
+        detector is not None and detector.colour_filter != "none" and detector.demosaic
+    ):
+        spread_limits = MIXED_SPREAD
     # everything but the image hangs on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
     noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS]

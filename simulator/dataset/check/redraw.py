@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from flyaround.simulator.camera.detector.transfer import decode_numbers
-from flyaround.simulator.dataset.check.clean_twin import balance_factors
+from flyaround.simulator.dataset.check.clean_twin import band_gains
 from flyaround.simulator.dataset.check.feasibility import check_step_share
 from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png
 from flyaround.simulator.errors import UserError
@@ -166,8 +166,9 @@ def check_same_picture(
     off = np.abs(mine - other)
     levels = np.linspace(0, 1, 33)
     sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
-    # demosaicing spreads the noise of one pixel in four over all, which a blur halves less; white balance multiplies it
-    spread = np.maximum(3.0, 2.0 * balance_factors(truth)) if image.ndim == 3 else 1.0
+    # demosaicing spreads the noise of one pixel in four over all, which a blur halves less; white balance and a colour
+    # matrix multiply it
+    spread = np.maximum(3.0, 2.0 * np.linalg.norm(band_gains(truth), axis=1)) if image.ndim == 3 else 1.0
     noise = np.interp(other, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
     slope = cv2.dilate(other, near) - cv2.erode(other, near)

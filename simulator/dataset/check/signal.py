@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from flyaround.simulator.camera.detector.transfer import decode_numbers
 from flyaround.simulator.camera.encoding import step_share
 from flyaround.simulator.dataset.check.feasibility import check_step_share
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 BY_SIGNAL = ("visible", "saturated", "below_noise")
 RELATIVE = 0.02
 """Relative distance of a contrast from the noise within which either state is accepted."""
+MEAN_OF_SRGB = np.full(3, 1 / 3) @ np.linalg.inv(SRGB_FROM_BANDS)
+"""Weights of linear sRGB in the mean of the detector's bands."""
 
 
 def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> list[str]:
@@ -50,8 +53,8 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
 def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
     """Check the share of the wireframe above the noise, if the clean twin gives the signal."""
     signal = _signal(truth, clean)
-    if signal is None:
-        return []
+    if signal is None or _is_matrixed(truth, signal):
+        return []  # a colour beyond the screen's was cut off, and its light is not known
     mono = signal if signal.ndim == 2 else signal.mean(axis=2)
     return check_step_share(truth, target, mono, 0.51 * _step(truth, mono))
 
@@ -64,6 +67,11 @@ def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.floa
     numbers, sensor = decode_numbers(clean, truth.scene.sensor, truth.camera.pixel_encoding)
     full, black = sensor.scale_dn
     return (numbers.astype(float) - black) / full
+
+
+def _is_matrixed(truth: Truth, signal: NDArray[np.float64]) -> bool:
+    """Return True if a colour matrix made the image's primaries of the detector's bands."""
+    return signal.ndim == 3 and truth.camera.pixel_encoding == "srgb"
 
 
 def _step(truth: Truth, signal: NDArray[np.float64]) -> float:
@@ -80,9 +88,11 @@ def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> 
     if at_full.all():
         return ("saturated", "below_noise")  # half a step below full scale reads as full
     if signal.ndim == 3:
-        if at_full.any():
+        matrixed = _is_matrixed(truth, signal)
+        if at_full.any() or (matrixed and signal.min() <= 0):
             return BY_SIGNAL
-        signal = signal.mean(axis=2)
+        weights = MEAN_OF_SRGB if matrixed else np.full(3, 1 / 3)
+        signal, step = signal @ weights, step * float(np.abs(weights).sum())
     clipped = np.clip(signal, 0, 1)
     contrast = float(clipped.max() - clipped.min())
     sigma = noise_sigma(truth.scene.sensor, float(clipped.mean()), truth.scene.exposure_s)

@@ -55,7 +55,7 @@ class SampleImages:
 
     @property
     def stamp(self) -> int:
-        """What marks the samples of the frame being drawn, as ``u_stamp`` of shaders/craft/packed_samples.glsl.
+        """Mark of the samples of the frame being drawn, as ``u_stamp`` of shaders/craft/packed_samples.glsl.
 
         It is the number of their range of depths, at most 15 to fit four bits; 0 is of a cleared image.
         """
@@ -79,7 +79,7 @@ class SampleImages:
 
 @dataclass(frozen=True, eq=False)
 class TargetSamples:
-    """What the samples see, by the names of the shading's samplers; ``stamp`` tells this frame's from older ones."""
+    """Textures of the G-buffer by sampler name; ``stamp`` tells this frame's samples from older ones."""
 
     textures: dict[str, moderngl.Texture]
     stamp: int

@@ -37,7 +37,7 @@ _ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """What lies at each pixel's centre.
+    """The nearest surface at each pixel's centre.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class LabelRaster:
 
 
 def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
-    """Which pixels of a scaled window have their centre on the image."""
+    """Return the pixels of a scaled window whose centre lies on the image."""
     x = (np.arange(shape[1]) + 0.5) / scale + rect.x0 - 0.5
     y = (np.arange(shape[0]) + 0.5) / scale + rect.y0 - 0.5
     return np.asarray(

@@ -1,4 +1,4 @@
-"""How a lens bends a target's edges and outlines: the length up to which a straight line follows a bent one."""
+"""Bending of a target's edges and outlines by a lens: the length up to which a straight line follows a bent one."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class GpuMesh(BakedMesh):
 
     @cached_property
     def area_m2(self) -> float:
-        """Of all triangles."""
+        """Area of all triangles [m2]."""
         corners = self.values[:, :3].astype(float)[self.triangles]
         across = face_vectors(corners)
         return 0.5 * float(np.linalg.norm(across, axis=1).sum())

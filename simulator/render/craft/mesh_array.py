@@ -40,7 +40,7 @@ class MeshArray(Protocol):
 
 
 class Culling(Protocol):
-    """Which triangles and which tiles of the image are drawn."""
+    """The triangles and the tiles of the image that are drawn."""
 
     def mesh_array(
         self,

@@ -67,7 +67,7 @@ class PlacedTarget:
 
     @property
     def edge_view(self) -> EdgeCamera:
-        """Where its edges are looked at from."""
+        """Camera and viewport for its edges."""
         place = self.place
         return EdgeCamera(self.camera, place.rect, place.near_far_m[0], place.camera_from_target)
 

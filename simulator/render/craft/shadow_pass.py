@@ -195,7 +195,7 @@ class ShadowPass(Pass):
         light_from_target: FloatArray,
         widest: float,
     ) -> ShadowFrustum:
-        """What of the box this view's shadow map needs: all that holds the target while the image does."""
+        """Return the part of the box that the view's shadow map needs: all of it while the image holds the target."""
         mesh = loaded.mesh
         # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
         whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)

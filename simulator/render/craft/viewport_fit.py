@@ -46,7 +46,7 @@ TINY_PATTERN = rotated(8)  # 65 samples per pixel
 
 @dataclass(frozen=True, eq=False)
 class ViewportFit:
-    """Where the target is in the image: bounds (not clipped), pixels to draw, depth range.
+    """The target's place in the image: bounds (not clipped), pixels to draw, depth range.
 
     The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: corners
     (2, K) of the parts' hulls in the image, bent by the lens, where all of them is before the camera; ``hull_parts``:
@@ -65,7 +65,7 @@ class ViewportFit:
 
     @property
     def is_cut(self) -> bool:
-        """Whether some of the target may be nearer than the near plane."""
+        """True if some of the target may be nearer than the near plane."""
         return self.near_far_m[0] <= MIN_NEAR_M
 
     def pixel_m(self, camera: Camera) -> float:
@@ -103,7 +103,7 @@ def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
 def fit_viewport(
     mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
 ) -> ViewportFit | None:
-    """Where the target is drawn; ``None`` when nothing of it is in front of the camera (and, clipped, on the image).
+    """Fit the viewport to the target; ``None`` when none of it is in front of the camera (and, clipped, on the image).
 
     A target that reaches behind the camera is given twice the image's size on each side.
     """

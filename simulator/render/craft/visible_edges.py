@@ -31,7 +31,7 @@ _PAIR_PX = REACH_PX - 0.5 * np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class EdgeCamera:
-    """Where edges are looked at from.
+    """Camera and viewport from which edges are selected.
 
     Parameters
     ----------
@@ -118,9 +118,10 @@ class VisibleEdges:
         return numbers, (of_first, of_second)
 
     def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
-        """Of the first ``count`` edges, seen from a place: whether the first face looks there, whether the second.
+        """Classify the first ``count`` edges as seen from a place.
 
-        And at which of them their part ends, and which are creases on a face that looks there.
+        Return four masks: the first face looks there, the second does, the edge is a boundary of its part, it is a
+        crease on a face that looks there.
         """
         edges = self.edges
         first, second = (self._planes @ place > 0).take(self._faces[:, :count])
@@ -131,7 +132,7 @@ class VisibleEdges:
         return first, second, ends, creases
 
     def _on(self, numbers: IntArray, view: EdgeCamera, shortest_px: float) -> BoolArray:
-        """Which of some edges lie in front of the camera, on the window, and are long enough along either axis."""
+        """Return a mask of edges in front of the camera, on the window, and long enough along either axis."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)
         x, y, z = np.moveaxis(R @ ends + t[:, None], 1, 0)

@@ -76,7 +76,7 @@ def season_of(scene: SceneState) -> Season:
 
 @dataclass(frozen=True)
 class EarthDraw:
-    """What one draw call sets.
+    """State of one draw call.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class EarthDraw:
 
 @dataclass(frozen=True, eq=False)
 class EarthFrame:
-    """What a frame's Earth is drawn from.
+    """Inputs from which a frame's Earth is drawn.
 
     Parameters
     ----------

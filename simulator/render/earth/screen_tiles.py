@@ -26,7 +26,7 @@ ICE_SINE = 0.73
 
 @dataclass(frozen=True, order=True)
 class TileKind:
-    """What the tiles of one draw call have in common.
+    """Properties that the tiles of one draw call share.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class ScreenTiles:
 
     @property
     def all_smooth(self) -> bool:
-        """Whether the Earth's tiles are smooth, every one."""
+        """True if every tile of the Earth is smooth."""
         return all(kind.smooth for kind in self.centers_px)
 
     @property

@@ -21,7 +21,7 @@ _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast", "software rasterizer")
 
 @dataclass(frozen=True)
 class GlInfo:
-    """What draws the pictures; recorded beside every image, because bytes depend on it."""
+    """The OpenGL driver; recorded beside every image, because bytes depend on it."""
 
     vendor: str
     renderer: str

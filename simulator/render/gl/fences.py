@@ -62,7 +62,7 @@ class Fences:
 
     @property
     def held(self) -> int:
-        """How many are kept."""
+        """Number of fences that are kept."""
         return len(self._old) + len(self._new)
 
     def _fence(self) -> int | None:

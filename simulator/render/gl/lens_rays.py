@@ -1,4 +1,4 @@
-"""What a lens undoes, as a texture: each pixel's undistorted ray and the angle that it spans."""
+"""The inverse of a lens as a texture: each pixel's undistorted ray and the angle that it spans."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class TilingTexture:
 
 
 def _sizes(width: int, height: int) -> list[tuple[int, int]]:
-    """Of the levels from the second on, as OpenGL counts them."""
+    """Return the sizes of the mipmap levels from the second on."""
     sizes = []
     while max(width, height) > 1:
         width, height = max(width // 2, 1), max(height // 2, 1)

@@ -48,7 +48,7 @@ class GlobeView:
 
     @property
     def fills_image(self) -> bool:
-        """Whether the Earth fills the image: rays that all meet the ground see nothing behind it."""
+        """True if the Earth fills the image: rays that all meet the ground see nothing behind it."""
         return self.rect is not None and self.sky_rows is None
 
     @property

@@ -63,7 +63,7 @@ class MoonView:
     rect: PixelRect | None
 
     def hides(self, directions_camera: FloatArray) -> np.typing.NDArray[np.bool_]:
-        """Whether unit directions (K, 3) in the camera frame end on the Moon."""
+        """Return True where unit directions (K, 3) in the camera frame end on the Moon."""
         return np.asarray(directions_camera @ self.center_camera > np.sqrt(max(1 - self.sine**2, 0.0)))
 
 

@@ -216,7 +216,7 @@ def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
 def _past_the_earth(
     d_camera: FloatArray, earth: GlobeView, air: Atmosphere | None
 ) -> tuple[BoolArray, FloatArray | None]:
-    """Which directions (3, K) miss the ground, and what (n, K) the air on the way leaves of their light, if any."""
+    """Return which directions (3, K) miss the ground, and the air's transmittance (n, K) along them, if any."""
     d = earth.earth_from_camera @ d_camera
     along = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
     perigee2 = float(earth.camera @ earth.camera) - along * along

@@ -27,7 +27,7 @@ LEAST_SHARE = 0.4
 
 
 def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
-    """Whether the Earth's smooth tiles should be drawn four pixels to a texel."""
+    """Return True if the Earth's smooth tiles should be drawn four pixels to a texel."""
     return images.can_pack_quads and tiles.smooth_share > LEAST_SHARE
 
 

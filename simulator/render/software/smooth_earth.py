@@ -58,7 +58,7 @@ class CornerAir:
 
     @staticmethod
     def of(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
-        """What the air pass gives at the tiles' corners; `None` where no tile is smooth."""
+        """Return the air pass's light at the tiles' corners; `None` where no tile is smooth."""
         if tiles.smooth_share <= 0:
             return None
         all_ground = not len(tiles.others_px) and not len(tiles.halved[0])

@@ -56,7 +56,7 @@ _NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where 
 
 
 class _CornerRays:
-    """The rays through the corners of all tiles: what of the Earth they meet, and how much of it a tile spans there.
+    """The rays through the corners of all tiles: the ground that they meet, and how much of it a tile spans there.
 
     Parameters
     ----------

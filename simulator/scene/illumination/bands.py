@@ -48,11 +48,6 @@ GREEN = Band("green", *RGB_BANDS_NM[1], (0.0, 1.0, 0.0))
 BLUE = Band("blue", *RGB_BANDS_NM[2], (0.0, 0.0, 1.0))
 
 
-SRGB_FROM_BANDS = ((0.396, 0.983, -0.379), (-0.029, 1.031, -0.002), (0.001, -0.123, 1.122))
-"""Matrix to linear sRGB (rows) from red, green and blue radiance times `sunlight_balance`; white is preserved.
-Fitted to spectra of limb, twilight and grounds by `tools.validation.rendering.colours`."""
-
-
 def bands_of(bands: Bands) -> tuple[Band, ...]:
     """Return the bands of an image, in the order of its channels."""
     return (PANCHROMATIC,) if bands == "mono" else (RED, GREEN, BLUE)

@@ -83,7 +83,7 @@ EARTH = Earth(
     turn_rad_s=EARTH_RATE_RAD_S,
     lowest_m=100e3,
     reach_m=9.25e8,
-    albedo=0.30,  # Bond albedo, Stephens et al. (2015), The albedo of Earth, Rev. Geophys. 53
+    albedo=0.30,  # Bond albedo: 0.295 +- 0.008, Penttila et al. (2022), Front. Remote Sens. 3, 790723
     air=BodyAir(
         # Hansen & Travis (1974), Light scattering in planetary atmospheres, Space Sci. Rev. 16, eq. 2.30
         rayleigh_m_um4=0.008569 / _COLUMN_M,

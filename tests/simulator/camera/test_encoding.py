@@ -7,6 +7,7 @@ import pytest
 
 from flyaround.hil.board.encoding import linear_picture
 from flyaround.simulator.camera.detector.presets import sensor_preset
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from flyaround.simulator.camera.detector.transfer import (
     converter,
     decode_numbers,
@@ -94,3 +95,39 @@ def test_a_screen_shows_black_as_black_and_full_scale_as_white_of_every_camera()
         assert shown[[0, 2]].tolist() == [0, 255]
         # half of the light is shown brighter than half of sRGB's scale; half of an encoded scale nearly as it is
         assert shown[1] > 185 if encoding == "linear" else 120 < shown[1] < 150
+
+
+def four_colours(sensor, encoding):
+    """Numbers (1, 4, 3) of a detector for grey, sky, foil and full scale."""
+    light = np.array([[[0.3, 0.3, 0.3], [0.2, 0.35, 0.6], [0.8, 0.6, 0.25], [1.0, 1.0, 1.0]]])
+    full, black = converter(sensor, encoding).scale_dn
+    return light, np.rint(black + light * full).astype(np.uint16)
+
+
+@pytest.mark.parametrize("black", [0.0, 4.0])
+def test_srgb_in_colour_has_the_primaries_of_srgb_and_all_else_those_of_the_detector(black):
+    sensor = replace(sensor_preset("imx174"), bits=8)
+    detector = replace(sensor.detector, black_level_dn=black, gain_e_per_dn=33_000 / (255 - black))
+    sensor = replace(sensor, detector=replace(detector, full_well_e=33_000.0))
+    for encoding in CURVES:
+        light, numbers = four_colours(sensor, encoding)
+        wanted = light @ np.transpose(SRGB_FROM_BANDS) if encoding == "srgb" else light
+        image = encode_numbers(numbers, sensor, encoding)
+        assert image == pytest.approx(255 * encode(np.clip(wanted, 0, 1), encoding), abs=0.6)
+        assert len(set(image[0, 0].tolist())) == 1  # grey stays grey
+    light, numbers = four_colours(sensor, "linear")
+    assert np.array_equal(encode_numbers(numbers, sensor, "linear"), numbers)
+
+
+def test_a_screen_shows_one_colour_whatever_the_encoding():
+    sensor = sensor_preset("ideal")
+    shown = [
+        display_picture(
+            encode_numbers(four_colours(sensor, encoding)[1], sensor, encoding).astype(np.uint8),
+            sensor,
+            encoding,
+        )
+        for encoding in ("linear", *CURVES)
+    ]
+    for other in shown[1:]:
+        assert shown[0].astype(float) == pytest.approx(other, abs=3)

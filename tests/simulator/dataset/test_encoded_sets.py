@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from flyaround.__main__ import run
 from flyaround.simulator.camera.encoding import encode
 from flyaround.simulator.dataset.check.clean_twin import check_clean
 from flyaround.simulator.dataset.check.redraw import check_same_picture
+from flyaround.simulator.dataset.check.signal import check_states_by_signal
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.dataset.formats.native import frame_paths, read_layer, read_png
 from flyaround.simulator.labels.truth import read_truth
@@ -52,6 +54,22 @@ def test_an_image_with_another_curve_is_found(inspection):
     # the same bytes under another name are another picture
     linear = replace(truth.camera, encoding="linear")
     assert linear != truth.camera
+
+
+def test_a_state_that_a_colour_image_denies_is_found(inspection):
+    """Also where a colour matrix has mixed the detector's bands."""
+    paths = frame_paths(inspection, 0)
+    truth, clean = read_truth(paths.truth), read_layer(inspection / "images", "000000", "clean")
+    assert check_states_by_signal(truth, clean) == []
+    found = 0
+    for k, point in enumerate(truth.keypoints):
+        if point.state == "visible":
+            wrong = msgspec.structs.replace(point, state="saturated")
+            changed = msgspec.structs.replace(
+                truth, keypoints=(*truth.keypoints[:k], wrong, *truth.keypoints[k + 1 :])
+            )
+            found += bool(check_states_by_signal(changed, clean))
+    assert found
 
 
 def test_an_encoded_picture_comes_again_from_its_record(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyaround.simulator.scene.illumination.bands import SRGB_FROM_BANDS
+from flyaround.simulator.camera.detector.response import SRGB_FROM_BANDS
 from tools.validation.rendering import colours as rendering_colours
 
 

@@ -10,6 +10,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import sensor_preset
 from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless, with_bits
+from flyaround.simulator.camera.detector.transfer import converter, encode_numbers
 from flyaround.simulator.dataset.check.clean_twin import check_clean
 from flyaround.simulator.imaging.image_formation import digitise
 from flyaround.simulator.scene.illumination.bands import sunlight_balance
@@ -68,7 +69,7 @@ def test_heat_is_of_the_exposure():
     assert check_clean(longer, image, mask, clean)
 
 
-def sky_and_craft(sensor, level, exposure_s, colours=None):
+def sky_and_craft(sensor, level, exposure_s, colours=None, encoding="linear"):
     """A black sky, an Earth of a level on its left and a craft of a third of that: record, image, mask, clean twin.
 
     Parameters
@@ -86,11 +87,14 @@ def sky_and_craft(sensor, level, exposure_s, colours=None):
         balance = sunlight_balance("rgb")
         balance = balance if sensor.detector is None else white_balance(sensor, Optics(), balance)
         light = (light[..., None] * np.asarray(colours) / balance).astype(np.float32)
-    image, clean = (digitise(light, s, 1, 2, exposure_s, balance) for s in (sensor, noiseless(sensor)))
+    image, clean = (
+        encode_numbers(digitise(light, converter(s, encoding), 1, 2, exposure_s, balance), s, encoding)
+        for s in (sensor, noiseless(sensor))
+    )
     scene = SimpleNamespace(
         sensor=sensor, exposure_s=exposure_s, optics=Optics(), bands="mono" if colours is None else "rgb"
     )
-    return SimpleNamespace(camera=LINEAR, scene=scene), image, mask, clean
+    return SimpleNamespace(camera=SimpleNamespace(pixel_encoding=encoding), scene=scene), image, mask, clean
 
 
 def detector_of(preset, bits, colour_filter="none", noise=1.0):
@@ -128,6 +132,20 @@ def test_good_frames_of_noise_recipes_pass(preset, bits, colours):
     sensor = with_bits(sensor_preset(preset), bits)
     for level in (0.001, 0.1, 0.9):
         assert check_clean(*sky_and_craft(sensor, level, 1e-3, colours)) == []
+
+
+@pytest.mark.parametrize("encoding", ["srgb", "gamma"])
+@pytest.mark.parametrize("colours", [WHITE, BLUE, RED])
+@pytest.mark.parametrize("preset", ["speed", "thesis", "imx174"])
+def test_good_encoded_frames_in_colour_pass_and_others_are_caught(preset, colours, encoding):
+    sensor = detector_of(preset, 8) if preset == "imx174" else sensor_preset(preset)
+    for level in (0.05, 0.2, 0.6):
+        truth, image, mask, clean = sky_and_craft(sensor, level, 1e-3, colours, encoding)
+        assert check_clean(truth, image, mask, clean) == []
+    for channel in range(3):
+        brighter = image.copy()
+        brighter[..., channel] = np.clip(image[..., channel].astype(int) + 60, 0, 255)
+        assert check_clean(truth, brighter, mask, clean)
 
 
 @pytest.mark.parametrize("bits", [8, 12])

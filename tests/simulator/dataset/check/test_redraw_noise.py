@@ -9,7 +9,7 @@ from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.readout import detect
 from flyaround.simulator.camera.detector.response import white_balance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor
-from flyaround.simulator.dataset.check.clean_twin import balance_factors
+from flyaround.simulator.dataset.check.clean_twin import band_gains
 from flyaround.simulator.dataset.check.redraw import check_same_picture
 from flyaround.simulator.scene.illumination.bands import sunlight_balance
 
@@ -48,7 +48,7 @@ def sensor_of(blue, **options):
 def test_noise_that_white_balance_multiplies_is_noise(blue, colour_filter, level):
     sensor = sensor_of(blue, colour_filter=colour_filter, black_level_dn=100.0)
     truth, mask = scene_of(sensor), np.zeros((200, 200), np.uint8)
-    assert (balance_factors(truth).max() > 10) == (blue < 0.1)
+    assert (band_gains(truth).max() > 10) == (blue < 0.1)
     first, second = (taken(sensor, seed, level) for seed in (1, 2))
     assert check_same_picture(truth, first, second, mask) == []
     brighter = taken(sensor, 1, level + 0.35)
@@ -71,4 +71,4 @@ def test_a_black_level_is_no_light_whose_noise_would_hide_a_change():
 
 
 def test_a_noise_recipe_has_no_white_balance():
-    assert (balance_factors(scene_of(Sensor(bits=8))) == 1).all()
+    assert np.array_equal(band_gains(scene_of(Sensor(bits=8))), np.eye(3))

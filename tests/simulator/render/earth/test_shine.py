@@ -119,6 +119,6 @@ def test_plates_get_the_light_of_the_drawn_earth(
     given = basis(normals, fields[-1].axis) @ fields[-1].irradiance_w_m2
     brightest = drawn.max(axis=0)
     assert np.all(brightest > 0)
-    # 3 to 5 % in most places. Patches of cloud lie between the rays, and their mean light depends on a pixel's width;
-    # from far away the Earth is a small disc, whose irradiance on plates ten numbers hold to 4 %
+    # 3 to 5 % in most places. Patches of cloud lie between the rays, and their mean light hangs on a pixel's width, in
+    # the pictures by up to 7 %. From far away the Earth is a small disc: ten numbers hold its light on plates to 4 %
     assert (np.abs(given - drawn) / brightest).max() < 0.08
