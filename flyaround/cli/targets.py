@@ -122,9 +122,9 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 def _expected_of_the_estimator(target: Target) -> str:
     """What to expect of the estimator on a craft that it was not made for; empty where it has a learned proposal."""
-    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
+    from flyaround.hil.board.hybrid.propose.keypoints.network import has_shipped_head  # noqa: PLC0415 - slow to import, needed here alone
 
-    if shipped_network(target.name) is not None:
+    if has_shipped_head(target.name):
         return ""
     n = sum(len(p.triangles) for p in target.parts)
     heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MOST_TRIANGLES}; "

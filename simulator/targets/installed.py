@@ -39,6 +39,11 @@ def user_file(name: str) -> Path:
     return user_folder() / f"{name}.glb"
 
 
+def head_file(name: str) -> Path:
+    """Path of the keypoint network trained for a target, whether it is there or not."""
+    return user_folder() / f"{name}.keypoints.npz"
+
+
 def sheet_folder(name: str) -> Path:
     """Where the contact sheet of the user's target called ``name`` goes."""
     return user_folder() / f"{name}-sheet"
