@@ -29,7 +29,7 @@ from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.keypoints import fit
 from flyaround.hil.train.keypoints.head_training import arrays_of, load_views
 from flyaround.hil.train.keypoints.network import Head, Trunk
-from flyaround.hil.train.keypoints.samples import EASY, HARD, halved, sample
+from flyaround.hil.train.keypoints.samples import EASY, HARD, Batch, halved, sample
 from flyaround.hil.train.keypoints.trunk_file import folded, to_onnx
 from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of
 from flyaround.simulator.runtime.files import write_atomic
@@ -67,7 +67,7 @@ def drawing(folder: Path, name: str) -> Drawing:
 
 
 def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:  # noqa: ANN401 - a shared flag
-    """Put batches into a queue for ever: names and sizes of their parts, inputs, keypoints, presence."""
+    """Put batches into a queue for ever: names and sizes of their parts, and samples."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     views, earths = {}, {}
@@ -85,10 +85,10 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:
             sample(views[n], earths[n], rng.integers(len(views[n].lit), size=size), rng, mix)
             for n, size in sizes.items()
         ]
-        stacked = [
-            np.concatenate([getattr(p, key) for p in parts]) for key in ("inputs", "points", "present")
-        ]
-        queue.put((list(sizes.items()), *stacked))
+        keys = ("inputs", "points", "present", "log_size")
+        queue.put(
+            (list(sizes.items()), Batch(*(np.concatenate([getattr(p, k) for p in parts]) for k in keys)))
+        )
 
 
 def train(folder: Path, state: Path, minutes: float, threads: int) -> None:
@@ -144,18 +144,18 @@ def _step(both: nn.ModuleDict, adam: torch.optim.Optimizer, batch: Any, steps: i
     )
     for group in adam.param_groups:
         group["lr"] = float(rate)
-    sizes, inputs, points, present = batch
-    x = torch.from_numpy(inputs).float().contiguous(memory_format=torch.channels_last)
+    sizes, samples = batch
+    x = torch.from_numpy(samples.inputs).float().contiguous(memory_format=torch.channels_last)
     made, first = [], 0
     with torch.autocast("cpu", torch.bfloat16):
         features = both["trunk"](x)
         for name, size in sizes:
             made.append(both["heads"][name](features[first : first + size]))  # type: ignore[index]
             first += size
-    logits, there = (torch.cat([m[k] for m in made]).float() for k in range(2))
-    keypoints, presence = fit.loss(logits, there[:, 0], torch.from_numpy(points), torch.from_numpy(present))
+    logits, whole = (torch.cat([m[k] for m in made]) for k in range(2))
+    keypoints, loss = fit.loss((logits, whole), samples)
     adam.zero_grad()
-    (keypoints + fit.PRESENCE * presence).backward()
+    loss.backward()
     nn.utils.clip_grad_norm_(both.parameters(), fit.LARGEST_GRADIENT)
     adam.step()
     return keypoints.item()

@@ -22,20 +22,16 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
     TRIED,
     Evidence,
-    confidence,
     decide,
     decided,
     doubtful,
     error_scale,
-    reconsidered,
 )
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
 from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
-from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
 from flyaround.hil.board.hybrid.prepare import prepare
@@ -54,10 +50,6 @@ from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
 from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
-
-# Confidences between which a pose in the light of lamps is held against near leans, accepted or not: of 171 surer ones
-# leaning made none right or wrong, and 11 worse of the 13 that it moved by a degree.
-LIKELY, CLEAR = 0.5, 0.99
 
 # Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
 ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
@@ -204,12 +196,10 @@ def _tilted(choice: Choice) -> Selection:
 
 
 def _accepted_in_doubt(choice: Choice) -> bool:
-    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
+    """Return True if a first round would accept the pose, with a confidence that wrong ones have too."""
     if not choice.image.setup.has_faces or choice.proposals.thorough:
         return False
     evidence = _evidence(choice)
-    if evidence.regime is Regime.LAMPS:
-        return LIKELY < confidence(evidence) < CLEAR
     return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
 
@@ -221,12 +211,15 @@ def _prior(choice: Choice) -> Optional[Prior]:
 
 def _evidence(choice: Choice) -> Evidence:
     """The evidence with what is known of the target's confidences."""
-    image = choice.image
+    image, best = choice.image, choice.selection.best
+    learned, places = image.setup.learned, choice.proposals.places
     return replace(
         choice.selection.evidence,
         tried=image.setup.tried,
-        looked=image.setup.learned is not None,
+        looked=learned is not None,
         regime=image.regime,
+        network=learned.log_likelihood(places, best.q, best.t) if learned is not None and places else 0.0,
+        craft=max((place.craft for place in places), default=0.0),
     )
 
 
@@ -248,10 +241,6 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
-    if evidence.regime is Regime.LAMPS and first is not None and isinstance(first.evidence, Evidence):
-        agreed = _agrees(first, pose)
-        evidence = replace(evidence, agreed=agreed)
-        first = reconsidered(first, replace(first.evidence, agreed=agreed), setup.accept_at)
     frame.count("edges", evidence.edges)
     frame.keep("field", selection.best.source.field)
     if frame.shows_all:
@@ -261,12 +250,6 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # not by what they explain: the rounds were judged on different cuts of the image
     return result if first is None or result.confidence > first.confidence else first
-
-
-def _agrees(result: PoseResult, pose: PoseFit) -> bool:
-    """Return True if an answer is the same pose."""
-    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-    return q is not None and t is not None and same_end(PoseFit(q, t), pose)
 
 
 class PoseEstimator(Estimator):

@@ -19,8 +19,10 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, RE
 if TYPE_CHECKING:
     from torch import Tensor
 
-# Width of the wanted distribution of a keypoint [bins], and the weight of the presence against it.
-WIDTH_BINS, PRESENCE = 1.6, 0.3
+    from flyaround.hil.train.keypoints.samples import Batch
+
+# Width of the wanted distribution of a keypoint [bins], and the weights of presence and size against it.
+WIDTH_BINS, PRESENCE, SIZE = 1.6, 0.3, 1.0
 
 # Largest rate, its weight decay, steps in which it rises, and the largest gradient.
 RATE, DECAY, WARM_UP, LARGEST_GRADIENT = 2e-3, 0.02, 300, 5.0
@@ -43,20 +45,22 @@ def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
     return shape / shape.sum(-1, keepdim=True).clamp_min(1e-6), (points.abs() < REACH).float()
 
 
-def loss(logits: Tensor, logit_present: Tensor, points: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the cross-entropy of the keypoints of the craft that are there, and that of the presence.
+def loss(outputs: tuple[Tensor, Tensor], batch: Batch) -> tuple[Tensor, Tensor]:
+    """Return the cross-entropy of the keypoints of the craft that are there, and the whole loss.
 
     Parameters
     ----------
-    logits : (B, K, 2, BINS) tensor
-        The network's logits of keypoints.
-    logit_present : (B,) tensor
-        Its logits of a craft being there.
-    points, present : (B, K, 2), (B,) tensors
+    outputs : pair of tensors
+        Of a `Head`.
+    batch : Batch
         The truth.
     """
-    shape, within = wanted(points)
+    logits, whole = (x.float() for x in outputs)
+    present, size = torch.from_numpy(batch.present), torch.from_numpy(batch.log_size)
+    shape, within = wanted(torch.from_numpy(batch.points))
     weight = within * present[:, None, None]
     entropy = -(shape * functional.log_softmax(logits, -1)).sum(-1)
     keypoints = (entropy * weight).sum() / weight.sum().clamp_min(1.0)
-    return keypoints, functional.binary_cross_entropy_with_logits(logit_present, present)
+    presence = functional.binary_cross_entropy_with_logits(whole[:, 0], present)
+    off = functional.smooth_l1_loss(whole[:, 1], size, reduction="none", beta=0.1)
+    return keypoints, keypoints + PRESENCE * presence + SIZE * (off * present).mean()

@@ -226,12 +226,12 @@ class _HeadTraining:
             which = np.arange(first, min(first + BATCH, self._kept_back))
             batch = sample(self._views, self._earths, which, rng)
             with torch.no_grad():
-                logits, present = self._head(self._trunk(torch.from_numpy(batch.inputs).float()))
+                logits, whole = self._head(self._trunk(torch.from_numpy(batch.inputs).float()))
             there = batch.present > 0
             peaks = centres[logits.argmax(-1).numpy()]
             off = np.linalg.norm(peaks - batch.points, axis=-1)[there] * INPUT_PX / 2
             errors.append(off.ravel())
-            noticed.append(present[:, 0].numpy()[there] > 0)
+            noticed.append(whole[:, 0].numpy()[there] > 0)
         off = np.concatenate(errors)
         return float(np.median(off)), float((off < 10).mean()), float(np.concatenate(noticed).mean())
 
@@ -249,15 +249,10 @@ class _HeadTraining:
         with torch.autocast("cpu", torch.bfloat16):
             with torch.no_grad():
                 features = self._trunk(inputs)
-            logits, present = self._head(features)
-        keypoints, presence = fit.loss(
-            logits.float(),
-            present.float()[:, 0],
-            torch.from_numpy(batch.points),
-            torch.from_numpy(batch.present),
-        )
+            outputs = self._head(features)
+        keypoints, whole = fit.loss(outputs, batch)
         self._adam.zero_grad()
-        (keypoints + fit.PRESENCE * presence).backward()
+        whole.backward()
         torch.nn.utils.clip_grad_norm_(self._head.parameters(), fit.LARGEST_GRADIENT)
         self._adam.step()
         keep = min(fit.KEEP, self._steps / (self._steps + 20))

@@ -63,7 +63,7 @@ class Trunk(nn.Module):
 
 
 class Head(nn.Module):
-    """Return (B, K, 2, BINS) logits of keypoints, and (B, 1) of a craft, of a trunk's features."""
+    """Return (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of a craft and log size, of a trunk's features."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,10 +71,10 @@ class Head(nn.Module):
         self.maps = nn.Conv2d(width, KEYPOINTS * MAPS, 3, padding=1)
         self.hidden = nn.Linear(MAPS * CELLS * CELLS, HIDDEN)
         self.bins = nn.Linear(HIDDEN, 2 * BINS)
-        self.present = nn.Linear(width, 1)
+        self.whole = nn.Linear(width, 2)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits."""
         maps = torch.relu(self.maps(features)).reshape(-1, KEYPOINTS, MAPS * CELLS * CELLS)
         logits = self.bins(torch.relu(self.hidden(maps))).reshape(-1, KEYPOINTS, 2, BINS)
-        return logits, self.present(features.mean(dim=(2, 3)))
+        return logits, self.whole(features.mean(dim=(2, 3)))

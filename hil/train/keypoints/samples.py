@@ -125,11 +125,14 @@ class Batch:
         Keypoints from the middle of the input [half sides].
     present : (B,) array
         1 where there is a craft.
+    log_size : (B,) array
+        Logarithm of its size over that of a crop that it fills as it should.
     """
 
     inputs: NDArray[np.float16]
     points: Float32Array
     present: Float32Array
+    log_size: Float32Array
 
 
 def halved(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
@@ -186,7 +189,12 @@ def sample(
         points[i] = _seen_at(views, k) @ M[:, :2].T + M[:, 2]
     points = (points - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
     inputs = channels(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
-    return Batch(inputs.astype(np.float16), points.astype(np.float32), present.astype(np.float32))
+    return Batch(
+        inputs.astype(np.float16),
+        points.astype(np.float32),
+        present.astype(np.float32),
+        box[:, 2].astype(np.float32),
+    )
 
 
 def _seen_at(views: LitViews, k: int) -> FloatArray:

@@ -31,8 +31,8 @@ SHAPES: Dict[str, Tuple[int, ...]] = {
     "hidden_bias": (HIDDEN,),
     "bins": (2 * BINS, HIDDEN),
     "bins_bias": (2 * BINS,),
-    "present": (1, FEATURES),
-    "present_bias": (1,),
+    "whole": (2, FEATURES),
+    "whole_bias": (2,),
     "keypoints_m": (KEYPOINTS, 3),
 }
 
@@ -64,8 +64,10 @@ class KeypointHead:
     error_scale: float
     weights: Dict[str, Array]
 
-    def __call__(self, features: Array) -> Tuple[Array, Array]:
-        """Return (B, K, 2, BINS) log-probabilities, and (B,) logits of the craft being there.
+    def __call__(self, features: Array) -> Tuple[Array, Array, Array]:
+        """Return (B, K, 2, BINS) log-probabilities, (B,) logits of the craft being there, and (B,) its log size.
+
+        The size is the logarithm of the bounding sphere's diameter over the one that the crop was made for.
 
         Parameters
         ----------
@@ -82,8 +84,8 @@ class KeypointHead:
         logits = (hidden @ w["bins"].T + w["bins_bias"]).reshape(n, KEYPOINTS, 2, BINS)
         logits -= logits.max(axis=-1, keepdims=True)
         logits -= np.log(np.exp(logits).sum(axis=-1, keepdims=True))
-        present = features.mean(axis=(2, 3)) @ w["present"].T + w["present_bias"]
-        return logits, present[:, 0].astype(float)
+        whole = (features.mean(axis=(2, 3)) @ w["whole"].T + w["whole_bias"]).astype(float)
+        return logits, whole[:, 0], whole[:, 1]
 
     @staticmethod
     def read(data: bytes, name: str) -> KeypointHead:

@@ -23,6 +23,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, n
 from flyaround.hil.board.hybrid.propose.keypoints.network import KeypointNetwork, network_for
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import (
+    CORRELATED,
     likeliest_place,
     log_likelihoods,
     pose_modes,
@@ -37,9 +38,6 @@ SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "st
 
 # Poses proposed for one crop, and looks of the second round.
 POSES, QUARTERS = 16, 4
-
-# Log-likelihoods are divided by this: the errors of a craft's keypoints are those of one pose, not independent.
-CORRELATED = 8.0
 
 # Logit of a craft by which a crop may be behind the surest.
 DOUBT = 5.0
@@ -69,6 +67,8 @@ class LearnedProposal:
         Logit of there being a craft.
     p : (K, 2, BINS) array
         Probabilities of the keypoints.
+    log_size : float
+        Logarithm of the craft's size over the crop's.
     """
 
     source: Region
@@ -78,6 +78,7 @@ class LearnedProposal:
     log_likely: Array
     craft: float
     p: Array
+    log_size: float
 
     def region(self, camera: CameraIntrinsics) -> Region:
         """Return the square about the bounding sphere; it may reach beyond the image."""
@@ -160,15 +161,15 @@ class LearnedProposer:
             for r, size in starts
         ]
         for look in range(LOOKS):
-            log_p, craft = self.network(network_inputs(image, noise, camera, crops, reduced, black))
+            log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
             sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - DOUBT]
-            moved = {k: self._corrected(crops[k], log_p[k]) for k in sure}
+            moved = {k: self._corrected(crops[k], log_p[k], size[k]) for k in sure}
             # starts that lead to one place are one
             sure = self._apart(sure, moved, keep if look else SECOND)
             if look == LOOKS - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
                 break
             crops, sources = [moved[k] for k in sure], [sources[k] for k in sure]
-        return [self._proposal(sources[k], crops[k], log_p[k], float(craft[k])) for k in sure[:keep]]
+        return [self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in sure[:keep]]
 
     def look_again(
         self,
@@ -189,10 +190,10 @@ class LearnedProposer:
         first : LearnedProposal
             A proposal of the first looks.
         """
-        crop = self._corrected(first.crop, np.log(first.p))
+        crop = self._corrected(first.crop, np.log(first.p), first.log_size)
         look = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
         turned = [np.rot90(look, k, axes=(1, 2)) for k in range(QUARTERS)]
-        log_p, craft = self.network(np.ascontiguousarray(turned))
+        log_p, craft, size = self.network(np.ascontiguousarray(turned))
         p = np.zeros_like(log_p[0])
         for k in range(QUARTERS):
             back = np.exp(log_p[k])
@@ -200,7 +201,7 @@ class LearnedProposer:
                 # a quarter turn takes (x, y) to (y, -x)
                 back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
             p += back / QUARTERS
-        return self._proposal(first.source, crop, np.log(p), float(craft.mean()))
+        return self._proposal(first.source, crop, np.log(p), float(craft.mean()), float(size.mean()))
 
     def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
         """Return the log-likelihood of a pose by the network alone, less that of the most likely pose.
@@ -245,22 +246,22 @@ class LearnedProposer:
         """Return the focal length of a crop's camera [half sides]."""
         return (self.camera.fx_px + self.camera.fy_px) * INPUT_FILL / crop.diameter_px
 
-    def _corrected(self, crop: ImageCrop, log_p: Array) -> ImageCrop:
+    def _corrected(self, crop: ImageCrop, log_p: Array, log_size: float) -> ImageCrop:
         """Return the crop about the craft at its most likely pose."""
-        focal = self._focal(crop)
-        t = likeliest_place(log_p, self.points, focal)
+        focal, log_size = self._focal(crop), float(np.clip(log_size, -SIZE, SIZE))
+        t = likeliest_place(log_p, self.points, focal, log_size)
         shift = np.clip(focal * t[:2] / t[2], -SHIFT, SHIFT)
-        wide = focal / np.sqrt(max(float(t @ t) - 1.0, 0.1)) / INPUT_FILL
-        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
-        return crop.moved(f, shift, float(np.clip(np.log(wide), -SIZE, SIZE)))
+        return crop.moved(0.5 * (self.camera.fx_px + self.camera.fy_px), shift, log_size)
 
-    def _proposal(self, source: Region, crop: ImageCrop, log_p: Array, craft: float) -> LearnedProposal:
-        modes = pose_modes(log_p, self.points, self._focal(crop), POSES)
+    def _proposal(
+        self, source: Region, crop: ImageCrop, log_p: Array, craft: float, log_size: float
+    ) -> LearnedProposal:
+        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, POSES)
         score = modes.log_likelihood / CORRELATED
         swing = crop.swing()
         q = quat.multiply(quat.from_matrix(swing), modes.q)
         t = self.radius_m * modes.t @ swing.T - quat.matrix(q) @ self.centre_m
-        return LearnedProposal(source, crop, q, t, score, craft, with_outliers(log_p))
+        return LearnedProposal(source, crop, q, t, score, craft, with_outliers(log_p), log_size)
 
 
 def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:

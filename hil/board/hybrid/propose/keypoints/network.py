@@ -42,8 +42,8 @@ class KeypointNetwork:
     trunk: cv2.dnn.Net
     head: KeypointHead
 
-    def __call__(self, inputs: Array) -> Tuple[Array, Array]:
-        """Return (B, K, 2, BINS) log-probabilities, and (B,) logits of the craft being there.
+    def __call__(self, inputs: Array) -> Tuple[Array, Array, Array]:
+        """Return log-probabilities, logits of a craft and its log size, as of `KeypointHead`.
 
         Parameters
         ----------

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import List, Sequence, Tuple
+from typing import List, Tuple
 
 import numpy as np
 
@@ -23,14 +23,17 @@ Array = np.ndarray
 # Attitudes of the grid: neighbours are about 15 degrees apart; and of the one that only places the craft.
 ATTITUDES, PLACING_ATTITUDES = 4000, 1200
 
-# Sizes compared about the crop's, and those compared where the crop is a first guess.
-SIZES, PLACING_SIZES = (0.87, 1.0, 1.15), (0.42, 0.55, 0.72, 0.93, 1.2, 1.55)
+# Sizes compared about the network's, and the standard deviation of its logarithm.
+SIZES, SIZE_SIGMA = (0.92, 1.0, 1.09), 0.08
 
 # Widths by which the distributions are smoothed for the grid and for the two halves of the refinement [bins].
 GRID_BINS, REFINE_BINS = 6.0, (3.0, 1.0)
 
 # Share of probability spread over all bins: what one keypoint alone can take off a pose is bounded.
 OUTLIERS = 0.05
+
+# Log-likelihoods count this much too much: the errors of a craft's keypoints are those of one pose, not independent.
+CORRELATED = 8.0
 
 # Attitudes refined, the least angle between them [rad], and steps of each half of the refinement.
 REFINED, APART_RAD, STEPS = 28, float(np.radians(11.0)), 5
@@ -61,7 +64,7 @@ class PoseModes:
     log_likelihood: Array
 
 
-def pose_modes(log_p: Array, points: Array, focal: float, most: int) -> PoseModes:
+def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most: int) -> PoseModes:
     """Return the maxima of the likelihood of poses.
 
     Parameters
@@ -72,16 +75,20 @@ def pose_modes(log_p: Array, points: Array, focal: float, most: int) -> PoseMode
         Keypoints from the sphere's centre, target frame [radii].
     focal : float
         Focal length of the crop's camera [half sides].
+    log_size : float
+        Logarithm of the craft's size over that of a crop that its sphere fills as it should.
     most : int
         Number of poses returned at most.
     """
     p = with_outliers(log_p)
-    coarse, at, _ = _grid_maxima(p, points, focal, ATTITUDES, SIZES, REFINED)
+    sizes = np.exp(log_size) * np.array(SIZES)
+    coarse, at, _ = _grid_maxima(p, points, focal, ATTITUDES, sizes, REFINED)
+    distance = _distance(focal) * np.exp(-log_size)
     q, t = coarse, at
     for width in REFINE_BINS:
         table = np.log(_smoothed(p, width))
         for _ in range(STEPS):
-            q, t = _newton(table, points, focal, q, t)
+            q, t = _newton(table, points, focal, distance, q, t)
     score = log_likelihoods(p, points, focal, q, t)
     order = np.argsort(-score)
     # after the modes the grid's maxima: where the distributions are wide, a mode stands for many poses
@@ -93,15 +100,16 @@ def pose_modes(log_p: Array, points: Array, focal: float, most: int) -> PoseMode
     return PoseModes(q[kept], t[kept], log_likelihoods(p, points, focal, q[kept], t[kept]))
 
 
-def likeliest_place(log_p: Array, points: Array, focal: float) -> Array:
+def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
     """Return (3,) the position of the sphere's centre at the most likely pose of a coarse grid [radii].
 
     Parameters
     ----------
-    log_p, points, focal
+    log_p, points, focal, log_size
         As of `pose_modes`.
     """
-    _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, PLACING_ATTITUDES, PLACING_SIZES, 1)
+    size = np.exp([log_size])
+    _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, PLACING_ATTITUDES, size, 1)
     return np.asarray(t[0])
 
 
@@ -149,7 +157,7 @@ def _grid(n: int) -> Tuple[Array, Array]:
 
 
 def _grid_maxima(
-    p: Array, points: Array, focal: float, attitudes: int, sizes: Sequence[float], most: int
+    p: Array, points: Array, focal: float, attitudes: int, sizes: Array, most: int
 ) -> Tuple[Array, Array, Array]:
     """Return the best poses of the grid that are apart, and their log-likelihoods: (N, 4), (N, 3), (N,)."""
     q, R = _grid(attitudes)
@@ -159,8 +167,7 @@ def _grid_maxima(
     middle = (p @ centre / p.sum(axis=-1)).mean(axis=0)
     # weak perspective: the middle of the keypoints is where the middle of their means is
     turned = np.einsum("nij,kj->nki", R[:, :2], (points - points.mean(axis=0)).astype(np.float32))
-    # distance at which the sphere fills its share of the crop
-    away = float(np.hypot(1.0, focal / INPUT_FILL))
+    away = _distance(focal)
     scores = np.empty((len(sizes), len(q)), np.float32)
     shift = ((middle + REACH) / STEP).astype(np.float32)
     for score, factor in zip(scores, sizes):  # noqa: B905 - Python 3.9 has no strict=
@@ -168,7 +175,7 @@ def _grid_maxima(
         np.clip(at, 0, BINS - 1, out=at)
         at += k_at
         score[:] = table.ravel().take(at).sum(axis=(1, 2))
-    size = np.asarray(sizes)[scores.argmax(axis=0)]
+    size = sizes[scores.argmax(axis=0)]
     best = scores.max(axis=0)
     kept: List[int] = []
     for k in np.argsort(-best)[: 10 * most]:
@@ -180,6 +187,11 @@ def _grid_maxima(
     off = np.einsum("nij,j->ni", R[kept], points.mean(axis=0))
     xy = middle * (z / focal)[:, None] - off[:, :2]
     return q[kept], np.column_stack([xy, z]), best[kept]
+
+
+def _distance(focal: float) -> float:
+    """Return the distance at which the sphere fills its share of a crop [radii]."""
+    return float(np.hypot(1.0, focal / INPUT_FILL))
 
 
 def _projected(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
@@ -203,8 +215,10 @@ def _looked_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
     return (1 - part) * b + part * c, slope, curve
 
 
-def _newton(table: Array, points: Array, focal: float, q: Array, t: Array) -> Tuple[Array, Array]:
-    """Return poses after one damped Newton step up the log-likelihood."""
+def _newton(
+    table: Array, points: Array, focal: float, distance: float, q: Array, t: Array
+) -> Tuple[Array, Array]:
+    """Return poses after one damped Newton step up the log-likelihood, with a prior on the distance."""
     R = quat.matrix(q)
     uv, seen = _projected(points, focal, R, t)
     value, slope, curve = _looked_up(table, uv)
@@ -217,6 +231,10 @@ def _newton(table: Array, points: Array, focal: float, q: Array, t: Array) -> Tu
     J = np.stack([np.concatenate([np.cross(arm, d), d], axis=-1) for d in (du, dv)], axis=2)
     H = np.einsum("nkia,nki,nkib->nab", J, weight, J)
     g = np.einsum("nkia,nki->na", J, slope)
+    # wide distributions shrink towards their middle: without the prior, so would the craft
+    prior = CORRELATED / (SIZE_SIGMA * distance) ** 2
+    H[:, 5, 5] += prior
+    g[:, 5] += prior * (distance - t[:, 2])
     H += np.eye(6) * (1e-3 * np.trace(H, axis1=1, axis2=2) / 6 + 1e-6)[:, None, None]
     step = np.linalg.solve(H, g[..., None])[..., 0]
     step[:, :3] *= np.minimum(1.0, 0.2 / np.maximum(np.linalg.norm(step[:, :3], axis=1), 1e-9))[:, None]
@@ -229,8 +247,9 @@ def _newton(table: Array, points: Array, focal: float, q: Array, t: Array) -> Tu
     new = t + step[:, 3:]
     new[:, 2] = np.maximum(new[:, 2], 1.05)
     # a step that makes it less likely is halved once, then left out
-    before = value.sum(axis=(1, 2))
+    before = value.sum(axis=(1, 2)) - 0.5 * prior * (t[:, 2] - distance) ** 2
     after = _looked_up(table, _projected(points, focal, quat.matrix(moved), new)[0])[0].sum(axis=(1, 2))
+    after -= 0.5 * prior * (new[:, 2] - distance) ** 2
     worse = after < before - 1e-6
     moved[worse], new[worse] = q[worse], t[worse]
     return moved, new
