@@ -108,6 +108,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
     try:
         path.unlink()
         path.with_suffix(".run.toml").unlink(missing_ok=True)
+        head_file(name).unlink(missing_ok=True)
         shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error

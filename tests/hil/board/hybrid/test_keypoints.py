@@ -39,6 +39,11 @@ def distributions(points: np.ndarray, *poses: tuple[np.ndarray, np.ndarray]) -> 
     return np.log(p / p.sum(axis=-1, keepdims=True))
 
 
+def log_size(t: np.ndarray) -> float:
+    """What the network says of a craft there."""
+    return float(np.log(np.hypot(1.0, FOCAL / INPUT_FILL) / t[2]))
+
+
 def poses(seed: int) -> list[tuple[np.ndarray, np.ndarray]]:
     rng = np.random.default_rng(seed)
     away = float(np.hypot(1.0, FOCAL / INPUT_FILL))
@@ -55,13 +60,13 @@ def poses(seed: int) -> list[tuple[np.ndarray, np.ndarray]]:
 def test_the_pose_is_found_from_distributions_of_keypoints(tango: BoardModel, seed: int) -> None:
     points = points_of(tango)
     q, t = poses(seed)[0]
-    modes = pose_modes(distributions(points, (q, t)), points, FOCAL, 16)
+    modes = pose_modes(distributions(points, (q, t)), points, FOCAL, log_size(t), 16)
     assert np.degrees(quat.angle_rad(modes.q[0], q)) < 1.0
     assert np.linalg.norm(modes.t[0] - t) < 0.02 * t[2]
     assert modes.log_likelihood[0] == modes.log_likelihood.max()
-    near = likeliest_place(distributions(points, (q, t)), points, FOCAL)
+    near = likeliest_place(distributions(points, (q, t)), points, FOCAL, log_size(t))
     assert np.linalg.norm((near - t)[:2]) < 0.35
-    assert abs(np.log(near[2] / t[2])) < 0.35
+    assert near[2] == pytest.approx(t[2])
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -69,7 +74,7 @@ def test_each_of_two_poses_that_are_as_likely_is_proposed(tango: BoardModel, see
     points = points_of(tango)
     both = poses(seed)
     both[1] = (both[1][0], both[0][1])
-    modes = pose_modes(distributions(points, *both), points, FOCAL, 16)
+    modes = pose_modes(distributions(points, *both), points, FOCAL, log_size(both[0][1]), 16)
     for q, _ in both:
         assert min(np.degrees(quat.angle_rad(m, q)) for m in modes.q[:4]) < 3.0
 
@@ -122,9 +127,9 @@ def test_shipped_heads_fit_their_craft(name: str) -> None:
     network = network_for(model)
     assert network is not None
     assert network.head.trunk_sha256 == trunk_sha256()
-    log_p, present = network(np.zeros((2, 2, INPUT_PX, INPUT_PX), np.float32))
+    log_p, present, size = network(np.zeros((2, 2, INPUT_PX, INPUT_PX), np.float32))
     assert np.exp(log_p).sum(axis=-1) == pytest.approx(1.0, abs=1e-3)
-    assert present.shape == (2,)
+    assert present.shape == size.shape == (2,)
 
 
 def test_a_craft_of_another_shape_has_no_network(tango: BoardModel) -> None:
@@ -159,7 +164,7 @@ NAN = np.full(SHAPES["maps_bias"], np.nan, np.float16)
         (head_bytes(hidden=np.zeros((3, 4), np.float16)), "has shape"),
         (head_bytes(maps_bias=NAN), "not finite"),
         (head_bytes(maps=np.zeros((2_000_000,), np.float32)), "unpacks to more"),
-        (head_bytes(present=np.array([None, "x"], object)), "pickle"),
+        (head_bytes(whole=np.array([None, "x"], object)), "pickle"),
     ],
 )
 def test_a_file_that_is_no_head_is_refused_in_one_sentence(data: bytes, reason: str) -> None:
