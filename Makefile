@@ -28,7 +28,7 @@ test-portable: $(STAMP) system
 # What PyTorch trains: the extra 'train' is installed first, some 200 MB; a page of the documents among it.
 test-train: $(STAMP) system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[train]'
-	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/hil/board/hybrid/test_learned_proposal.py
+	$(BIN)/pytest -q tests/hil/train tests/docs/test_own_network.py tests/docs/test_own_estimator.py
 
 # A Ray cluster of local nodes, one of them killed, and an S3 server of the tests' own.
 test-scale: $(STAMP) system

@@ -121,16 +121,16 @@ def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
 
 
 def _expected_of_the_estimator(target: Target) -> str:
-    """Return what to expect of the estimator on an untrained craft; empty if it has a learned proposal."""
-    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import shipped_network  # noqa: PLC0415 - slow to import, needed here alone
+    """Return what to expect of the estimator on an untrained craft; empty if a network is shipped for it."""
+    from flyaround.hil.board.hybrid.propose.keypoints.network import has_shipped_head  # noqa: PLC0415 - slow to import, needed here alone
 
-    if shipped_network(target.name) is not None:
+    if has_shipped_head(target.name):
         return ""
     n = sum(len(p.triangles) for p in target.parts)
     heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MAX_TRIANGLES}; "
     return (heavy if n > MAX_TRIANGLES else "") + (
-        "no learned proposal is trained for it: expect about half of the poses to be right and few or none accepted; "
-        "docs/hybrid.md, A craft of your own, says what training takes (pip install 'flyaround[train]', 20 min, 1 GB)"
+        "no keypoint network is trained for it: expect about half of the poses to be right and few or none accepted; "
+        f"train one with flyaround train --craft {target.name} (pip install 'flyaround[train]', half an hour)"
     )
 
 

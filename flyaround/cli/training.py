@@ -1,9 +1,9 @@
-"""train: a pose-estimation network, trained on a data set."""
+"""train: a pose-estimation network, trained on a data set, or the keypoint network of a craft."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -14,6 +14,11 @@ from flyaround.hil.train.residual_network import ARCHITECTURES
 from flyaround.runs.document import write_run
 from flyaround.runs.estimation import TrainRun
 from flyaround.simulator.errors import UserError, missing_extra
+from flyaround.simulator.targets.installed import head_file
+from flyaround.simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 @with_run_options
@@ -21,10 +26,62 @@ def train(
     run: TrainRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Train a network on a data set, and evaluate it on every tenth frame, which is held out.
+    """Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.
 
-    The file is ONNX and needs no PyTorch: flyaround evaluate --method net:FILE, flyaround hil board --method net:FILE.
+    On a data set: every tenth frame is held out to judge it. The file is ONNX and needs no PyTorch: flyaround evaluate
+    --method net:FILE. Of a craft: views are drawn here, and hybrid finds the file by the craft's name; hil bundle takes
+    it along. A run that was stopped goes on where it was.
     """
+    if (run.folder is None) == (run.craft is None):
+        raise UserError("train learns from a data set or for a craft; give a folder or --craft NAME")
+    say_progress = (
+        (lambda _done, _text: None)
+        if as_json
+        else (lambda done, text: say(f"{100 * done:3.0f} %: {text}", stderr=True))
+    )
+    if run.craft is not None:
+        _train_craft(run, run.craft, say_progress, as_json=as_json)
+    else:
+        _train_on_set(run, str(run.folder), say_progress, as_json=as_json)
+
+
+def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None], *, as_json: bool) -> None:
+    load_target(craft)
+    output = head_file(craft) if run.output is None else Path(run.output)
+    if output.suffix != ".npz":
+        raise UserError(f"-o {output}: the keypoint network is an .npz file; give a name that ends so")
+    try:
+        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
+        from flyaround.hil.train.keypoints.head_training import train_head  # noqa: PLC0415 - the same
+    except ImportError as error:
+        raise missing_extra("training", "train", error) from error
+    made = train_head(
+        craft,
+        output,
+        views=run.views,
+        budget=Budget(minutes=run.minutes, steps=run.steps),
+        seed=run.seed,
+        workers=run.threads,
+        report=report,
+    )
+    if as_json:
+        typer.echo(msgspec.json.encode(made).decode())
+        return
+    say(
+        f"{output}: {made.steps} steps on {made.views} views; on views kept back keypoints are {made.median_px:.1f} of 128 "
+        f"pixels off in the median, {100 * made.within_10_px:.0f} % within 10, {100 * made.present:.0f} % of craft noticed"
+    )
+    if made.symmetries:
+        say(
+            f"{craft} looks nearly the same under {made.symmetries} rotations: its keypoints are known up to these"
+        )
+
+
+def _train_on_set(
+    run: TrainRun, folder: str, report_progress: Callable[[float, str], None], *, as_json: bool
+) -> None:
+    if run.output is None:
+        raise UserError("train needs the network's file; name it with -o NAME.onnx")
     output = Path(run.output)
     if output.suffix != ".onnx":
         raise UserError(f"-o {output}: the file is ONNX; give a name that ends in .onnx")
@@ -42,7 +99,7 @@ def train(
 
     with progress_bar("pictures", quiet=as_json) as reading:
         report = train_network(
-            Path(run.folder),
+            Path(folder),
             output,
             architecture=run.network,
             width_px=run.width,
@@ -51,9 +108,7 @@ def train(
             seed=run.seed,
             device=run.device,
             threads=run.threads,
-            report=(lambda _done, _text: None)
-            if as_json
-            else (lambda done, text: say(f"{100 * done:3.0f} %: {text}", stderr=True)),
+            report=report_progress,
             progress=reading,
         )
     write_run(output, run)

@@ -75,13 +75,29 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
 
 
 class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
-    """A network to train on a data set."""
+    """A network to train on a data set, or the keypoint network of a craft."""
 
-    folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
-    output: Annotated[File, typer.Option("--output", "-o", help="The network's file, NAME.onnx."), HOW]
+    folder: Annotated[File | None, typer.Argument(help="A data set written by capture.")] = None
+    craft: Annotated[
+        str | None,
+        typer.Option(
+            help="Target whose keypoint network, for the method hybrid, is trained on views drawn here."
+        ),
+    ] = None
+    output: Annotated[
+        File | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="The network's file: NAME.onnx of a data set; of a craft, default the user's folder of targets.",
+        ),
+        HOW,
+    ] = None
     minutes: Annotated[
-        Annotated[float, Meta(ge=0.01, le=100_000)], typer.Option(help="How long to train.")
+        Annotated[float, Meta(ge=0.01, le=100_000)],
+        typer.Option(help="How long to train, the drawing of views not counted."),
     ] = 6.0
+    views: Annotated[Count, typer.Option("-n", "--views", help="Views of a craft to draw.")] = 2000
     steps: Annotated[
         Count | None,
         typer.Option(help="Steps instead of minutes: the same on every machine of a kind."),

@@ -56,7 +56,10 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Part of a target that a board needs to estimate its pose: a few thousand faces at most."""
+    """The part of a target that a board needs to estimate its pose: a few thousand faces at most.
+
+    `network` is base64 of the file of a keypoint head that was trained for the craft.
+    """
 
     schema: Literal["flyaround.board_model"]
     version: Literal[1]
@@ -69,3 +72,4 @@ class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, 
     mass_kg: Positive
     outlines: OutlinesRecord | None = None
     faces: FacesRecord | None = None
+    network: str | None = None

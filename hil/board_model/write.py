@@ -19,10 +19,12 @@ from flyaround.hil.board_model.contours import (
 )
 from flyaround.hil.board_model.outer_faces import merge_triangle_pairs, outer_triangles
 from flyaround.hil.board_model.records import BoardModelRecord, FacesRecord, OutlinesRecord
+from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.arrays import vec3
 from flyaround.simulator.runtime.cache import cache_folder, entry_name, read_checked, store_checked
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.convert import record_of
+from flyaround.simulator.targets.installed import head_file
 from flyaround.simulator.targets.library import built_in_targets, load_target
 
 if TYPE_CHECKING:
@@ -55,9 +57,20 @@ def write_board_model(target: Target, path: Path) -> None:
 
 
 def board_record(target: Target) -> BoardModelRecord:
-    """Return the board model of a target: labels, occluders, outlines and faces."""
+    """Return the board model of a target: labels, occluders, outlines, faces, and the network trained for it.
+
+    Raises
+    ------
+    UserError
+        If the network's file cannot be read.
+    """
+    head = head_file(target.name)
+    try:
+        network = base64.b64encode(head.read_bytes()).decode() if head.is_file() else None
+    except OSError as error:
+        raise UserError(f"cannot read {head}: {error.strerror}; train the network again") from error
     return msgspec.structs.replace(
-        labels_alone(target), outlines=cached_outlines(target), faces=cached_faces(target)
+        labels_alone(target), outlines=cached_outlines(target), faces=cached_faces(target), network=network
     )
 
 

@@ -13,7 +13,7 @@ import msgspec
 
 import flyaround.hil
 from flyaround.hil.board.hybrid.native.library import CHECKSUMS
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import KIN
+from flyaround.hil.board.hybrid.propose.keypoints.network import SAME_SHAPE
 from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
@@ -31,7 +31,7 @@ SHEBANG = b"#!/usr/bin/env python3\n"
 # Zips know no time before 1980; one date for all, so that the same sources give the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-# Folder of the learned proposals' weights, a file for each craft that has one.
+# Folder of the keypoint network's weights: the trunk, and a head for each craft that has one.
 WEIGHTS = "weights"
 
 # Parts of pyserial that a Linux board never imports.
@@ -75,11 +75,11 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
         # debug images are for people: no estimate needs them
         if source.parent.name != "debug":
             yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
-    names = {KIN.get(target.name, target.name) for target in targets}
-    for kind in ("*.npz", "kernels.h", "linux-*.so", CHECKSUMS):
+    names = {SAME_SHAPE.get(target.name, target.name) for target in targets}
+    for kind in ("*.npz", "trunk.onnx", "kernels.h", "linux-*.so", CHECKSUMS):
         for data in (root / "board").rglob(kind):
-            # a network is over a megabyte: only those of the crafts that go along
-            if WEIGHTS not in data.parts or data.stem in names:
+            # of the heads, those of the crafts that go along
+            if WEIGHTS not in data.parts or data.stem in names or data.stem == "trunk":
                 yield f"flyaround/hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
         yield (

@@ -39,6 +39,11 @@ def user_file(name: str) -> Path:
     return user_folder() / f"{name}.glb"
 
 
+def head_file(name: str) -> Path:
+    """Path of the keypoint network trained for a target, whether it is there or not."""
+    return user_folder() / f"{name}.keypoints.npz"
+
+
 def sheet_folder(name: str) -> Path:
     """Return the folder of the contact sheet of the user's target called ``name``."""
     return user_folder() / f"{name}-sheet"
@@ -103,6 +108,7 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
     try:
         path.unlink()
         path.with_suffix(".run.toml").unlink(missing_ok=True)
+        head_file(name).unlink(missing_ok=True)
         shutil.rmtree(sheet_folder(name), ignore_errors=True)
     except OSError as error:
         raise UserError(f"cannot remove {path}: {error.strerror}; check its permissions") from error

@@ -8,7 +8,6 @@ import cv2
 import pytest
 
 from flyaround.hil.board.hybrid.native import library
-from flyaround.hil.board.hybrid.propose.learned.view_subspaces import ViewSubspaces
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -42,10 +41,3 @@ def no_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None
 def tango() -> BoardModel:
     """Tango as a board gets it."""
     return board_model(load_target("tango"))
-
-
-@pytest.fixture(scope="session")
-def views(tango: BoardModel) -> ViewSubspaces:
-    """Its faces as the learned proposal knows them."""
-    assert tango.faces is not None
-    return ViewSubspaces.of(tango, tango.faces)

@@ -51,7 +51,7 @@ from flyaround.simulator.targets.library import load_target
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
+    from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
     from flyaround.hil.board.hybrid.search_states import PreparedImage
 
 Array = np.ndarray[Any, Any]

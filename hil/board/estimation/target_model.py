@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,6 +55,7 @@ class BoardModel:
     symmetry_wxyz : (N, 4) rotations under which the craft looks nearly the same.
     outlines : occluding contours from all sides; None in files written before there were any.
     faces : outer faces with their order; None where the craft has too many.
+    network : file of the head that was trained for it, see ``keypoints.head``; None where none was.
     """
 
     name: str
@@ -66,6 +68,7 @@ class BoardModel:
     mass_kg: float = 0.0
     outlines: Optional[Outlines] = None
     faces: Optional[Faces] = None
+    network: Optional[bytes] = None
 
     @staticmethod
     def read(path: Union[str, Path]) -> BoardModel:
@@ -123,6 +126,9 @@ class BoardModel:
                 mass_kg=float(data.get("mass_kg", 0.0)),
                 outlines=None if data.get("outlines") is None else Outlines.from_dict(data["outlines"]),
                 faces=None if data.get("faces") is None else Faces.from_dict(data["faces"]),
+                network=None
+                if data.get("network") is None
+                else base64.b64decode(data["network"], validate=True),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise BoardModelError(f"board model has a bad field: {error!r}") from error

@@ -22,32 +22,27 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
     TRIED,
     Evidence,
-    confidence,
     decide,
     decided,
     doubtful,
     error_scale,
-    reconsidered,
 )
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
 from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
-from flyaround.hil.board.hybrid.hypotheses.ambiguity import same_end
-from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
+from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
 from flyaround.hil.board.hybrid.prepare import prepare
 from flyaround.hil.board.hybrid.propose.edge_search import group_poses, region_edges, template_poses
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import (
-    LAMPS,
+from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import (
     LearnedProposal,
     LearnedProposer,
 )
-from flyaround.hil.board.hybrid.propose.learned_hypotheses import hypotheses_of_places, learned_hypotheses
+from flyaround.hil.board.hybrid.propose.learned_hypotheses import learned_hypotheses
 from flyaround.hil.board.hybrid.refine.close import refine_close_up
-from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely, refine_many_scales
+from flyaround.hil.board.hybrid.refine.coarse import refine_coarsely
 from flyaround.hil.board.hybrid.refine.edge_hypotheses import refine_by_edges
 from flyaround.hil.board.hybrid.refine.final_edges import refine_on_edges
 from flyaround.hil.board.hybrid.refine.settling import settle
@@ -55,10 +50,6 @@ from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
 from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
-
-# Confidences between which a pose in the light of lamps is held against near leans, accepted or not: of 171 surer ones
-# leaning made none right or wrong, and 11 worse of the 13 that it moved by a degree.
-LIKELY, CLEAR = 0.5, 0.99
 
 # Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
 ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
@@ -76,9 +67,9 @@ REGIONS, EMPTY_REGIONS = 2, 3
 def propose_learned(image: PreparedImage) -> Proposals:
     """Propose poses of the most likely places, by the pose proposal network (Sharma & D'Amico 2019)."""
     frame, places = image.frame, []
-    if image.learned is not None:
+    if image.setup.learned is not None:
         keep = PLACES if frame.background < 0 else EMPTY_PLACES
-        places = image.learned.propose(
+        places = image.setup.learned.propose(
             frame.image, frame.noise, image.regions[:ASKED], keep, image.reduced, frame.black
         )
     hypotheses = [h for place in places for h in learned_hypotheses(image.setup.target, frame, place)]
@@ -87,16 +78,16 @@ def propose_learned(image: PreparedImage) -> Proposals:
     return Proposals(image, hypotheses, places)
 
 
-def propose_many_scales(first: Proposals, learned: LearnedProposer) -> Proposals:
-    """Add poses of many places and sizes about what the first round saw, by the same network, to its hypotheses."""
+def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
+    """Propose poses of the places of the first round from more looks of the network, and keep the first ones."""
     image, target, frame = first.image, first.image.setup.target, first.image.frame
-    source = first.hypotheses[0].source
-    elsewhere, crops = hypotheses_of_places(target, frame, learned, first.places[0], source, image.reduced)
-    frame.mark("multi_scale_proposal")
-    # they share no patch with those of a region: one patch of all of them
-    aligned = refine_many_scales(target, frame, elsewhere, crops) if crops else []
-    frame.mark("multi_scale_alignment")
-    return replace(first, aligned=tuple(aligned), thorough=True)
+    places = [
+        learned.look_again(frame.image, frame.noise, place, image.reduced, frame.black)
+        for place in first.places
+    ]
+    hypotheses = [h for place in places for h in learned_hypotheses(target, frame, place)]
+    frame.mark("second_look")
+    return replace(first, hypotheses=[*hypotheses, *first.hypotheses], places=places, thorough=True)
 
 
 def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
@@ -149,8 +140,7 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     image, thorough = proposals.image, proposals.thorough
     target, frame, regime = image.setup.target, image.frame, image.regime
     # the best of each region on a small patch of it
-    leaders = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
-    aligned = sorted([*leaders, *proposals.aligned], key=lambda h: -h.score)
+    aligned = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
     # the leaders, the winner's near-symmetries and its tilts on one patch of the target
@@ -206,29 +196,30 @@ def _tilted(choice: Choice) -> Selection:
 
 
 def _accepted_in_doubt(choice: Choice) -> bool:
-    """A first round would accept the pose, with a confidence that wrong ones have too; by lamps, nearly would."""
+    """Return True if a first round would accept the pose, with a confidence that wrong ones have too."""
     if not choice.image.setup.has_faces or choice.proposals.thorough:
         return False
     evidence = _evidence(choice)
-    if evidence.regime is Regime.LAMPS:
-        return LIKELY < confidence(evidence) < CLEAR
     return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
 
 def _prior(choice: Choice) -> Optional[Prior]:
     """The learned proposal's log-likelihood of a pose, where it has looked."""
-    learned, places = choice.image.learned, choice.proposals.places
+    learned, places = choice.image.setup.learned, choice.proposals.places
     return None if learned is None or not places else partial(learned.log_likelihood, places)
 
 
 def _evidence(choice: Choice) -> Evidence:
     """The evidence with what is known of the target's confidences."""
-    image = choice.image
+    image, best = choice.image, choice.selection.best
+    learned, places = image.setup.learned, choice.proposals.places
     return replace(
         choice.selection.evidence,
         tried=image.setup.tried,
-        looked=image.learned is not None,
+        looked=learned is not None,
         regime=image.regime,
+        network=learned.log_likelihood(places, best.q, best.t) if learned is not None and places else 0.0,
+        craft=max((place.craft for place in places), default=0.0),
     )
 
 
@@ -250,10 +241,6 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
-    if evidence.regime is Regime.LAMPS and first is not None and isinstance(first.evidence, Evidence):
-        agreed = _agrees(first, pose)
-        evidence = replace(evidence, agreed=agreed)
-        first = reconsidered(first, replace(first.evidence, agreed=agreed), setup.accept_at)
     frame.count("edges", evidence.edges)
     frame.keep("field", selection.best.source.field)
     if frame.shows_all:
@@ -263,12 +250,6 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # not by what they explain: the rounds were judged on different cuts of the image
     return result if first is None or result.confidence > first.confidence else first
-
-
-def _agrees(result: PoseResult, pose: PoseFit) -> bool:
-    """Return True if an answer is the same pose."""
-    q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-    return q is not None and t is not None and same_end(PoseFit(q, t), pose)
 
 
 class PoseEstimator(Estimator):
@@ -298,7 +279,6 @@ class PoseEstimator(Estimator):
             self.target,
             model_triads(self.target.model),
             learned,
-            LearnedProposer.prepare(model, camera, LAMPS),
             learned is not None and model.name in TRIED,
             accept_at,
         )
@@ -311,8 +291,8 @@ class PoseEstimator(Estimator):
         image = prepare(self.setup, frame)
         first, result = _round(propose_learned(image), None)
         # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
-        if image.learned is not None and result is not None and not result.accepted:
-            _, result = _round(propose_many_scales(first, image.learned), result)
+        if image.setup.learned is not None and result is not None and not result.accepted:
+            _, result = _round(propose_again(first, image.setup.learned), result)
         if result is None:
             _, result = _round(propose_by_edges(image, first.places), None)
         if result is None:

@@ -51,7 +51,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         # reduced pixels are whole numbers as well
         frame.background = whole_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
-    regime = Regime.of(frame.black, trained=setup.lamps is not None)
+    regime = Regime.of(frame.black, trained=setup.learned is not None)
     frame.count("regions", len(regions))
     frame.keep("regions", regions)
     frame.mark("regions")

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from typing import List, Optional
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal, LearnedProposer
+from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal, LearnedProposer
 from flyaround.hil.board.svd.perceptual_groups import Chains
 from flyaround.hil.board.svd.region_of_interest import Region
 
@@ -32,8 +32,8 @@ class SearchSetup:
         The target prepared for the camera.
     figures : Chains
         Triads of its wireframe.
-    learned, lamps : LearnedProposer, optional
-        Its networks for sunlight and for the light of lamps.
+    learned : LearnedProposer, optional
+        Its keypoint network.
     tried : bool
         True if confidence was fitted on this target.
     accept_at : float
@@ -43,7 +43,6 @@ class SearchSetup:
     target: PreparedTarget
     figures: Chains
     learned: Optional[LearnedProposer]
-    lamps: Optional[LearnedProposer]
     tried: bool
     accept_at: float
 
@@ -85,11 +84,6 @@ class PreparedImage:
     regime: Regime
     smoothed: bool
 
-    @property
-    def learned(self) -> Optional[LearnedProposer]:
-        """The network for the light of this image, None if the target has none."""
-        return self.setup.lamps if self.regime is Regime.LAMPS else self.setup.learned
-
 
 @dataclass(frozen=True, eq=False)
 class Proposals:
@@ -103,8 +97,6 @@ class Proposals:
         Poses that the image may show.
     places : list of LearnedProposal
         What the learned proposal says of the regions.
-    aligned : list of Hypothesis
-        Hypotheses of other places and sizes, refined already.
     thorough : bool
         True if an earlier round did not settle it: look at more.
     """
@@ -112,7 +104,6 @@ class Proposals:
     image: PreparedImage
     hypotheses: List[Hypothesis]
     places: List[LearnedProposal]
-    aligned: Tuple[Hypothesis, ...] = ()
     thorough: bool = False
 
 

@@ -12,7 +12,7 @@ from typing import Tuple
 
 import numpy as np
 
-from flyaround.hil.board.hybrid.propose.learned.attitude_basis import even_attitudes
+from flyaround.hil.board.estimation.even_attitudes import even_attitudes
 
 Array = np.ndarray
 

@@ -29,9 +29,8 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Path) -> None:
-    # 1.27 MB of it are the weights of each learned proposal, one for each of the crafts and one for the light of lamps;
-    # a quarter of a megabyte are compiled libraries
-    assert bundle.stat().st_size < 2_150_000 + 2 * 1_280_000
+    # the network's trunk, and a head for each craft
+    assert bundle.stat().st_size < 2_150_000 + 6_100_000 + 2 * 500_000
     names = zipfile.ZipFile(bundle).namelist()
     assert {
         "__main__.py",
@@ -45,10 +44,10 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
     } <= set(names)
     assert sum(name.startswith("flyaround/hil/board/hybrid/") for name in names) >= 30
     assert sum(name.startswith("flyaround/hil/board/svd/") for name in names) >= 10
-    # of the learned proposals those of its crafts alone
-    assert "flyaround/hil/board/hybrid/propose/learned/weights/tango.npz" in names
-    assert "flyaround/hil/board/hybrid/propose/learned/weights/lamps/tango.npz" in names
-    assert "flyaround/hil/board/hybrid/propose/learned/weights/soyuz-ms.npz" not in names
+    weights = "flyaround/hil/board/hybrid/propose/keypoints/weights"
+    assert {f"{weights}/trunk.onnx", f"{weights}/tango.npz"} <= set(names)
+    # heads of its crafts alone
+    assert f"{weights}/soyuz-ms.npz" not in names
     assert not any(
         name.startswith(("flyaround/simulator", "flyaround/gui", "flyaround/hil/host")) for name in names
     )

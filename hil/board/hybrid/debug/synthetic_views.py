@@ -11,9 +11,9 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.debug.overlay import draw_wireframe, grey, label
-from flyaround.hil.board.hybrid.propose.learned.learned_proposal import LearnedProposal
-from flyaround.hil.board.hybrid.propose.learned.network import INPUT_FILL
-from flyaround.hil.board.hybrid.propose.learned.network_input import crop_image, network_inputs
+from flyaround.hil.board.hybrid.propose.keypoints.image_crop import crop_image, network_inputs
+from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
 from flyaround.hil.board.hybrid.refine.synthetic_view import Drawn
 
 Array = np.ndarray
@@ -39,7 +39,7 @@ def learned_proposal_picture(
     noise : standard deviation of ``image``. size : (width, height) of the picture made.
     """
     side = min(size[0] // 3, size[1] // 2)
-    shown = network_inputs(image, noise, camera, [proposal.crop])[0, ..., 0]
+    shown = network_inputs(image, noise, camera, [proposal.crop])[0, 0]
     low, high = np.percentile(shown, [1, 99.5])
     first = cv2.resize(shown, (side, side), interpolation=cv2.INTER_NEAREST)
     tiles = [grey(first - low, float(high - low))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Optional, Tuple
 
 import numpy as np
@@ -12,38 +12,27 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 
+Array = np.ndarray
+
 # Confidence from which a pose is accepted.
 ACCEPT_AT = 0.93
 
-# Weights of picture_confidence, in the order of its terms: a ridge fit on 550 development frames.
-PICTURE_BIAS = -15.5
-PICTURE_WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66)
+# Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
+# five other craft (tools/studies/confidence_fit.py).
+BIAS = -15.5
+WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66, -12.0, 0.1, 0.1)
 
-# The same in the light of lamps, where the craft that is seen is not quite the model, by millimetres and by its paint:
-# less of it is explained at the right pose (docs/validation/real.md).
-LAMPS_BIAS = -16.0
-LAMPS_WEIGHTS = (2.41, -1.29, 2.79, 10.82, 1.42, -0.77, -0.51, 0.31)
+# Share of the craft that may be burnt out.
+BURNT = 0.3
 
-# What a second round adds there, which seeks at many places: where it ends elsewhere, and where at the same pose. Of 66
-# first answers of development frames with a confidence of 0.5 to 0.93 it came to the same 45 times, 40 of these right,
-# and 5 of the 21 others are.
-LAMPS_SOUGHT, LAMPS_AGREED = 0.9, 1.75
-
-# Least margin over the score, and least share explained of what the craft covers: on 50 pictures of our own laboratory
-# three wrong poses were so sure, two by less than the one and one by less than the other.
-LAMPS_MARGIN, LAMPS_COVERED = 0.1, 0.1
-
-# A craft of which more than this is burnt out shows nothing inside; what each further share takes off the logit.
-BURNT, BURNT_OFF = 0.3, 12.0
+# Largest deficit of the network's log-likelihood that counts, and logit of a craft that is sure.
+NETWORK_DEFICIT, NETWORK_SURE = 12.0, 10.0
 
 # Margins of which one cannot say that they are any: by edges, and by the picture.
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 
-# The weights are those of these crafts. Of another the margin must be this share of the score: half turns of round
-# bodies differ by 4 % of it, and the wrong one looked right to 0.98. Of one without a learned proposal the logit must
-# be that much higher. Of 109 development poses of Soyuz, Tianzhou and the thesis's Tango with theirs (seed 9310) 13
-# were wrong, none of them accepted so; of 425 accepted poses of six crafts on unused frames 11 were
-# (docs/lab/2026-11-estimator.md).
+# Craft whose near-symmetries are told apart by the score alone; of others the margin must be this share of the score:
+# half turns of round bodies differ by 4 % of it. Of a craft without a network the logit must be that much higher.
 TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango", "tango-mockup"), 0.1, 2.0
 
 # An accepted pose is held against its near minima where confidence is below this. A small margin alone is a twin's,
@@ -84,7 +73,7 @@ class Evidence:
     tried : whether confidences were fitted on pictures of this craft. looked : whether it has a learned proposal.
     burnt : share of what the craft covers that is at the end of the scale.
     regime : the light of the image.
-    agreed : whether two rounds led to the same pose; None where there was one.
+    network : log-likelihood of the pose by the network over that of its best. craft : its logit of a craft there.
     """
 
     drawn: float
@@ -106,7 +95,8 @@ class Evidence:
     looked: bool = True
     burnt: float = 0.0
     regime: Regime = Regime.SUNLIGHT
-    agreed: Optional[bool] = None
+    network: float = 0.0
+    craft: float = 0.0
 
 
 def confidence(e: Evidence) -> float:
@@ -127,42 +117,39 @@ def confidence(e: Evidence) -> float:
 
 
 def picture_confidence(e: Evidence, score: float) -> float:
-    """The same where poses were judged by the whole picture: a logistic fit on development frames.
+    """Return the confidence in a pose that was judged by the whole image, 0 to 1."""
+    z = BIAS + float(np.dot(WEIGHTS, terms(e, score))) - (0.0 if e.looked else UNLOOKED)
+    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
-    docs/lab/2026-11-estimator.md has the frames and the weights' source.
 
-    Nothing in it has a unit of the picture: neither its scale, nor the size of the craft, nor the noise but by what
-    they do to the predicted error.
+def terms(e: Evidence, score: float) -> Array:
+    """Return the terms that the weights are for; none has a unit of the image.
+
+    Neither the scale of the image, nor the size of the craft, nor the noise but by what they do to the predicted error.
     """
     unlike = 1.0 - (0.0 if e.likeness is None else e.likeness)
-    bias, weights = (
-        (LAMPS_BIAS, LAMPS_WEIGHTS) if e.regime is Regime.LAMPS else (PICTURE_BIAS, PICTURE_WEIGHTS)
+    return np.array(
+        [
+            # share of the score by which the best other attitude is behind
+            min(max(e.margin / max(score, 0.02), 0.0), 1.0),
+            # likeness of the craft's interior, and the share explained of what it covers
+            np.log(min(max(unlike, 0.003), 1.0)),
+            e.covered,
+            # edges
+            e.drawn,
+            e.explained,
+            # predicted errors
+            np.log(max(e.sigma_rad, 1e-4)),
+            np.log(max(e.sigma_share, 1e-5)),
+            # before empty space more is explained by any pose
+            float(e.empty),
+            # a craft that is burnt out shows nothing inside
+            max(e.burnt - BURNT, 0.0),
+            # the network
+            max(e.network, -NETWORK_DEFICIT),
+            min(e.craft, NETWORK_SURE),
+        ]
     )
-    z = bias + float(
-        np.dot(
-            weights,
-            [
-                # how much of what is explained the best other attitude leaves unexplained
-                min(max(e.margin / max(score, 0.02), 0.0), 1.0),
-                # does the craft itself look right, and is what it covers explained
-                np.log(min(max(unlike, 0.003), 1.0)),
-                e.covered,
-                # edges as another witness
-                e.drawn,
-                e.explained,
-                # how tightly the picture holds the pose
-                np.log(max(e.sigma_rad, 1e-4)),
-                np.log(max(e.sigma_share, 1e-5)),
-                # before empty space more is explained by any pose
-                float(e.empty),
-            ],
-        )
-    )
-    z -= 0.0 if e.looked else UNLOOKED
-    if e.regime is Regime.LAMPS:
-        z -= BURNT_OFF * max(e.burnt - BURNT, 0.0)
-        z += 0.0 if e.agreed is None else LAMPS_AGREED if e.agreed else LAMPS_SOUGHT
-    return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
 def error_scale(e: Evidence) -> float:
@@ -184,8 +171,6 @@ def least_margin(e: Evidence) -> float:
     """Margin below which another pose explains the picture as well."""
     if e.score is None:
         return LEAST_MARGIN
-    if e.regime is Regime.LAMPS:
-        return max(LEAST_PICTURE_MARGIN, LAMPS_MARGIN * e.score)
     return LEAST_PICTURE_MARGIN if e.tried else max(LEAST_PICTURE_MARGIN, UNTRIED_MARGIN * e.score)
 
 
@@ -201,8 +186,6 @@ def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
         return "too little of the model is supported by edges"
     if e.margin < least_margin(e):
         return "ambiguous: another pose explains the picture as well"
-    if e.regime is Regime.LAMPS and e.covered < LAMPS_COVERED:
-        return "too little of the picture is explained"
     if confidence(e) < accept_at:
         little = e.score is not None and e.covered < LITTLE
         return "too little of the picture is explained" if little else "confidence too low"
@@ -231,9 +214,3 @@ def decided(
         pose.covariance,
         alternatives,
     )
-
-
-def reconsidered(result: PoseResult, evidence: Evidence, accept_at: float = ACCEPT_AT) -> PoseResult:
-    """The same pose decided anew, by more evidence."""
-    reason, sure = decide(evidence, accept_at), confidence(evidence)
-    return replace(result, accepted=not reason, reason=reason, confidence=sure, evidence=evidence)

@@ -234,47 +234,6 @@ KERNEL int64_t fly_noise(const void *image, int64_t bytes, int64_t stride, int64
 KERNEL int64_t fly_line_segments(const uint8_t *picture, int64_t h, int64_t w, double least, int64_t most,
     double *out);
 
-/* What n crops see, (n, side, side) into out; reduced, of float, may be NULL; -1 where there is no memory.
- *
- * intrinsics : fx fy cx cy. crops : (n, 4) direction and diameter. Both pictures at least 2 x 2.
- */
-KERNEL int64_t fly_crop_images(const void *image, int64_t bytes, int64_t stride, int64_t h, int64_t w,
-    const float *reduced, int64_t reduced_h, int64_t reduced_w, const double *intrinsics, const double *crops,
-    int64_t n, int64_t side, double sphere, float *out);
-
-/* network.py's contrast: count pictures (n, n) with their noise into looks (count, n, n, 2); n more than half of
- * CONTRAST; -1 where there is no memory.
- */
-KERNEL int64_t fly_contrast(const float *pictures, const float *noise, int64_t count, int64_t n, float *looks);
-
-/* All convolutions of looks (count, side, side, channels) into out; -1 where there is no memory.
- *
- * shape : (layers, 4) taps, stride, channels in and out of each. weights, worth, bias : of all, one after another, see
- * struct layer; the sides of all are whole, taps times channels even.
- */
-KERNEL int64_t fly_convolutions(const float *looks, int64_t count, int64_t side, const int64_t *shape,
-    int64_t layers, const int16_t *weights, const float *worth, const float *bias, float *out);
-
-/* view_subspaces.py's ViewSubspaces.likelihoods of one place: into out (views, turns).
- *
- * bumps : (3, views, n) size, cosine and sine. said : (4, n) of attitude_basis.quartered, n a multiple of eight. harmonics : (HARMONICS + 1,)
- * of a bump. circle : (turns, 2) cosine and sine of a turn. -1 where there is no memory.
- */
-KERNEL int64_t fly_attitude_likelihood(const float *bumps, const float *said, const float *harmonics,
-    const float *circle, int64_t views, int64_t turns, int64_t n, float *out);
-
-/* Share (n,) of the picture that each of n attitudes explains where it does best, and which move (n,) that is.
- *
- * picture : (side, side), side at least two. view, turn : (n,) of the attitudes, those of one turn together. circle :
- * (turns, 2) cosine and sine of each. sizes : (SIZES,). wide : (2, WIDE, WIDE) a blur, and it with rows and columns
- * swapped. basis : (views, SHAPES, NUMBERS) times the window, whole numbers in rows as long as the picture's,
- * with their worth (views, SHAPES). weight : (SIDE, SIDE) the window's square. taken_up :
- * (views,) share that as many shapes explain of noise.
- */
-KERNEL void fly_subspace_match(const float *picture, int64_t side, const int64_t *view, const int64_t *turn,
-    int64_t n, const double *circle, const double *sizes, const float *wide, const int16_t *basis,
-    const float *worth, const float *weight, const double *taken_up, double *share, int64_t *move);
-
 /* Checksum of the sources and flags that the library was compiled from (hatch_build.py). */
 KERNEL const char *fly_sources(void);
 

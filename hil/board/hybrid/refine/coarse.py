@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import List, Sequence
+from typing import List
 
-import numpy as np
-
-from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import spread_in_attitude
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
@@ -14,7 +11,6 @@ from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, pinhole_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import MARGIN
-from flyaround.hil.board.hybrid.propose.learned.network_input import ImageCrop
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
 # Hypotheses of a region looked at at first and where those did not settle it, and those refined of them. Before empty
@@ -43,18 +39,6 @@ COARSE_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(0.75, 0.05), Pruning(0.8, 0.1), P
 
 # Margin round a place of the learned proposal, which holds all of the target.
 PLACE_MARGIN = 0.1
-
-# The same of many places at once: longest side of the patches on which all are drawn and the better ones refined [px],
-# those drawn with shadows there, and those handed on.
-SIEVE_PX, SCALES_PX, SHADED, BEST = 64, 110, 32, 6
-SCALES_BLURS = (2.0, 2.0, 2.0, 1.2, 1.2)
-SCALES_PRUNINGS = (
-    Pruning(-9.0, 0.0, 18),
-    Pruning(-9.0, 0.05, 12),
-    Pruning(-9.0, 0.07, 9),
-    Pruning(-9.0, 0.1, 7),
-    Pruning(-9.0, 0.1, BEST),
-)
 
 
 def refine_coarsely(
@@ -102,30 +86,6 @@ def refine_coarsely(
     return sorted(refined, key=lambda h: -h.score)
 
 
-def refine_many_scales(
-    target: PreparedTarget, frame: Observation, found: List[Hypothesis], places: Sequence[ImageCrop]
-) -> List[Hypothesis]:
-    """The hypotheses of many places that explain the image best, aligned on one patch of all; the best first."""
-    sieve, patch = (_patch_of(target, frame, places, px) for px in (SIEVE_PX, SCALES_PX))
-    # hundreds of drawings would fill the memory of a board: only their scores are kept
-    score = np.array([draw(target, sieve, h).score for h in found])
-    chosen = spread_in_attitude([found[int(k)] for k in np.argsort(-score)], SHADED)
-    some = [draw_shadows(target, patch, draw(target, patch, h)) for h in chosen]
-    return refine_in_parallel(target, patch, some, SCALES_BLURS, SCALES_PRUNINGS)[:BEST]
-
-
 def _with_prior(h: Hypothesis) -> float:
     """Sorting key: the best score first, with a little of what the learned proposal thinks of it."""
     return -h.score - PRIOR_WEIGHT * h.source.log_prior
-
-
-def _patch_of(
-    target: PreparedTarget, frame: Observation, places: Sequence[ImageCrop], longest: int
-) -> ImagePatch:
-    """A patch with a longest side [px] that holds the target wherever it is looked for."""
-    h, w = frame.image.shape
-    middle = np.array([target.camera.pixels(g.direction) for g in places])
-    reach = 0.55 * np.array([g.diameter_px for g in places])[:, None]
-    x0, y0 = np.clip((middle - reach).min(axis=0), 0, (w - 32, h - 32)).astype(int).tolist()
-    x1, y1 = np.clip((middle + reach).max(axis=0), (x0 + 32, y0 + 32), (w, h)).astype(int).tolist()
-    return cut_patch(target, frame, pinhole_box(target.camera, (x0, y0, x1, y1)), longest)

@@ -10,7 +10,7 @@ import pytest
 from lamp_lit import MOCK_UP
 
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, decide
+from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence
 from flyaround.hil.board.hybrid.estimator import PoseEstimator
 from flyaround.hil.board.hybrid.image.noise import black_level, coarse_noise, has_flat_floor, noise_sigma
 from flyaround.hil.board.hybrid.image.observation import Observation
@@ -74,16 +74,15 @@ def prepared(estimator: PoseEstimator, image: np.ndarray) -> PreparedImage:
     return prepare(estimator.setup, Observation(image))
 
 
-def test_a_camera_with_a_black_level_is_asked_by_the_network_of_lamps(estimator: PoseEstimator) -> None:
+def test_a_camera_with_a_black_level_is_one_of_a_laboratory(estimator: PoseEstimator) -> None:
     lit = prepared(estimator, picture(pedestal=PEDESTAL))
     assert lit.frame.black == pytest.approx(PEDESTAL, abs=2.0)
     assert lit.regime is Regime.LAMPS
-    assert lit.learned is estimator.setup.lamps
     smoothed = prepared(estimator, picture(pedestal=PEDESTAL, smooth=True))
     assert smoothed.smoothed
     assert 0.5 * SIGMA < smoothed.frame.noise < 1.1 * SIGMA
     # the estimator itself is as it was: the next picture may be of another camera
-    assert prepared(estimator, picture(pedestal=0.0)).learned is estimator.setup.learned
+    assert prepared(estimator, picture(pedestal=0.0)).regime is Regime.SUNLIGHT
 
 
 def evidence(**changes: float | Regime | None) -> Evidence:
@@ -91,27 +90,12 @@ def evidence(**changes: float | Regime | None) -> Evidence:
     return replace(MOCK_UP, **changes)
 
 
-def test_evidence_by_lamps_is_weighed_by_its_own_weights_and_burnt_out_faces_count_against_it() -> None:
-    assert confidence(evidence(regime=Regime.LAMPS)) > 0.9 > confidence(evidence())
-    assert confidence(evidence(regime=Regime.LAMPS, burnt=0.3)) == confidence(evidence(regime=Regime.LAMPS))
-    assert confidence(evidence(regime=Regime.LAMPS, burnt=0.6)) < 0.9
-    assert confidence(evidence(burnt=0.6)) == confidence(evidence())
-    assert confidence(evidence(regime=Regime.LAMPS, drawn=0.1, likeness=0.8)) < 0.3
-
-
-def test_by_lamps_two_rounds_that_agree_make_a_pose_surer_than_one_and_one_surer_than_two_poses() -> None:
-    alone, apart, same = (evidence(regime=Regime.LAMPS, drawn=0.33, agreed=a) for a in (None, False, True))
-    assert decide(alone) != ""
-    assert confidence(alone) < confidence(apart) < confidence(same)
-    assert decide(same) == ""
-    # in sunlight rounds say nothing of each other
-    assert confidence(evidence(agreed=True)) == confidence(evidence())
-
-
-def test_by_lamps_a_rival_nearly_as_good_or_little_explained_declines() -> None:
-    assert decide(evidence(regime=Regime.LAMPS, agreed=True)) == ""
-    assert decide(evidence(regime=Regime.LAMPS, margin=0.02)).startswith("ambiguous")
-    assert decide(evidence(regime=Regime.LAMPS, covered=0.08)).startswith("too little")
+def test_what_burns_out_and_what_the_network_doubts_counts_against_a_pose() -> None:
+    assert confidence(evidence(burnt=0.3)) == confidence(evidence())
+    assert confidence(evidence(burnt=0.7)) <= confidence(evidence())
+    assert confidence(evidence(network=-10.0)) < confidence(evidence())
+    assert confidence(evidence(drawn=0.1, likeness=0.8)) < confidence(evidence())
+    assert confidence(evidence(margin=0.0)) < confidence(evidence())
 
 
 def test_the_earth_in_the_whole_frame_is_no_black_level() -> None:

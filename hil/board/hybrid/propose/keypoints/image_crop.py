@@ -1,4 +1,4 @@
-"""Input of the pose proposal network: crops of the image by a small virtual camera turned to a part of it."""
+"""Crops of an image by a small virtual camera turned to a part of it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.vectors import length, swing
 from flyaround.hil.board.hybrid.image.edge_field import area_mean
-from flyaround.hil.board.hybrid.image.image_region import library_reads, region
-from flyaround.hil.board.hybrid.native.interface import contiguous
-from flyaround.hil.board.hybrid.native.library import library
-from flyaround.hil.board.hybrid.propose.learned.network import INPUT_FILL, INPUT_PX, contrast
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
 
 Array = np.ndarray
 
@@ -62,49 +59,23 @@ def crop_image(
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """(side, side) float32 the image in a crop, averaged over what each pixel covers.
+    """Return (side, side) float32 the image in a crop, averaged over the area of each pixel.
 
     Parameters
     ----------
-    image : (H, W). sphere_px : diameter of the craft's sphere there. reduced : the whole picture reduced by area
-        averaging, which a small camera that takes in much is shown instead.
+    image : (H, W) array
+        The image.
+    camera : CameraIntrinsics
+        Its camera.
+    crop : ImageCrop
+        Where to look.
+    side_px : int
+        Side of the result.
+    sphere_px : float
+        Diameter of the craft's sphere there.
+    reduced : (h, w) array, optional
+        The whole image reduced by area averaging, from which much wider crops are taken.
     """
-    return crop_images(image, camera, [crop], side_px, sphere_px, reduced)[0]
-
-
-def crop_images(
-    image: Array,
-    camera: CameraIntrinsics,
-    crops: Sequence[ImageCrop],
-    side_px: int,
-    sphere_px: float,
-    reduced: Optional[Array] = None,
-) -> Array:
-    """(N, side, side) the same of many crops."""
-    if camera.distorted or not library_reads(image):
-        return np.stack([_crop_by_opencv(image, camera, g, side_px, sphere_px, reduced) for g in crops])
-    whole = None if reduced is None else contiguous(reduced, "float32")
-    if min(image.shape) < 2 or (whole is not None and min(whole.shape) < 2):
-        raise ValueError("an image to crop must have two rows and two columns")
-    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
-    given = np.array([[*c.direction, c.diameter_px] for c in crops], float).reshape(-1, 4)
-    n, out = len(given), np.empty((len(given), side_px, side_px), np.float32)
-    shape = (0, 0) if whole is None else whole.shape
-    if library().fly_crop_images(
-        *region(image), whole, *shape, intrinsics, given, n, side_px, sphere_px, out
-    ):
-        raise MemoryError("no memory to crop an image")
-    return out
-
-
-def _crop_by_opencv(
-    image: Array,
-    camera: CameraIntrinsics,
-    crop: ImageCrop,
-    side_px: int,
-    sphere_px: float,
-    reduced: Optional[Array],
-) -> Array:
     f = 0.5 * (camera.fx_px + camera.fy_px)
     # picture pixels per pixel of the small one
     factor = crop.diameter_px / sphere_px
@@ -139,14 +110,25 @@ def network_inputs(
     reduced: Optional[Array] = None,
     black: float = 0.0,
 ) -> Array:
-    """(B, 64, 64, 2) float32 the network's input for each crop.
+    """Return (B, 2, S, S) float32 inputs of the keypoint network for crops of an image.
 
     Parameters
     ----------
-    image : (H, W). noise : its standard deviation. reduced : see ``crop_image``. black : what the image adds to light.
+    image : (H, W) array
+        The image.
+    noise : float
+        Standard deviation of its noise.
+    camera : CameraIntrinsics
+        The camera.
+    crops : sequence of ImageCrop
+        Where to look.
+    reduced : (h, w) array, optional
+        The image reduced by area averaging; crops much wider than the input are taken from it.
+    black : float
+        Level of black, which is subtracted.
     """
     sphere = INPUT_FILL * INPUT_PX
-    pictures = crop_images(image, camera, crops, INPUT_PX, sphere, reduced)
+    pictures = np.stack([crop_image(image, camera, g, INPUT_PX, sphere, reduced) for g in crops])
     if black > 0:
         pictures = pictures - np.float32(black)
-    return contrast(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in crops]))
+    return channels(pictures, np.array([noise / max(g.diameter_px / sphere, 1.0) for g in crops]))

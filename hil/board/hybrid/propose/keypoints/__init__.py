@@ -1,0 +1,1 @@
+"""The keypoint network: crops of an image, distributions of keypoints in them, poses from the distributions."""

@@ -1,0 +1,159 @@
+"""The head of one craft: from the trunk's features to distributions of its keypoints, in NumPy; its file.
+
+The file is an ``.npz`` of half-precision arrays and a JSON sheet, read as one that anybody may have written.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass
+from typing import Dict, Tuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KEYPOINTS
+
+Array = np.ndarray
+
+SCHEMA, VERSION = "flyaround.keypoint_head", 1
+
+# Channels and side of the trunk's features; maps of a keypoint, and units between them and its bins.
+FEATURES, CELLS, MAPS, HIDDEN = 192, 8, 4, 128
+
+SHAPES: Dict[str, Tuple[int, ...]] = {
+    "maps": (KEYPOINTS * MAPS, FEATURES, 3, 3),
+    "maps_bias": (KEYPOINTS * MAPS,),
+    "hidden": (HIDDEN, MAPS * CELLS * CELLS),
+    "hidden_bias": (HIDDEN,),
+    "bins": (2 * BINS, HIDDEN),
+    "bins_bias": (2 * BINS,),
+    "whole": (2, FEATURES),
+    "whole_bias": (2,),
+    "keypoints_m": (KEYPOINTS, 3),
+}
+
+# Largest file, unpacked [bytes].
+MOST_BYTES = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class KeypointHead:
+    """Weights of a craft's head.
+
+    Parameters
+    ----------
+    craft : str
+        Name of the craft that it was trained for.
+    trunk_sha256 : str
+        Hash of the trunk that it was trained on.
+    keypoints_m : (KEYPOINTS, 3) array
+        Keypoints that it locates, target frame [m].
+    error_scale : float
+        Factor on the predicted covariance, calibrated on pictures that the training did not see.
+    weights : dict of str to array
+        As of ``SHAPES``, float32.
+    """
+
+    craft: str
+    trunk_sha256: str
+    keypoints_m: Array
+    error_scale: float
+    weights: Dict[str, Array]
+
+    def __call__(self, features: Array) -> Tuple[Array, Array, Array]:
+        """Return (B, K, 2, BINS) log-probabilities, (B,) logits of the craft being there, and (B,) its log size.
+
+        The size is the logarithm of the bounding sphere's diameter over the one that the crop was made for.
+
+        Parameters
+        ----------
+        features : (B, FEATURES, CELLS, CELLS) array
+            The trunk's, float32.
+        """
+        w, n = self.weights, len(features)
+        padded = np.pad(features, ((0, 0), (0, 0), (1, 1), (1, 1)))
+        windows = sliding_window_view(padded, (3, 3), axis=(2, 3)).transpose(0, 2, 3, 1, 4, 5)
+        columns = windows.reshape(n * CELLS * CELLS, -1)
+        maps = np.maximum(columns @ w["maps"].reshape(len(w["maps"]), -1).T + w["maps_bias"], 0.0)
+        of_keypoint = maps.reshape(n, CELLS * CELLS, KEYPOINTS, MAPS).transpose(0, 2, 3, 1)
+        hidden = np.maximum(of_keypoint.reshape(n, KEYPOINTS, -1) @ w["hidden"].T + w["hidden_bias"], 0.0)
+        logits = (hidden @ w["bins"].T + w["bins_bias"]).reshape(n, KEYPOINTS, 2, BINS)
+        logits -= logits.max(axis=-1, keepdims=True)
+        logits -= np.log(np.exp(logits).sum(axis=-1, keepdims=True))
+        whole = (features.mean(axis=(2, 3)) @ w["whole"].T + w["whole_bias"]).astype(float)
+        return logits, whole[:, 0], whole[:, 1]
+
+    @staticmethod
+    def read(data: bytes, name: str) -> KeypointHead:
+        """Read a head from the bytes of its file.
+
+        Parameters
+        ----------
+        data : bytes
+            The file.
+        name : str
+            Its name, for messages.
+
+        Raises
+        ------
+        BoardModelError
+            If it is no head, of another version, or holds something that is no number.
+        """
+        try:
+            with zipfile.ZipFile(io.BytesIO(data)) as members:
+                if sum(m.file_size for m in members.infolist()) > MOST_BYTES:
+                    raise ValueError(f"it unpacks to more than {MOST_BYTES} bytes")
+            with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+                sheet = json.loads(bytes(arrays["sheet"]).decode("utf-8"))
+                weights = {key: np.asarray(arrays[key], np.float32) for key in SHAPES}
+            if sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
+                raise ValueError(f"its sheet is not {SCHEMA} version {VERSION}")
+            for key, shape in SHAPES.items():
+                if weights[key].shape != shape:
+                    raise ValueError(f"{key} has shape {weights[key].shape}, expected {shape}")
+                if not np.isfinite(weights[key]).all():
+                    raise ValueError(f"{key} holds values that are not finite")
+            scale = float(sheet["error_scale"])
+            if not 0 < scale < 1e6:
+                raise ValueError(f"error_scale is {scale}")
+            return KeypointHead(
+                str(sheet["craft"]),
+                str(sheet["trunk_sha256"]),
+                np.asarray(weights.pop("keypoints_m"), float),
+                scale,
+                weights,
+            )
+        except (
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            OSError,
+            EOFError,
+            RecursionError,
+            NotImplementedError,
+            zipfile.BadZipFile,
+        ) as error:
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise BoardModelError(
+                f"keypoint network {name} cannot be used: {reason}; name a file that flyaround train wrote"
+            ) from error
+
+    def to_bytes(self) -> bytes:
+        """Return the file, weights in half precision."""
+        sheet = {
+            "schema": SCHEMA,
+            "version": VERSION,
+            "craft": self.craft,
+            "trunk_sha256": self.trunk_sha256,
+            "error_scale": self.error_scale,
+        }
+        arrays = {key: self.weights[key].astype(np.float16) for key in SHAPES if key in self.weights}
+        data = io.BytesIO()
+        text = np.frombuffer(json.dumps(sheet).encode(), np.uint8)
+        np.savez(data, sheet=text, keypoints_m=self.keypoints_m.astype(np.float32), **arrays)
+        return data.getvalue()

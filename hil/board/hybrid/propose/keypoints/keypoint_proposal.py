@@ -1,0 +1,271 @@
+"""Poses that the keypoint network proposes for the regions of an image.
+
+A first look corrects the place and size of each region's crop, a second rates it; of the best the modes of the pose's
+likelihood are proposed.
+
+References
+----------
+Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft (keypoints,
+then geometry).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Optional, Sequence
+
+import numpy as np
+
+from flyaround.hil.board.estimation import quaternion as quat
+from flyaround.hil.board.estimation.camera import CameraIntrinsics
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, network_inputs
+from flyaround.hil.board.hybrid.propose.keypoints.network import KeypointNetwork, network_for
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
+from flyaround.hil.board.hybrid.propose.keypoints.pose_search import (
+    CORRELATED,
+    likeliest_place,
+    log_likelihoods,
+    pose_modes,
+    with_outliers,
+)
+from flyaround.hil.board.svd.region_of_interest import Region
+
+Array = np.ndarray
+
+# Diameter of the bounding sphere over the diagonal of a region; two of them for sources that often hold a part.
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
+
+# Poses proposed for one crop, and looks of the second round.
+POSES, QUARTERS = 16, 4
+
+# Logit of a craft by which a crop may be behind the surest.
+DOUBT = 5.0
+
+# Looks at most, crops that get a second one, and the correction too small for another [diameters of the sphere].
+LOOKS, SECOND, SETTLED = 3, 3, 0.06
+
+# Largest corrections of one look: shift [half sides], logarithm of the size.
+SHIFT, SIZE = 0.9, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedProposal:
+    """Poses proposed for one crop.
+
+    Parameters
+    ----------
+    source : Region
+        The region that it started from.
+    crop : ImageCrop
+        Direction and size of the corrected crop.
+    q, t : (N, 4), (N, 3) arrays
+        Poses, the most likely first.
+    log_likely : (N,) array
+        Their log-likelihoods.
+    craft : float
+        Logit of there being a craft.
+    p : (K, 2, BINS) array
+        Probabilities of the keypoints.
+    log_size : float
+        Logarithm of the craft's size over the crop's.
+    """
+
+    source: Region
+    crop: ImageCrop
+    q: Array
+    t: Array
+    log_likely: Array
+    craft: float
+    p: Array
+    log_size: float
+
+    def region(self, camera: CameraIntrinsics) -> Region:
+        """Return the square about the bounding sphere; it may reach beyond the image."""
+        u, v = camera.pixels(self.crop.direction)
+        r = 0.5 * self.crop.diameter_px
+        return Region(float(u - r), float(v - r), float(u + r), float(v + r), "learned")
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedProposer:
+    """A craft's keypoint network, for images of one camera.
+
+    Parameters
+    ----------
+    network : KeypointNetwork
+        Trunk and head.
+    camera : CameraIntrinsics
+        The camera.
+    centre_m : (3,) array
+        Centre of the craft's bounding sphere, target frame [m].
+    radius_m : float
+        Its radius [m].
+    """
+
+    network: KeypointNetwork
+    camera: CameraIntrinsics
+    centre_m: Array
+    radius_m: float
+
+    @staticmethod
+    def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[LearnedProposer]:
+        """Return the proposer of a craft, None if no network was trained for it or the model has no faces."""
+        network = network_for(model)
+        if network is None or model.faces is None:
+            return None
+        return LearnedProposer(network, camera, model.centre_m, model.radius_m)
+
+    @property
+    def points(self) -> Array:
+        """(K, 3) keypoints from the sphere's centre [radii]."""
+        return np.asarray((self.network.head.keypoints_m - self.centre_m) / self.radius_m)
+
+    def propose(
+        self,
+        image: Array,
+        noise: float,
+        regions: Sequence[Region],
+        keep: int,
+        reduced: Optional[Array] = None,
+        black: float = 0.0,
+    ) -> List[LearnedProposal]:
+        """Return proposals for the most likely crops of these regions, the surest of a craft first.
+
+        Parameters
+        ----------
+        image : (H, W) array
+            The image.
+        noise : float
+            Standard deviation of its noise.
+        regions : sequence of Region
+            Where the craft may be.
+        keep : int
+            Number of proposals at most.
+        reduced : (h, w) array, optional
+            The image reduced by area averaging.
+        black : float
+            Level of black.
+        """
+        if not regions:
+            return []
+        camera = self.camera
+        starts = [
+            (r, size)
+            for r in regions
+            for size in (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX)
+        ]
+        sources = [r for r, _ in starts]
+        crops = [
+            ImageCrop.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
+            for r, size in starts
+        ]
+        for look in range(LOOKS):
+            log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
+            sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - DOUBT]
+            moved = {k: self._corrected(crops[k], log_p[k], size[k]) for k in sure}
+            # starts that lead to one place are one
+            sure = self._apart(sure, moved, keep if look else SECOND)
+            if look == LOOKS - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
+                break
+            crops, sources = [moved[k] for k in sure], [sources[k] for k in sure]
+        return [self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in sure[:keep]]
+
+    def look_again(
+        self,
+        image: Array,
+        noise: float,
+        first: LearnedProposal,
+        reduced: Optional[Array] = None,
+        black: float = 0.0,
+    ) -> LearnedProposal:
+        """Return the proposal for a place from four quarter turns of its crop.
+
+        The network was trained on every roll, so it errs differently on each: their mean errs less.
+
+        Parameters
+        ----------
+        image, noise, reduced, black
+            As of `propose`.
+        first : LearnedProposal
+            A proposal of the first looks.
+        """
+        crop = self._corrected(first.crop, np.log(first.p), first.log_size)
+        look = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
+        turned = [np.rot90(look, k, axes=(1, 2)) for k in range(QUARTERS)]
+        log_p, craft, size = self.network(np.ascontiguousarray(turned))
+        p = np.zeros_like(log_p[0])
+        for k in range(QUARTERS):
+            back = np.exp(log_p[k])
+            for _ in range(k):
+                # a quarter turn takes (x, y) to (y, -x)
+                back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
+            p += back / QUARTERS
+        return self._proposal(first.source, crop, np.log(p), float(craft.mean()), float(size.mean()))
+
+    def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
+        """Return the log-likelihood of a pose by the network alone, less that of the most likely pose.
+
+        Parameters
+        ----------
+        learned : sequence of LearnedProposal
+            Of one image; the one in whose crop the pose is nearest to the middle is asked.
+        q, t : (4,), (3,) arrays
+            The pose.
+        """
+        centre = t + quat.matrix(q) @ self.centre_m
+        away = float(np.linalg.norm(centre))
+
+        def off(g: LearnedProposal) -> float:
+            return float(np.linalg.norm(g.crop.direction - centre / away) / g.crop.diameter_px)
+
+        g = min(learned, key=off)
+        back = g.crop.swing().T
+        seen = quat.multiply(quat.from_matrix(back), q)[None]
+        score = log_likelihoods(
+            g.p, self.points, self._focal(g.crop), seen, (back @ centre / self.radius_m)[None]
+        )
+        return float(score[0] / CORRELATED - g.log_likely[0])
+
+    def _apart(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
+        """Return the first of these crops that show different things."""
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        kept: List[int] = []
+        for k in order:
+            if len(kept) < most and all(_apart(crops[k], crops[j], f) for j in kept):
+                kept.append(k)
+        return kept
+
+    def _moved(self, before: ImageCrop, after: ImageCrop) -> bool:
+        """Return True if a correction is worth another look."""
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        shift = f * float(np.linalg.norm(before.direction - after.direction)) / after.diameter_px
+        return shift > SETTLED or abs(np.log(after.diameter_px / before.diameter_px)) > 2 * SETTLED
+
+    def _focal(self, crop: ImageCrop) -> float:
+        """Return the focal length of a crop's camera [half sides]."""
+        return (self.camera.fx_px + self.camera.fy_px) * INPUT_FILL / crop.diameter_px
+
+    def _corrected(self, crop: ImageCrop, log_p: Array, log_size: float) -> ImageCrop:
+        """Return the crop about the craft at its most likely pose."""
+        focal, log_size = self._focal(crop), float(np.clip(log_size, -SIZE, SIZE))
+        t = likeliest_place(log_p, self.points, focal, log_size)
+        shift = np.clip(focal * t[:2] / t[2], -SHIFT, SHIFT)
+        return crop.moved(0.5 * (self.camera.fx_px + self.camera.fy_px), shift, log_size)
+
+    def _proposal(
+        self, source: Region, crop: ImageCrop, log_p: Array, craft: float, log_size: float
+    ) -> LearnedProposal:
+        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, POSES)
+        score = modes.log_likelihood / CORRELATED
+        swing = crop.swing()
+        q = quat.multiply(quat.from_matrix(swing), modes.q)
+        t = self.radius_m * modes.t @ swing.T - quat.matrix(q) @ self.centre_m
+        return LearnedProposal(source, crop, q, t, score, craft, with_outliers(log_p), log_size)
+
+
+def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
+    """Return True if two crops show different things: a quarter of the craft's size apart, or of another size."""
+    size = min(a.diameter_px, b.diameter_px)
+    ratio = max(a.diameter_px, b.diameter_px) / size
+    return bool(ratio > 1.3 or f_px * np.linalg.norm(a.direction - b.direction) > 0.25 * size)

@@ -1,0 +1,123 @@
+"""The keypoint network: one trunk for all craft, run by OpenCV, and a head for each."""
+
+from __future__ import annotations
+
+import hashlib
+import pkgutil
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import keypoints_m
+
+Array = np.ndarray
+
+PACKAGE = "flyaround.hil.board.hybrid.propose.keypoints"
+
+# Craft of another's shape in other paint: they share its head.
+SAME_SHAPE = {"tango-mockup": "tango"}
+
+# Largest move of a keypoint since the training [radii of the bounding sphere].
+SAME_RADII = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class KeypointNetwork:
+    """A trunk and the head of one craft.
+
+    Parameters
+    ----------
+    trunk : cv2.dnn.Net
+        Features of an input.
+    head : KeypointHead
+        Distributions of the craft's keypoints from them.
+    """
+
+    trunk: cv2.dnn.Net
+    head: KeypointHead
+
+    def __call__(self, inputs: Array) -> Tuple[Array, Array, Array]:
+        """Return log-probabilities, logits of a craft and its log size, as of `KeypointHead`.
+
+        Parameters
+        ----------
+        inputs : (B, 2, S, S) array
+            Float32, see ``network_input.channels``.
+        """
+        self.trunk.setInput(inputs)
+        return self.head(self.trunk.forward())
+
+
+@lru_cache(maxsize=1)
+def trunk_bytes() -> bytes:
+    """Return the shipped trunk, ONNX."""
+    # a bundle is a zip file: its members are read through the importer
+    data = pkgutil.get_data(PACKAGE, "weights/trunk.onnx")
+    if data is None:
+        raise BoardModelError("the keypoint network's trunk is missing; install flyaround anew")
+    return data
+
+
+@lru_cache(maxsize=1)
+def _trunk() -> cv2.dnn.Net:
+    return cv2.dnn.readNetFromONNX(np.frombuffer(trunk_bytes(), np.uint8))
+
+
+def trunk_sha256() -> str:
+    """Return the hash of the shipped trunk."""
+    return hashlib.sha256(trunk_bytes()).hexdigest()
+
+
+def network_for(model: BoardModel) -> Optional[KeypointNetwork]:
+    """Return the network of a craft: the one that its model carries, or the shipped one; None if there is neither.
+
+    A shipped one whose keypoints have moved since the training is not used.
+
+    Raises
+    ------
+    BoardModelError
+        If the model carries a head that is none, that of another craft, or was trained on another trunk.
+    """
+    if model.network is not None:
+        head = KeypointHead.read(model.network, f"of {model.name}")
+        if not _same(head, model):
+            raise BoardModelError(
+                f"the keypoint network of {model.name} was trained for another shape ({head.craft}); train it again"
+            )
+    else:
+        data = _shipped_head(SAME_SHAPE.get(model.name, model.name))
+        if data is None:
+            return None
+        head = KeypointHead.read(data, model.name)
+        if not _same(head, model):
+            return None
+    if head.trunk_sha256 != trunk_sha256():
+        raise BoardModelError(
+            f"the keypoint network of {model.name} was trained on another version's trunk; train it again"
+        )
+    return KeypointNetwork(_trunk(), head)
+
+
+def _shipped_head(name: str) -> Optional[bytes]:
+    if not name.replace("-", "").replace("_", "").isalnum():
+        return None
+    try:
+        return pkgutil.get_data(PACKAGE, f"weights/{name}.npz")
+    except OSError:
+        return None
+
+
+def has_shipped_head(name: str) -> bool:
+    """Return True if a head is shipped for a craft of this name."""
+    return _shipped_head(SAME_SHAPE.get(name, name)) is not None
+
+
+def _same(head: KeypointHead, model: BoardModel) -> bool:
+    away = np.linalg.norm(head.keypoints_m - keypoints_m(model), axis=1).max()
+    return bool(away < SAME_RADII * model.radius_m)

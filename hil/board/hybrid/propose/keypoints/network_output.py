@@ -1,0 +1,37 @@
+"""Output of the keypoint network: which keypoints, and the bins of their distributions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flyaround.hil.board.estimation.target_model import BoardModel
+
+Array = np.ndarray
+
+# Keypoints of a craft, and bins along each axis of the input.
+KEYPOINTS, BINS = 24, 160
+
+# Half the width of the bins' range [half sides of the input]: keypoints beside the crop are located as well.
+REACH = 1.25
+
+# Width of a bin [half sides].
+STEP = 2 * REACH / BINS
+
+
+def bin_centres() -> Array:
+    """Return (BINS,) centres of the bins from the middle of the input [half sides]."""
+    return (np.arange(BINS) + 0.5) * STEP - REACH
+
+
+def keypoints_m(model: BoardModel) -> Array:
+    """Return (KEYPOINTS, 3) points of a craft that the network locates, target frame [m].
+
+    The model's keypoints, then ends of its wireframe, each the farthest from those before (Gonzalez 1985).
+    """
+    points = np.array(list(model.keypoints.values()), float).reshape(-1, 3)[:KEYPOINTS]
+    if not len(points):
+        points = model.ends_m[:1]
+    while len(points) < KEYPOINTS:
+        away = np.linalg.norm(model.ends_m[:, None] - points[None], axis=-1).min(axis=1)
+        points = np.vstack([points, model.ends_m[int(np.argmax(away))]])
+    return points

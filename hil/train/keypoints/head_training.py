@@ -1,0 +1,282 @@
+"""A head for a craft: its views drawn, the head trained on the shipped trunk, judged on views kept back, written."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import msgspec
+import numpy as np
+import torch
+
+from flyaround.hil.board.hybrid.propose.keypoints.head import SHAPES, KeypointHead
+from flyaround.hil.board.hybrid.propose.keypoints.network import trunk_bytes, trunk_sha256
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, REACH, STEP, keypoints_m
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.hil.train.fitting import Budget
+from flyaround.hil.train.keypoints import fit
+from flyaround.hil.train.keypoints.network import Head
+from flyaround.hil.train.keypoints.samples import Batch, LitViews, halved, sample
+from flyaround.hil.train.keypoints.trunk_file import from_onnx
+from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from flyaround.hil.train.keypoints.network import Trunk
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
+    from flyaround.simulator.targets.model import Target
+
+    Report = Callable[[float, str], None]
+
+# Samples of a step; views kept back; steps between checkpoints and reports.
+BATCH, KEPT_BACK, CHECKPOINT = 64, 100, 200
+
+# Least distance between two keypoints, and how many must be that far apart [radii].
+DISTINCT_RADII, LEAST_DISTINCT = 0.05, 6
+
+
+class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
+    """How a head does on views that its training did not see.
+
+    Parameters
+    ----------
+    network : str
+        The file.
+    target : str
+        The craft.
+    views, steps : int
+        Of the training.
+    median_px : float
+        Median error of a keypoint [px of an input of 128].
+    within_10_px : float
+        Share of keypoints with a smaller error than 10 px.
+    present : float
+        Share of the views whose craft was noticed.
+    symmetries : int
+        Rotations under which the craft looks nearly the same: its keypoints are known up to these.
+    """
+
+    network: str
+    target: str
+    views: int
+    steps: int
+    median_px: float
+    within_10_px: float
+    present: float
+    symmetries: int
+
+
+def train_head(
+    name: str,
+    output: Path,
+    *,
+    views: int,
+    budget: Budget,
+    seed: int = 0,
+    workers: int = 1,
+    report: Report = lambda _done, _text: None,
+) -> HeadReport:
+    """Train the head of a craft and write its file.
+
+    What was drawn and learned stands in ``output`` with ``.partial`` added until the file is written: the same command
+    goes on there after it was stopped.
+
+    Parameters
+    ----------
+    name : str
+        Of the target.
+    output : Path
+        The file, ``.npz``.
+    views : int
+        Number of views to draw.
+    budget : Budget
+        Time or steps of the training, without the drawing.
+    seed : int
+        Of views, samples and first weights.
+    workers : int
+        Processes that draw, and threads that make samples.
+    report : callable
+        Given the share done and a line of text.
+
+    Raises
+    ------
+    UserError
+        If the craft has too few distinct keypoints, or the disk is full.
+    """
+    target = load_target(name)
+    model = board_model(target)
+    points_m = keypoints_m(model)
+    points = (points_m - model.centre_m) / model.radius_m
+    _check_keypoints(target, points)
+    partial = output.with_name(f"{output.name}.partial")
+    drawing = Drawing(partial / "views", (name,), views, seed)
+    draw_all(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views drawn"))
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    trunk = from_onnx(trunk_bytes()).requires_grad_(requires_grad=False)
+    training = _HeadTraining(trunk, load_views(drawing, points), halved(earths_of(drawing)), seed)
+    state = partial / "head.pt"
+    steps = training.run(budget, workers, state, lambda d, text: report(0.3 + 0.7 * d, text))
+    kept = training.judged()
+    head = KeypointHead(name, trunk_sha256(), points_m, 1.0, arrays_of(training.mean))
+    write_atomic(output, head.to_bytes())
+    shutil.rmtree(partial)
+    return HeadReport(
+        network=output.name,
+        target=name,
+        views=views,
+        steps=steps,
+        median_px=kept[0],
+        within_10_px=kept[1],
+        present=kept[2],
+        symmetries=len(model.symmetry_wxyz),
+    )
+
+
+def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
+    """Return the drawn views of a craft with these keypoints (K, 3) [radii]."""
+
+    def part(name: str) -> NDArray[Any]:
+        return np.asarray(np.load(drawing.folder / f"{name}.npy", mmap_mode="r"))
+
+    pose = np.array(part("pose"))
+    return LitViews(part("lit"), part("scale"), part("cover"), part("label"), pose[:, :4], pose[:, 4], points)
+
+
+def arrays_of(weights: dict[str, Tensor]) -> dict[str, Float32Array]:
+    """Return a head's weights under the names of its file."""
+    return {
+        key: weights[key.replace("_bias", ".bias") if "bias" in key else f"{key}.weight"].float().numpy()
+        for key in SHAPES
+        if key != "keypoints_m"
+    }
+
+
+def _check_keypoints(target: Target, points: FloatArray) -> None:
+    """Refuse a craft of which one pose cannot be told from another by its keypoints.
+
+    Raises
+    ------
+    UserError
+        If too few of them are apart, or all lie on a line.
+    """
+    distinct: list[FloatArray] = []
+    for p in points:
+        if all(np.linalg.norm(p - other) > DISTINCT_RADII for other in distinct):
+            distinct.append(p)
+    spread = np.linalg.svd(np.array(distinct) - np.mean(distinct, axis=0), compute_uv=False)
+    if len(distinct) < LEAST_DISTINCT or spread[1] < DISTINCT_RADII:
+        raise UserError(
+            f"target {target.name!r} has {len(distinct)} distinct keypoints; training needs {LEAST_DISTINCT} that are "
+            "not on a line; add keypoints or edges to its file"
+        )
+
+
+class _HeadTraining:
+    """The training of one head on the features of a trunk that stays as it is."""
+
+    def __init__(self, trunk: Trunk, views: LitViews, earths: tuple[Float32Array, ...], seed: int) -> None:
+        self._trunk = trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._views, self._earths, self._seed = views, earths, seed
+        self._head = Head()
+        self._kept_back = min(KEPT_BACK, len(views.lit) // 5)
+        self._adam = torch.optim.AdamW(self._head.parameters(), lr=fit.RATE, weight_decay=fit.DECAY)
+        self.mean = {k: v.clone() for k, v in self._head.state_dict().items()}
+        self._steps, self._spent_s = 0, 0.0
+
+    def run(self, budget: Budget, workers: int, state: Path, report: Report) -> int:
+        """Train from where ``state`` was left; return the steps in all."""
+        self._restore(state)
+        cv2.setNumThreads(1)
+        began = time.monotonic() - self._spent_s
+        with ThreadPoolExecutor(workers) as pool:
+            ahead = [pool.submit(self._batch, self._steps + k) for k in range(2 * workers)]
+            while (done := budget.done(began, self._steps)) < 1:
+                batch = ahead.pop(0).result()
+                ahead.append(pool.submit(self._batch, self._steps + 2 * workers))
+                loss = self._step(batch, done)
+                self._steps += 1
+                if self._steps % CHECKPOINT == 0:
+                    self._spent_s = time.monotonic() - began
+                    self._save(state)
+                    left = (1 - done) / max(done, 1e-9) * self._spent_s / 60
+                    report(done, f"{self._steps} steps, loss {loss:.2f}, {left:.0f} min left")
+        return self._steps
+
+    def judged(self) -> tuple[float, float, float]:
+        """Return the median keypoint error [px], the share below 10 px, and the share of craft noticed."""
+        self._head.load_state_dict(self.mean)
+        rng = np.random.default_rng([self._seed, 2])
+        centres = ((torch.arange(BINS) + 0.5) * STEP - REACH).numpy()
+        errors, noticed = [], []
+        for first in range(0, self._kept_back, BATCH):
+            which = np.arange(first, min(first + BATCH, self._kept_back))
+            batch = sample(self._views, self._earths, which, rng)
+            with torch.no_grad():
+                logits, whole = self._head(self._trunk(torch.from_numpy(batch.inputs).float()))
+            there = batch.present > 0
+            peaks = centres[logits.argmax(-1).numpy()]
+            off = np.linalg.norm(peaks - batch.points, axis=-1)[there] * INPUT_PX / 2
+            errors.append(off.ravel())
+            noticed.append(whole[:, 0].numpy()[there] > 0)
+        off = np.concatenate(errors)
+        return float(np.median(off)), float((off < 10).mean()), float(np.concatenate(noticed).mean())
+
+    def _batch(self, step: int) -> Batch:
+        """Return the batch of a step, which depends on the seed and the step alone."""
+        rng = np.random.default_rng([self._seed, 1, step])
+        which = rng.integers(self._kept_back, len(self._views.lit), BATCH)
+        return sample(self._views, self._earths, which, rng)
+
+    def _step(self, batch: Batch, done: float) -> float:
+        rate = fit.RATE * min(1.0, (self._steps + 1) / fit.WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * done))
+        for group in self._adam.param_groups:
+            group["lr"] = float(rate) + 1e-5
+        inputs = torch.from_numpy(batch.inputs).float().contiguous(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16):
+            with torch.no_grad():
+                features = self._trunk(inputs)
+            outputs = self._head(features)
+        keypoints, whole = fit.loss(outputs, batch)
+        self._adam.zero_grad()
+        whole.backward()
+        torch.nn.utils.clip_grad_norm_(self._head.parameters(), fit.LARGEST_GRADIENT)
+        self._adam.step()
+        keep = min(fit.KEEP, self._steps / (self._steps + 20))
+        with torch.no_grad():
+            for key, value in self._head.state_dict().items():
+                self.mean[key].lerp_(value, 1 - keep)
+        return keypoints.item()
+
+    def _save(self, path: Path) -> None:
+        data = io.BytesIO()
+        state = {
+            "head": self._head.state_dict(),
+            "mean": self.mean,
+            "adam": self._adam.state_dict(),
+            "steps": self._steps,
+            "spent_s": self._spent_s,
+        }
+        torch.save(state, data)
+        write_atomic(path, data.getvalue())
+
+    def _restore(self, path: Path) -> None:
+        if not path.exists():
+            return
+        state = torch.load(path, weights_only=True)
+        self._head.load_state_dict(state["head"])
+        self._adam.load_state_dict(state["adam"])
+        self.mean, self._steps, self._spent_s = state["mean"], state["steps"], state["spent_s"]

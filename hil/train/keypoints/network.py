@@ -1,0 +1,80 @@
+"""The keypoint network in PyTorch: a trunk for all craft, and a head for each.
+
+A head gives, for every keypoint, a distribution over the columns and one over the rows of the input (SimCC: Li et al.
+2022, SimCC: a simple coordinate classification perspective for human pose estimation), and the logit of a craft being
+there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from torch import nn
+
+from flyaround.hil.board.hybrid.propose.keypoints.head import CELLS, HIDDEN, MAPS
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KEYPOINTS
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+# Channels of the stages at a quarter, an eighth and a sixteenth of the input, and residual blocks of each.
+CHANNELS, BLOCKS = (64, 128, 192), (2, 2, 3)
+
+
+class _Residual(nn.Module):
+    """Two convolutions beside the identity (He et al. 2016)."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+            nn.BatchNorm2d(channels),
+            nn.ReLU(),
+            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+            nn.BatchNorm2d(channels),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return torch.relu(x + self.body(x))
+
+
+class Trunk(nn.Module):
+    """Return (B, 192, 8, 8) features of inputs (B, 2, 128, 128)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        before = 2
+        for k, (channels, blocks) in enumerate(zip(CHANNELS, BLOCKS, strict=True)):
+            size, stride = (7, 4) if k == 0 else (3, 2)
+            layers += [
+                nn.Conv2d(before, channels, size, stride, size // 2, bias=False),
+                nn.BatchNorm2d(channels),
+                nn.ReLU(),
+            ]
+            layers += [_Residual(channels) for _ in range(blocks)]
+            before = channels
+        self.body = nn.Sequential(*layers)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the features."""
+        return self.body(x)  # type: ignore[no-any-return]
+
+
+class Head(nn.Module):
+    """Return (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of a craft and log size, of a trunk's features."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        width = CHANNELS[-1]
+        self.maps = nn.Conv2d(width, KEYPOINTS * MAPS, 3, padding=1)
+        self.hidden = nn.Linear(MAPS * CELLS * CELLS, HIDDEN)
+        self.bins = nn.Linear(HIDDEN, 2 * BINS)
+        self.whole = nn.Linear(width, 2)
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the logits."""
+        maps = torch.relu(self.maps(features)).reshape(-1, KEYPOINTS, MAPS * CELLS * CELLS)
+        logits = self.bins(torch.relu(self.hidden(maps))).reshape(-1, KEYPOINTS, 2, BINS)
+        return logits, self.whole(features.mean(dim=(2, 3)))

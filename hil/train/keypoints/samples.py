@@ -1,0 +1,407 @@
+"""Training samples: views in a random light, on a background, turned, moved, exposed and made noisy by chance.
+
+Two kinds of sample. *Orbit*: the Sun and a little of all other lights, in front of the Earth or of nothing.
+*Laboratory*: several lights of random strength; surfaces brighter or darker than their paint, some of them mirrors of a
+lamp; a fall-off across the craft; other textures, bars and cables that the model lacks; a shape a little bent; up to a
+half burnt out; glow, stray light, a black level; specks, occlusion, blur, JPEG and another tone curve (after Park &
+D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose estimation across domain gap).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
+from flyaround.hil.train.keypoints.views import FILLED, LABELS, SUNS, VIEW_PX, focal_length_px
+from flyaround.simulator.world.frames.rotation import matrix_from_quat
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.random import Generator
+    from numpy.typing import NDArray
+
+    from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
+
+# Share of laboratory samples with the Earth behind; share of all without a craft.
+LAB_EARTH_SHARE, EMPTY_SHARE = 0.4, 0.08
+
+# Logarithm of the craft's size over the right one, at most.
+SIZES = (-1.1, 0.7)
+
+# Pixels of the SPEED camera per pixel of an input, times range over radius.
+REDUCED = 65.0
+
+# Width and height of a picture, in pixels of the SPEED camera.
+FRAME_PX = (1920.0, 1200.0)
+
+# Logarithm of the exposure over the right one: standard deviation; largest of the share that is far off.
+EXPOSED, ASTRAY = 0.4, 2 * float(np.log(2.0))
+
+# Logarithm of the measured noise over the true one.
+MISMEASURED = (-0.1, 0.5)
+
+# Shares of laboratory samples with another texture, with bars and cables, bent, with stray light, occluded, by JPEG.
+TEXTURED, CABLED, BENT, STRAY, OCCLUDED, COMPRESSED = 0.3, 0.3, 0.3, 0.25, 0.2, 0.2
+
+# Standard deviation of the bend [px], and the length over which it varies [px].
+BENT_PX, BENT_OVER_PX = 1.2, 20.0
+
+# Brightest signal that is kept [full scale].
+MOST = 12.0
+
+_Y, _X = (np.mgrid[:VIEW_PX, :VIEW_PX] / (0.5 * VIEW_PX) - 1.0).astype(np.float32)
+_V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Chances of a sample.
+
+    Parameters
+    ----------
+    off : tuple of (float, float)
+        Standard deviations of a crop's shift [half sides] and logarithm of its size, at the first look and later.
+    off_share : tuple of float
+        Shares of these looks.
+    orbit, earth, astray : float
+        Share of samples in orbit; of these, with the Earth behind and far off the right exposure.
+    noise : (float, float)
+        Bounds of the noise of one pixel [full scale].
+    """
+
+    off: tuple[tuple[float, float], ...] = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08))
+    off_share: tuple[float, ...] = (0.25, 0.3, 0.45)
+    orbit: float = 0.4
+    earth: float = 0.65
+    astray: float = 0.3
+    noise: tuple[float, float] = (0.002, 0.075)
+
+
+# All that a network must bear, and what it learns first: from random weights it learns attitudes much sooner so
+# (docs/lab/2026-11-keypoint-network.md).
+HARD = Mix()
+EASY = Mix(((0.1, 0.15), (0.06, 0.1), (0.03, 0.05)), (0.2, 0.3, 0.5), 0.75, 0.25, 0.1, (0.002, 0.02))
+
+
+@dataclass(frozen=True, eq=False)
+class LitViews:
+    """Views of one craft, stacked.
+
+    Parameters
+    ----------
+    lit, scale, cover, label : arrays (N, ...)
+        As of ``View``.
+    q_wxyz : (N, 4) array
+        Attitudes.
+    range_in_radii : (N,) array
+        Ranges.
+    keypoints : (K, 3) array
+        Keypoints from the sphere's centre over its radius, target frame.
+    """
+
+    lit: ByteArray
+    scale: Float32Array
+    cover: ByteArray
+    label: ByteArray
+    q_wxyz: FloatArray
+    range_in_radii: FloatArray
+    keypoints: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Network inputs with their truth.
+
+    Parameters
+    ----------
+    inputs : (B, 2, S, S) array
+        Float16.
+    points : (B, K, 2) array
+        Keypoints from the middle of the input [half sides].
+    present : (B,) array
+        1 where there is a craft.
+    log_size : (B,) array
+        Logarithm of its size over that of a crop that it fills as it should.
+    """
+
+    inputs: NDArray[np.float16]
+    points: Float32Array
+    present: Float32Array
+    log_size: Float32Array
+
+
+def halved(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
+    """Return backgrounds and the same at halves of the size."""
+    out = [np.asarray(earths, np.float32)]
+    for _ in range(levels - 1):
+        n, h, w = out[-1].shape
+        out.append(out[-1].reshape(n, h // 2, 2, w // 2, 2).mean(axis=(2, 4)))
+    return tuple(out)
+
+
+def sample(
+    views: LitViews, earths: Sequence[Float32Array], which: NDArray[Any], rng: Generator, mix: Mix = HARD
+) -> Batch:
+    """Return a batch of one sample of each of these views.
+
+    Parameters
+    ----------
+    views : LitViews
+        Of one craft.
+    earths : sequence of (M, h, w) array
+        Backgrounds and the same at halves of the size.
+    which : (B,) array
+        Numbers of the views.
+    rng : Generator
+        Source of chance.
+    mix : Mix
+        Chances of a sample.
+    """
+    size = len(which)
+    off = np.array(mix.off)[rng.choice(len(mix.off), size, p=mix.off_share)]
+    box = rng.normal(0, 1, (size, 3)) * off[:, [0, 0, 1]]
+    box[:, 2] = np.clip(box[:, 2], *SIZES)
+    present = rng.random(size) >= EMPTY_SHARE
+    empty = np.flatnonzero(~present)
+    box[empty, :2] = rng.uniform(1.0, 2.2, (len(empty), 2)) * rng.choice([-1, 1], (len(empty), 2))
+    reduced = REDUCED / views.range_in_radii[which] * np.exp(-box[:, 2]) * rng.uniform(0.7, 1.4, size)
+    turn = rng.uniform(0, 2 * np.pi, size)
+    orbit = rng.random(size) < mix.orbit
+    noise = rng.uniform(*mix.noise, size)
+    fine = (noise / np.maximum(reduced, 1.0)).astype(np.float32)
+    pictures = np.empty((size, INPUT_PX, INPUT_PX), np.float32)
+    points = np.empty((size, len(views.keypoints), 2), np.float32)
+    for i, k in enumerate(which):
+        M = _affine(turn[i], box[i])
+        signal = _in_orbit(views, k, rng) if orbit[i] else _in_laboratory(views, k, rng)
+        picture, cover = _warped(signal, views.cover[k], M, float(np.exp(box[i, 2])))
+        make = _orbit_picture if orbit[i] else _laboratory_picture
+        picture = make(picture, cover, earths, reduced[i], bool(present[i]), noise[i], rng, mix)
+        picture += rng.standard_normal(picture.shape, np.float32) * fine[i]
+        if not orbit[i] and rng.random() < COMPRESSED:
+            picture = _compressed(picture, rng)
+        pictures[i] = _framed(picture, reduced[i], box[i], rng)
+        points[i] = _seen_at(views, k) @ M[:, :2].T + M[:, 2]
+    points = (points - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
+    inputs = channels(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
+    return Batch(
+        inputs.astype(np.float16),
+        points.astype(np.float32),
+        present.astype(np.float32),
+        box[:, 2].astype(np.float32),
+    )
+
+
+def _seen_at(views: LitViews, k: int) -> FloatArray:
+    """Return (K, 2) pixels of the keypoints in a view."""
+    p = views.keypoints @ matrix_from_quat(views.q_wxyz[k]).T
+    away = views.range_in_radii[k]
+    f = float(focal_length_px(away))
+    return f * p[:, :2] / (p[:, 2:] + away) + 0.5 * (VIEW_PX - 1)
+
+
+def _affine(turn: float, box: FloatArray) -> FloatArray:
+    """Return (2, 3) from a view's pixels to the input's."""
+    scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (FILLED * VIEW_PX)
+    c, s = scale * np.cos(turn), scale * np.sin(turn)
+    middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
+    return np.array([[c, -s, to[0] - (c - s) * middle], [s, c, to[1] - (c + s) * middle]])
+
+
+def _warped(
+    signal: Float32Array, cover: ByteArray, M: FloatArray, size: float
+) -> tuple[Float32Array, Float32Array]:
+    scale = INPUT_FILL * INPUT_PX * size / (FILLED * VIEW_PX)
+    both = np.dstack([np.minimum(signal, np.float32(MOST)), cover.astype(np.float32) / np.float32(255)])
+    blur = 0.5 * float(np.sqrt(max(1 / scale**2 - 0.5, 0.05)))
+    soft = cv2.GaussianBlur(both, (0, 0), blur)
+    out = cv2.warpAffine(soft, M, (INPUT_PX, INPUT_PX), flags=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(out[..., 0]), np.ascontiguousarray(out[..., 1])
+
+
+def _mixed(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
+    """Return the signal of the craft in a mixture of its lights."""
+    out = np.zeros((VIEW_PX, VIEW_PX), np.float32)
+    for j in np.flatnonzero(weights):
+        root = views.lit[k, j].astype(np.float32)
+        root *= root
+        root *= np.float32(weights[j] * views.scale[k, j] / 255.0**2)
+        out += root
+    return out
+
+
+def _in_orbit(views: LitViews, k: int, rng: Generator) -> Float32Array:
+    """Return the craft in the light of the Sun, and a little of what the Earth gives back."""
+    lights = views.lit.shape[1]
+    weights = np.full(lights, rng.uniform(0.0, 0.02))
+    weights[rng.integers(min(lights, SUNS))] = 1.0
+    return _mixed(views, k, weights)
+
+
+def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
+    """Return the craft by several lamps, its surfaces other than in the model, a random share burnt out."""
+    lights = views.lit.shape[1]
+    weights = np.exp(rng.normal(0, 1.5, lights)) * (rng.random(lights) < rng.choice([0.3, 0.6, 1.0]))
+    if not weights.any():
+        weights[rng.integers(lights)] = 1.0
+    signal = _mixed(views, k, weights)
+    # another paint, and mirrors of a lamp; each surface with a fall-off of its own
+    spread, tilt = rng.uniform(0.05, 0.7), rng.uniform(0.0, 1.2)
+    log_gain = rng.normal(0, spread, LABELS)
+    mirror = rng.random(LABELS) < 0.06
+    log_gain[mirror] += rng.uniform(0.5, 3.0, int(mirror.sum()))
+    a, b = (rng.normal(0, tilt, LABELS).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2))
+    label = views.label[k]
+    field = log_gain.astype(np.float32)[label] + a[label] * _X + b[label] * _Y
+    # a floor of light: what is in shadow is not quite black, with all surfaces alike
+    floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
+    signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
+    seen = signal[views.cover[k] > 128]
+    if not len(seen):
+        return signal
+    # a quantile of what is seen gets a level: from little light to half of the craft burnt out
+    level = float(np.exp(rng.normal(np.log(0.7), 0.7)))
+    rank = int(rng.uniform(0.5, 0.995) * (len(seen) - 1))
+    return signal * np.float32(level / max(float(np.partition(seen, rank)[rank]), 1e-4))
+
+
+def _orbit_picture(
+    signal: Float32Array,
+    cover: Float32Array,
+    earths: Sequence[Float32Array],
+    reduced: float,
+    present: bool,  # noqa: FBT001 - positional in a private call
+    noise: float,
+    rng: Generator,
+    mix: Mix,
+) -> Float32Array:
+    astray = rng.random() < mix.astray
+    gain = np.float32(np.exp(rng.uniform(-ASTRAY, ASTRAY) if astray else rng.normal(0, EXPOSED)))
+    picture = _shadowed(signal, rng) * gain
+    if not present or rng.random() < mix.earth:
+        earth = _window(earths, reduced / 4, rng)
+        picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
+    # below black and above white there is nothing: noise on black lifts its mean
+    lifted = np.float32(0.8 * noise)
+    return np.minimum(0.5 * (picture + np.sqrt(picture * picture + lifted * lifted)), 1.0)
+
+
+def _laboratory_picture(
+    signal: Float32Array,
+    cover: Float32Array,
+    earths: Sequence[Float32Array],
+    reduced: float,
+    present: bool,  # noqa: FBT001 - positional in a private call
+    _noise: float,
+    rng: Generator,
+    _mix: Mix,
+) -> Float32Array:
+    picture = np.minimum(_shadowed(signal, rng), np.float32(MOST))
+    if rng.random() < TEXTURED:
+        texture = _window(earths, reduced / 4 * rng.uniform(0.25, 1.0), rng)
+        texture = (texture - texture.mean()) / max(float(texture.std()), 1e-3)
+        strength = np.float32(rng.uniform(0.1, 0.7))
+        picture = picture * np.exp(strength * np.clip(texture, -2.5, 2.5) * cover)
+    if rng.random() < CABLED:
+        _draw_cables(picture, rng)
+    if not present or rng.random() < LAB_EARTH_SHARE:
+        behind = _window(earths, reduced / 4 * rng.uniform(0.5, 2.0), rng)
+        behind = behind ** np.float32(rng.uniform(0.6, 1.6)) * np.float32(np.exp(rng.uniform(-2.5, 0.8)))
+        picture = picture + (1 - cover) * behind
+    for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
+        cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
+    if rng.random() < OCCLUDED:
+        # something in front, as bright as anything
+        x, y = rng.integers(INPUT_PX, size=2)
+        w, h = rng.integers(8, 48, size=2)
+        picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
+    if rng.random() < BENT:
+        picture = _bent(picture, rng)
+    if rng.random() < 0.6:
+        small = cv2.resize(picture, (INPUT_PX // 4, INPUT_PX // 4), interpolation=cv2.INTER_AREA)
+        glow = cv2.GaussianBlur(small, (0, 0), float(rng.uniform(0.8, 4.5)))
+        wide = cv2.resize(glow, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_LINEAR)
+        picture = picture + np.float32(rng.uniform(0.0, 0.12)) * wide
+    if rng.random() < 0.5:
+        picture = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(0.4, 1.8)))
+    picture = np.clip(picture, 0.0, 1.0) ** np.float32(np.exp(rng.normal(0, 0.2)))
+    if rng.random() < STRAY:
+        a = rng.uniform(0, 2 * np.pi)
+        ramp = np.clip(0.5 + 0.5 * (np.float32(np.cos(a)) * _U + np.float32(np.sin(a)) * _V), 0, 1)
+        picture = picture + np.float32(rng.uniform(0.0, 0.2)) * ramp ** np.float32(rng.uniform(0.5, 4.0))
+    # a rest of a black level that was subtracted
+    return np.minimum(picture + np.float32(max(rng.normal(0, 0.03), 0.0)), np.float32(1.0))
+
+
+def _compressed(picture: Float32Array, rng: Generator) -> Float32Array:
+    """Return the picture after JPEG."""
+    eight = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
+    _, coded = cv2.imencode(".jpg", eight, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
+    return cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE).astype(np.float32) / np.float32(255)
+
+
+def _draw_cables(picture: Float32Array, rng: Generator) -> None:
+    """Draw bars and cables across the picture."""
+    top = max(float(picture.max()), 1e-3)
+    for _ in range(int(rng.integers(1, 5))):
+        middle = 0.5 * INPUT_PX + rng.normal(0, 0.2 * INPUT_PX, 2)
+        half = rng.normal(0, 0.12 * INPUT_PX, 2)
+        a, b = np.rint(middle - half).astype(int).tolist(), np.rint(middle + half).astype(int).tolist()
+        bright = top * float(rng.choice([0.0, rng.uniform(0, 1)]))
+        cv2.line(picture, a, b, bright, int(rng.integers(1, 4)), cv2.LINE_AA)
+
+
+def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
+    """Return the picture with its places moved a little, those beside each other alike."""
+    coarse = INPUT_PX // 8
+    at = np.mgrid[:INPUT_PX, :INPUT_PX][::-1].astype(np.float32)
+    for k in range(2):
+        smooth = cv2.GaussianBlur(
+            rng.standard_normal((coarse, coarse), np.float32), (0, 0), BENT_OVER_PX * coarse / INPUT_PX
+        )
+        smooth *= np.float32(BENT_PX / max(float(smooth.std()), 1e-6))
+        at[k] += cv2.resize(smooth, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(cv2.remap(picture, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _shadowed(signal: Float32Array, rng: Generator) -> Float32Array:
+    """Return the signal, now and then with a straight shadow over a part."""
+    if rng.random() > 0.08:
+        return signal
+    angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
+    dark = np.float32(np.cos(angle)) * _U + np.float32(np.sin(angle)) * _V > at
+    return np.where(dark, signal * np.float32(rng.uniform(0.02, 0.4)), signal)
+
+
+def _window(earths: Sequence[Float32Array], reduced: float, rng: Generator) -> Float32Array:
+    """Return a random part of a background, ``reduced`` of its pixels per pixel, turned by quarters."""
+    level = int(np.clip(np.log2(max(reduced, 1.0)), 0, len(earths) - 1))
+    earth = earths[level][int(rng.integers(len(earths[level])))]
+    h, w = earth.shape
+    side = int(np.clip(INPUT_PX * reduced / 2**level, min(INPUT_PX // 2, h), min(h, w)))
+    x, y = int(rng.integers(w - side + 1)), int(rng.integers(h - side + 1))
+    how = cv2.INTER_AREA if side > INPUT_PX else cv2.INTER_LINEAR
+    part = cv2.resize(earth[y : y + side, x : x + side], (INPUT_PX, INPUT_PX), interpolation=how)
+    part = np.rot90(part, int(rng.integers(4)))
+    return np.asarray(part.T if rng.random() < 0.5 else part)
+
+
+def _framed(picture: Float32Array, reduced: float, box: FloatArray, rng: Generator) -> Float32Array:
+    """Return the picture with its edge continued where the crop reaches beyond the frame, as the board has it.
+
+    The craft's sphere is somewhere in the frame, or about its middle where it is larger.
+    """
+    at = []
+    for size_px, shift in zip(FRAME_PX, box[:2], strict=True):
+        half = 0.5 * size_px / reduced
+        slack = max(half - 0.5 * INPUT_FILL * INPUT_PX * float(np.exp(box[2])), 0.0)
+        middle = 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * shift + slack * rng.uniform(-1, 1)
+        low = int(np.clip(np.ceil(middle - half), 0, INPUT_PX - 1))
+        high = int(np.clip(np.floor(middle + half), low, INPUT_PX - 1))
+        at.append(np.clip(np.arange(INPUT_PX), low, high))
+    return picture[at[1][:, None], at[0][None, :]]

@@ -1,0 +1,68 @@
+"""The shipped trunk as PyTorch weights, normalisations folded in; and a trained one as ONNX."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import onnx
+import torch
+from onnx import numpy_helper
+from torch import nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
+from flyaround.hil.train.keypoints.network import Trunk
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+# What OpenCV 4.6 reads.
+OPERATORS_VERSION = 11
+
+
+def folded(trunk: Trunk) -> Trunk:
+    """Return the trunk with every normalisation folded into the convolution before it."""
+    trunk = trunk.eval()
+    trunk.body = _folded(trunk.body)
+    return trunk
+
+
+def to_onnx(trunk: Trunk) -> bytes:
+    """Return a folded trunk as ONNX, weights in half precision: OpenCV runs them in single precision."""
+    data = io.BytesIO()
+    example = torch.zeros(1, 2, INPUT_PX, INPUT_PX).half()
+    torch.onnx.export(
+        trunk.half(),
+        (example,),
+        data,
+        input_names=["image"],
+        output_names=["features"],
+        dynamic_axes={"image": {0: "n"}, "features": {0: "n"}},
+        opset_version=OPERATORS_VERSION,
+        dynamo=False,
+    )
+    return data.getvalue()
+
+
+def from_onnx(data: bytes) -> Trunk:
+    """Return the folded trunk of a file that ``to_onnx`` wrote, in single precision."""
+    trunk = folded(Trunk())
+    weights = {
+        w.name: torch.from_numpy(numpy_helper.to_array(w).copy()).float()
+        for w in onnx.load_from_string(data).graph.initializer
+    }
+    trunk.load_state_dict(weights)
+    return trunk
+
+
+def _folded(layers: Iterable[nn.Module]) -> nn.Sequential:
+    out: list[nn.Module] = []
+    for layer in layers:
+        if isinstance(layer, nn.BatchNorm2d) and isinstance(out[-1], nn.Conv2d):
+            out[-1] = fuse_conv_bn_eval(out[-1], layer)
+            continue
+        if isinstance(getattr(layer, "body", None), nn.Sequential):
+            layer.body = _folded(layer.body)
+        out.append(layer)
+    return nn.Sequential(*out)

@@ -1,0 +1,127 @@
+"""Views drawn by several processes into one folder of arrays, each chunk once: a killed run goes on where it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flyaround.hil.train.keypoints.views import LIGHTS, VIEW_PX, draw_earths, draw_views
+from flyaround.simulator.errors import write_error
+from flyaround.simulator.render.renderer import Renderer
+from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.task_pool import run_tasks
+from flyaround.simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from flyaround.simulator.runtime.arrays import Float32Array
+    from flyaround.simulator.targets.model import Target
+
+# Views of a chunk, and backgrounds.
+CHUNK, EARTHS = 25, 80
+
+ARRAYS = {
+    "lit": ("u1", (LIGHTS, VIEW_PX, VIEW_PX)),
+    "scale": ("f4", (LIGHTS,)),
+    "cover": ("u1", (VIEW_PX, VIEW_PX)),
+    "label": ("u1", (VIEW_PX, VIEW_PX)),
+    "pose": ("f8", (5,)),
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What is drawn where.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the arrays.
+    paints : tuple of str
+        Targets of one shape.
+    views : int
+        Number of views.
+    seed : int
+        Of poses and lights.
+    """
+
+    folder: Path
+    paints: tuple[str, ...]
+    views: int
+    seed: int
+
+
+def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None]) -> None:
+    """Draw what is not drawn yet.
+
+    Parameters
+    ----------
+    drawing : Drawing
+        What to draw.
+    workers : int
+        Number of processes.
+    progress : callable
+        Given views drawn and in all.
+
+    Raises
+    ------
+    UserError
+        If the disk is full, or a process is ended from outside.
+    """
+    try:
+        drawing.folder.mkdir(parents=True, exist_ok=True)
+        for name, (kind, shape) in ARRAYS.items():
+            path = drawing.folder / f"{name}.npy"
+            if not path.exists():
+                np.lib.format.open_memmap(path, "w+", kind, (drawing.views, *shape)).flush()
+        chunks = [k for k in range(-1, -(-drawing.views // CHUNK)) if not _mark(drawing, k).exists()]
+        done = drawing.views - CHUNK * len([k for k in chunks if k >= 0])
+        for k in run_tasks(_draw_chunk, chunks, workers, start=_start, arguments=(drawing,)):
+            write_atomic(_mark(drawing, k), b"")
+            done += CHUNK if k >= 0 else 0
+            progress(min(done, drawing.views), drawing.views)
+    except OSError as error:
+        raise write_error(drawing.folder, error) from error
+
+
+def earths_of(drawing: Drawing) -> Float32Array:
+    """Return the drawn backgrounds."""
+    return np.asarray(np.load(drawing.folder / "earths.npy"), np.float32)
+
+
+def _mark(drawing: Drawing, chunk: int) -> Path:
+    return drawing.folder / f"drawn-{chunk}"
+
+
+# What one process draws with, made at its start.
+_at_work: list[tuple[Drawing, Renderer, Sequence[Target]]] = []
+
+
+def _start(drawing: Drawing) -> None:
+    _at_work.append((drawing, Renderer(), [load_target(name) for name in drawing.paints]))
+
+
+def _draw_chunk(chunk: int) -> int:
+    """Draw one chunk of views; of number -1, the backgrounds."""
+    drawing, renderer, paints = _at_work[0]
+    if chunk < 0:
+        earths = draw_earths(renderer, paints[0], EARTHS, drawing.seed)
+        np.save(drawing.folder / "earths.npy", earths.astype(np.float16))
+        return chunk
+    out = {name: np.load(drawing.folder / f"{name}.npy", mmap_mode="r+") for name in ARRAYS}
+    first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, drawing.views)
+    for k, view in enumerate(draw_views(renderer, paints, last, drawing.seed, first), first):
+        out["lit"][k], out["scale"][k], out["cover"][k], out["label"][k] = (
+            view.lit,
+            view.scale,
+            view.cover,
+            view.label,
+        )
+        out["pose"][k] = [*view.q_wxyz, view.range_in_radii]
+    for array in out.values():
+        array.flush()
+    return chunk

@@ -1,0 +1,102 @@
+"""Training the keypoint network of a craft; needs the extra `train`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
+from flyaround.hil.board.hybrid.propose.keypoints.network import network_for
+from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
+from flyaround.hil.evaluate.method_choice import board_model
+from flyaround.simulator.errors import UserError
+from flyaround.simulator.targets.installed import head_file
+from flyaround.simulator.targets.library import load_target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+torch = pytest.importorskip("torch", reason="the extra 'train'")
+pytest.importorskip("onnx", reason="the extra 'train'")
+
+from flyaround.hil.train.fitting import Budget  # noqa: E402 - needs PyTorch
+from flyaround.hil.train.keypoints import fit, head_training  # noqa: E402
+from flyaround.hil.train.keypoints.head_training import train_head  # noqa: E402
+from flyaround.hil.train.keypoints.samples import HARD, halved, sample  # noqa: E402
+from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of  # noqa: E402
+
+CRAFT = "cubesat-1u"
+
+
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory: pytest.TempPathFactory) -> Drawing:
+    made = Drawing(tmp_path_factory.mktemp("views"), (CRAFT,), 30, 5)
+    draw_all(made, 1, lambda _done, _of: None)
+    return made
+
+
+def test_keypoints_lie_where_the_craft_is(drawing: Drawing) -> None:
+    model = board_model(load_target(CRAFT))
+    points = (head_training.keypoints_m(model) - model.centre_m) / model.radius_m
+    views = head_training.load_views(drawing, points)
+    rng = np.random.default_rng(1)
+    batch = sample(views, halved(earths_of(drawing)), np.arange(20), rng, HARD)
+    assert batch.inputs.shape == (20, 2, INPUT_PX, INPUT_PX)
+    assert np.isfinite(batch.inputs).all()
+    # views turned by chance: the spread of a craft's keypoints stays within its sphere
+    spread = np.linalg.norm(batch.points - batch.points.mean(axis=1, keepdims=True), axis=-1)
+    assert spread.max() < 2.2
+    assert 0 < batch.present.sum() <= 20
+
+
+def test_the_wanted_distribution_has_its_mean_at_the_keypoint() -> None:
+    points = torch.tensor([[[0.1, -0.6]]])
+    shape, within = fit.wanted(points)
+    centres = (torch.arange(shape.shape[-1]) + 0.5) * fit.STEP - fit.REACH
+    assert (shape * centres).sum(-1)[0, 0].tolist() == pytest.approx([0.1, -0.6], abs=1e-3)
+    assert within.all()
+    _, beyond = fit.wanted(torch.tensor([[[2.0, 0.0]]]))
+    assert beyond[0, 0].tolist() == [0.0, 1.0]
+
+
+def test_a_head_is_trained_stopped_and_goes_on_with_the_same_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(head_training, "CHECKPOINT", 2)
+    given = {"views": 30, "budget": Budget(steps=6), "seed": 3, "workers": 1}
+    report = train_head(CRAFT, tmp_path / "whole.npz", **given)
+    assert report.steps == 6
+    assert 0 < report.median_px < 200
+
+    def stop(done: float, text: str) -> None:
+        if text.startswith("2 steps"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_head(CRAFT, tmp_path / "stopped.npz", **given, report=stop)
+    assert not (tmp_path / "stopped.npz").exists()
+    train_head(CRAFT, tmp_path / "stopped.npz", **given)
+    assert not (tmp_path / "stopped.npz.partial").exists()
+    whole, stopped = ((tmp_path / name).read_bytes() for name in ("whole.npz", "stopped.npz"))
+    a, b = (KeypointHead.read(data, "x") for data in (whole, stopped))
+    assert all(np.array_equal(a.weights[k], b.weights[k]) for k in a.weights)
+
+
+def test_a_trained_head_goes_with_its_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FLYAROUND_DATA_DIR", str(tmp_path))
+    target = load_target(CRAFT)
+    assert network_for(board_model(target)) is None
+    head_file(CRAFT).parent.mkdir(parents=True)
+    train_head(CRAFT, head_file(CRAFT), views=25, budget=Budget(steps=2))
+    network = network_for(board_model(target))
+    assert network is not None
+    assert network.head.craft == CRAFT
+
+
+def test_a_craft_with_too_few_keypoints_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(head_training, "keypoints_m", lambda _model: np.zeros((24, 3)))
+    with pytest.raises(UserError, match="distinct keypoints"):
+        train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=1))
+    assert list(tmp_path.iterdir()) == []
