@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.plugins import plugins
@@ -29,14 +30,8 @@ def installed(tmp_path_factory):
 
 
 def flyaround(folder, *words, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "flyaround", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-        timeout=200,
+    return completed(
+        sys.executable, "-m", "flyaround", *words, cwd=cwd, env={**os.environ, "PYTHONPATH": str(folder)}
     )
 
 

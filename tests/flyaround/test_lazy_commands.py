@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from typing import Any
 
 import pytest
+from programs import completed
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -43,7 +43,7 @@ def test_the_list_of_commands_imports_none_of_them(words: list[str]) -> None:
         "slow = ('numpy', 'scipy', 'cv2', 'moderngl', 'msgspec', 'matplotlib', 'flyaround.hil.host'); "
         "print([m for m in slow if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+    done = completed(sys.executable, "-c", code, *words, check=True)
     assert done.stdout.strip().splitlines()[-1] == "[]"
 
 
@@ -80,7 +80,7 @@ def test_drawing_does_not_import_the_estimator_or_plots_or_what_writes_target_fi
         "'matplotlib', 'trimesh', 'pygltflib', 'pydantic'); "
         "print([m for m in slow if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = completed(sys.executable, "-c", code, check=True)
     assert done.stdout.strip().splitlines()[-1] == "[]"
 
 
@@ -91,7 +91,7 @@ def test_an_earth_scenarios_maps_are_begun_before_what_flies_and_draws_it_is_imp
         "begin = lambda *_: print([m for m in ('scipy', 'moderngl') if m in sys.modules]) or sys.exit(7); "
         "earth_maps.prefetch_earth_maps = begin; sys.exit(run(['render', 'tango-flyaround', '-t', '0']))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = completed(sys.executable, "-c", code)
     assert (done.returncode, done.stdout.strip()) == (7, "[]")
 
 

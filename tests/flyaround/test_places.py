@@ -95,7 +95,3 @@ def test_the_public_functions_take_text_for_a_path(full: Path) -> None:
         fa.check_dataset(str(full))
     with pytest.raises(fa.UserError, match="not empty"):
         fa.capture(fa.plan_flight(fa.load_scenario(SCENARIO), n=1), str(full))
-
-
-def test_the_version_is_told() -> None:
-    assert fa.__version__.count(".") >= 1

@@ -1,9 +1,9 @@
 """The public types of plug-ins, and that each is the product's own."""
 
-import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 import flyaround.plugins as public
 from flyaround.simulator.runtime.plugins import GROUPS
@@ -22,7 +22,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 def test_nothing_slow_is_imported_before_it_is_used() -> None:
     code = "import sys, flyaround.plugins as p; print(sorted({'cv2', 'scipy', 'moderngl', 'numpy'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = completed(sys.executable, "-c", code, check=True)
     assert done.stdout.strip() == "[]"
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 import flyaround.hil
 from flyaround.__main__ import run
@@ -70,12 +71,7 @@ def test_mistakes_are_told_in_one_sentence(
     assert "none.json" in capsys.readouterr().err
     assert main(["tcp://127.0.0.1:9", "--model", "x", "--method", "guess"]) == 2
     assert "unknown method" in capsys.readouterr().err
-    answer = subprocess.run(
-        [sys.executable, str(bundle), "--model", "tango", "--image", "a.png"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    answer = completed(sys.executable, bundle, "--model", "tango", "--image", "a.png")
     assert answer.returncode == 2
     assert "--camera" in answer.stderr
 
@@ -84,14 +80,8 @@ def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
     temporary, cache = tmp_path / "tmp", tmp_path / "cache"
     temporary.mkdir()
     environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
-    done = subprocess.run(
-        [sys.executable, str(bundle), "tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=tmp_path,
-    )
+    words = ["tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"]
+    done = completed(sys.executable, bundle, *words, env=environment, cwd=tmp_path)
     assert done.returncode == 4, done.stderr
     assert list(temporary.iterdir()) == []
     assert not cache.exists()
@@ -100,7 +90,7 @@ def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
 def newest_python_needed(*paths: Path) -> subprocess.CompletedProcess[str]:
     """What vermin says of files that must run on Python 3.9; its exit code is not 0 when they need a later one."""
     command = [str(Path(sys.executable).with_name("vermin")), "-t=3.9-", "--no-tips", "--violations"]
-    return subprocess.run([*command, *map(str, paths)], capture_output=True, text=True, check=False)
+    return completed(*command, *map(str, paths))
 
 
 def test_the_boards_code_is_python_39(tmp_path: Path) -> None:
@@ -146,9 +136,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         image = str(folder / "images" / f"{k:06d}.png")
         for method in ("hybrid", "svd-thesis"):
             command = f"{DEBIAN} -I {bundle} --model tango --image {image} --camera {camera}".split()
-            answer = subprocess.run(
-                [*command, "--method", method], capture_output=True, text=True, check=False, cwd=tmp_path
-            )
+            answer = completed(*command, "--method", method, cwd=tmp_path)
             assert answer.returncode == 0, answer.stderr
             pose = json.loads(answer.stdout)
             assert not pose["reason"].startswith("internal")
@@ -171,13 +159,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
     )
     log = tmp_path / "log"
     host = [sys.executable, "-m", "flyaround", "hil", "host", "tango-flyaround", "--listen", url, "-n", "4"]
-    told = subprocess.run(
-        [*host, "--log", str(log), "--timeout", "60", "--silence", "60"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT.parent,
-    )
+    told = completed(*host, "--log", log, "--timeout", "60", "--silence", "60", cwd=ROOT.parent)
     assert told.returncode == 0, told.stderr
     out, err = board.communicate(timeout=200)
     assert board.returncode == 0, err

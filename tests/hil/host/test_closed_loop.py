@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.report import write_report
@@ -18,7 +19,7 @@ FLYAROUND = (sys.executable, "-m", "flyaround")
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*FLYAROUND, "hil", "host", *words], capture_output=True, text=True, check=False)
+    return completed(*FLYAROUND, "hil", "host", *words)
 
 
 def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
@@ -134,15 +135,10 @@ def test_the_real_board_brings_it_to_the_hold_point(tmp_path):
 
 def test_a_forecast_is_a_curve_with_its_foretold_sigma(tmp_path):
     out = tmp_path / "forecast"
-    done = subprocess.run(
-        [
-            *FLYAROUND,
-            *("hil", "forecast", "tango-vbar-closed-loop-tumble", "-o", str(out)),
-            *("--runs", "2", "--horizon", "24", "--json"),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    done = completed(
+        *FLYAROUND,
+        *("hil", "forecast", "tango-vbar-closed-loop-tumble", "-o", str(out)),
+        *("--runs", "2", "--horizon", "24", "--json"),
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 import struct
-import subprocess
 from pathlib import Path
 
 import pytest
 from c_program import compiled
+from programs import completed
 
 from flyaround.hil.link.packets.packet import Packet, encode_packet
 from tools.docs.link_vectors import EXAMPLES
@@ -24,14 +24,7 @@ def decode(tmp_path_factory):
     program = compiled(source, tmp_path_factory.mktemp("c"), "-Wconversion", "-Wno-sign-conversion")
 
     def run(packets: list[str]) -> list[list[tuple[str, str]]]:
-        done = subprocess.run(
-            [str(program)],
-            input="\n".join(packets) + "\n",
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=120,
-        )
+        done = completed(program, input="\n".join(packets) + "\n", check=True)
         assert done.stderr == ""
         return [
             [(name, value) for name, _, value in (item.partition("=") for item in line.split())]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import msgspec
 import numpy as np
 import pytest
+from programs import completed
 
 import flyaround as fa
 from flyaround.simulator.errors import UserError
@@ -122,5 +122,5 @@ def test_flying_imports_nothing_of_the_console() -> None:
         "import sys, flyaround as fa; fa.FlightSession, fa.PilotCommand; "
         "print([m for m in sys.modules if 'flyaround.gui' in m or m == 'moderngl'])"
     )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    printed = completed(sys.executable, "-c", code, check=True)
     assert printed.stdout.strip() == "[]"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import resource
-import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 from flyaround.simulator.errors import machine_sentence
 from flyaround.simulator.runtime.limits import LEAST_FILES, limits_problem
@@ -42,7 +42,7 @@ def test_low_limits_are_said(
 @pytest.mark.parametrize("limits", [("-n", "24"), ("-v", "1048576"), ("-v", "524288")])
 def test_a_command_under_a_low_limit_ends_in_one_sentence(limits: tuple[str, str]) -> None:
     command = f"ulimit {' '.join(limits)}; exec {sys.executable} -m flyaround render tango-flyaround -o x.png"
-    ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, timeout=120)
+    ended = completed("bash", "-c", command)
     assert ended.returncode == 2
     assert ended.stderr.startswith("flyaround: this shell allows")
     assert ended.stderr.strip().count("\n") == 0

@@ -5,10 +5,11 @@ from __future__ import annotations
 import ast
 import io
 import json
-import subprocess
 import sys
 import tokenize
 from pathlib import Path
+
+from programs import completed
 
 MOST_LINES = 2300
 LAYOUT = {
@@ -54,7 +55,7 @@ def code_lines(text: str) -> int:
 
 
 def test_the_published_method_imports_little_and_nothing_of_the_other() -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
+    done = completed(sys.executable, "-c", PROGRAM, check=True)
     found = json.loads(done.stdout)
     assert found["others"] == []
     names = set(found["project"])
