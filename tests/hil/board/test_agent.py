@@ -1,7 +1,5 @@
 """The board's agent when its estimator hangs, its host goes away, or it is stopped: nothing stale, codes that tell."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """The board's bundle, and its program under what boards really have."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -23,13 +21,13 @@ ROOT = Path(flyaround.hil.__path__[0])
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bundle(tmp_path_factory):
     path = tmp_path_factory.mktemp("bundle") / "board.pyz"
     assert run(["hil", "bundle", str(path), "--target", "tango", "--target", "cubesat-3u"]) == 0
     return path
 
 
-def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_is_small_whole_and_the_same_again(bundle, tmp_path):
     # 1.27 MB of it are the weights of each learned proposal, one for each of the crafts and one for the light of lamps;
     # a quarter of a megabyte are compiled libraries
     assert bundle.stat().st_size < 2_150_000 + 2 * 1_280_000
@@ -60,9 +58,7 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
     assert (tmp_path / "again.pyz").read_bytes() == bundle.read_bytes()
 
 
-def test_mistakes_are_told_in_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], bundle: Path
-) -> None:
+def test_mistakes_are_told_in_one_sentence(tmp_path, capsys, bundle):
     assert run(["hil", "bundle", str(tmp_path)]) == 2
     assert "is a folder" in capsys.readouterr().err
     assert run(["hil", "bundle", str(tmp_path / "b.pyz"), "--target", "teapot"]) == 2
@@ -76,7 +72,7 @@ def test_mistakes_are_told_in_one_sentence(
     assert "--camera" in answer.stderr
 
 
-def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_leaves_nothing_behind(bundle, tmp_path):
     temporary, cache = tmp_path / "tmp", tmp_path / "cache"
     temporary.mkdir()
     environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
@@ -87,13 +83,13 @@ def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
     assert not cache.exists()
 
 
-def newest_python_needed(*paths: Path) -> subprocess.CompletedProcess[str]:
+def newest_python_needed(*paths):
     """What vermin says of files that must run on Python 3.9; its exit code is not 0 when they need a later one."""
     command = [str(Path(sys.executable).with_name("vermin")), "-t=3.9-", "--no-tips", "--violations"]
     return completed(*command, *map(str, paths))
 
 
-def test_the_boards_code_is_python_39(tmp_path: Path) -> None:
+def test_the_boards_code_is_python_39(tmp_path):
     said = newest_python_needed(ROOT / "board", ROOT / "link", ROOT / "__init__.py")
     assert said.returncode == 0, said.stdout
     # and the guard sees what is later
@@ -105,7 +101,7 @@ def test_the_boards_code_is_python_39(tmp_path: Path) -> None:
 DEBIAN = "/usr/bin/python3"
 
 
-def debian_has_opencv() -> bool:
+def debian_has_opencv():
     """Whether Debian's own Python has numpy and OpenCV; installed where this process may."""
     probe = [DEBIAN, "-I", "-c", "import cv2, numpy"]
     if not Path(DEBIAN).exists() or shutil.which("apt-get") is None:
@@ -122,7 +118,7 @@ def debian_has_opencv() -> bool:
 @pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.timeout(900)
-def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_runs_on_debians_python_and_opencv(bundle, tmp_path):
     """Debian 12: Python 3.11 with numpy 1.24 and OpenCV 4.6, nothing of this project's environment."""
     if not debian_has_opencv():
         pytest.skip("this machine has no Debian python3-opencv, and this user may not install it")

@@ -1,7 +1,5 @@
 """A closed loop from the command line; once with the real board, each frame drawn of what was flown."""
 
-from __future__ import annotations
-
 import csv
 import json
 import socket
@@ -18,7 +16,7 @@ from flyaround.simulator.errors import UserError
 FLYAROUND = (sys.executable, "-m", "flyaround")
 
 
-def run(*words: str) -> subprocess.CompletedProcess[str]:
+def run(*words):
     return completed(*FLYAROUND, "hil", "host", *words)
 
 
@@ -60,7 +58,7 @@ def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
 
 
 def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
-    def flown(text: str) -> tuple[subprocess.CompletedProcess[str], list[dict[str, str]]]:
+    def flown(text):
         faults, log = tmp_path / "faults.toml", tmp_path / f"log{len(text)}"
         faults.write_text(text)
         done = run(

@@ -1,7 +1,5 @@
 """Optional fields of FRAME_HEADER and POSE: both ways, unknown, broken, and between old and new sides."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 
@@ -22,7 +20,7 @@ POSE = PoseMessage(
 )
 
 
-def field(tag: int, value: bytes, length: int | None = None) -> bytes:
+def field(tag, value, length=None):
     return struct.pack("<HH", tag, len(value) if length is None else length) + value
 
 

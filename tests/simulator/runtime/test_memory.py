@@ -27,7 +27,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
-def _faults(how: str) -> int:
+def _faults(how):
     run = completed(sys.executable, "-c", FAULTS, how, check=True)
     return int(run.stdout)
 

@@ -1,7 +1,5 @@
 """Faults as a section of a scenario: the same keys as in a file, which takes their place."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

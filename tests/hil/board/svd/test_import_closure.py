@@ -1,7 +1,5 @@
 """The published method stands alone: few lines, numpy and OpenCV, nothing of the other method, nothing compiled."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json
@@ -35,7 +33,7 @@ print(json.dumps({
 """
 
 
-def code_lines(text: str) -> int:
+def code_lines(text):
     """Lines that hold a token other than a comment or a docstring."""
     docstrings: set[int] = set()
     for node in ast.walk(ast.parse(text)):
@@ -54,7 +52,7 @@ def code_lines(text: str) -> int:
     return len(found - docstrings)
 
 
-def test_the_published_method_imports_little_and_nothing_of_the_other() -> None:
+def test_the_published_method_imports_little_and_nothing_of_the_other():
     done = completed(sys.executable, "-c", PROGRAM, check=True)
     found = json.loads(done.stdout)
     assert found["others"] == []
