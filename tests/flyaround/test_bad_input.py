@@ -100,13 +100,8 @@ def test_a_mistake_in_the_words_names_what_is_wrong_and_writes_nothing(capsys, t
     ("change", "says"),
     [
         (("[orbit]", 'target = "tangoo"\n[orbit]'), ("tangoo", "tango")),
-        (("[orbit]", 'camera = "speeed"\n[orbit]'), ("speeed", "speed")),
         (("duration_s = 10.0", "duration_s = "), ("mine.toml", "line 3")),
         (("altitude_km = 700.0", "altitude_km = -5.0"), ("mine.toml", "altitude_km", "-5", "at least 10")),
-        (("altitude_km", "altitude"), ("mine.toml", "altitude", "altitude_km")),
-        (('"hold"', '"hover"'), ("mine.toml", "hover", "hold")),
-        (("duration_s = 10.0", 'duration_s = "ten"'), ("mine.toml", "duration_s", "ten")),
-        (("[0.0, -10.0, 0.0]", "[0.0, -1.0, 0.0]"), ("mine.toml",)),
     ],
 )
 def test_mistakes_in_a_scenario_name_file_key_and_what_is_allowed(capsys, scenario_file, change, says):
@@ -214,11 +209,6 @@ def truth_record(tmp_path_factory):
         run(["render", "tango-flyaround", "-t", "5", "--quality", "draft", "-o", str(folder / "a.png")]) == 0
     )
     return (folder / "a.json").read_text()
-
-
-def test_unknown_environments_name_the_known(capsys, scenario_file):
-    path = scenario_file(GOOD + '[environment]\npreset = "fog"\n')
-    _fails(capsys, "render", path, says=("environment.preset", "fog", "undifferentiated"))
 
 
 def test_pictures_to_compare_with_must_be_there(capsys, tmp_path):

@@ -9,7 +9,6 @@ import pytest
 
 from flyaround.simulator.piloting.docking_figures import (
     IDSS,
-    PRESETS,
     PROBE_M,
     TWO_TENTHS,
     DockingFigures,
@@ -262,11 +261,6 @@ def test_a_point_is_passed_on_the_axis_alone():
     assert points.watch(on_axis) is not None
     points.rearm(replace(REST, axial_m=0.1, down_m=-3.0))
     assert [p.axial_m for p in points.points] == [5.0]
-
-
-def test_presets_say_whose_they_are():
-    assert set(PRESETS) == {"two-tenths", "idss"}
-    assert all(p.source and p.title for p in PRESETS.values())
 
 
 def test_the_display_draws_the_port_where_the_camera_sees_it():

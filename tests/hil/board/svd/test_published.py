@@ -235,12 +235,6 @@ def test_a_circle_seen_as_an_ellipse_gives_its_pose():
     assert np.degrees(quat.angle_rad(q[near], Q).min()) < 8
 
 
-def test_methods_differ_in_what_the_papers_say():
-    assert (SVD_2018.solver, SVD_2018.ransac, SVD_2018.top, SVD_2018.roi_growth) == ("epnp", False, 5, 0.0)
-    assert (SVD_THESIS.solver, SVD_THESIS.ransac, SVD_THESIS.roi_growth) == ("p3p", True, 0.05)
-    assert SVD_THESIS.least_component > 0 == SVD_2018.least_component
-
-
 @pytest.mark.parametrize(
     ("method", "solver", "streams", "word"),
     [
