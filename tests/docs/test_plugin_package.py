@@ -75,7 +75,7 @@ def test_one_of_each_kind_is_found_and_used(installed, tmp_path):
     assert metrics["mean_E_T_m_all"] < 1.2
 
 
-def test_the_page_of_bodies_has_the_examples_code() -> None:
+def test_the_page_of_bodies_has_the_examples_code():
     code = (PACKAGE / "flyaround_example" / "mars.py").read_text()
     assert code in (PACKAGE.parents[1] / "docs" / "own_body.md").read_text()
     assert len(code.splitlines()) < 100
