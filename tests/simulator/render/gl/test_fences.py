@@ -10,12 +10,12 @@ from pathlib import Path
 
 import moderngl
 import pytest
-from programs import completed
 
 from flyaround.simulator.render.gl.fences import Fences, draw_to, flush
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from tests.harness.programs import completed
 
 pytestmark = pytest.mark.gl
 
