@@ -17,7 +17,7 @@ from flyaround.gui.jobs.estimator_process import EstimateRequest, EstimatesByPro
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.pose_errors import frame_errors
 from flyaround.simulator.errors import UserError
-from flyaround.simulator.runtime.worker import ProcessDiedError, ProgressWatch, WorkerProcess
+from flyaround.simulator.runtime.worker_pool import JobsLostError, WorkerPool
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,8 +30,6 @@ State = Literal["off", "starting", "waiting", "estimating"]
 
 LIMIT_S = 20.0
 """A process that has done nothing for so long while an answer is due hangs. Making an estimator may take minutes."""
-MOST_DEATHS = 3
-"""Processes that end one after the other without an answer before it is left off."""
 KEPT = 2000
 """Answers that are kept for the plots."""
 
@@ -80,7 +78,7 @@ class Estimates:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._open_resource, self._work, self._clock = open_resource, work, clock
-        self._limit_s, self._progress = limit_s, ProgressWatch(clock)
+        self._limit_s = limit_s
         self.on = False
         self.method = HYBRID
         self.stages_wanted = False
@@ -88,12 +86,11 @@ class Estimates:
         self.history: deque[ComparedEstimate] = deque(maxlen=KEPT)
         self.restarts = 0
         self._troubles: list[str] = []
-        self._worker: WorkerProcess[Answer] | None = None
+        self._worker: WorkerPool[Answer] | None = None
         self._under_way: tuple[Picture, str] | None = None
         self._discarded: tuple[Picture, str] | None = None
         self._last: object = None
         self._answered = False
-        self._deaths = 0
         self._since_s = 0.0
 
     # --- what the operator asks for
@@ -101,7 +98,7 @@ class Estimates:
     def start(self) -> None:
         """Run from the next picture on."""
         if not self.on:
-            self.on, self._deaths, self._last = True, 0, None
+            self.on, self._last = True, None
 
     def stop(self) -> None:
         """Run no more; what is under way is given up."""
@@ -112,7 +109,7 @@ class Estimates:
         """Go on with another method; what an earlier one is at is given up."""
         if method == self.method:
             return
-        self.method, self._last, self._deaths = method, None, 0
+        self.method, self._last = method, None
         if self._under_way is not None:
             self._end_worker()
 
@@ -137,7 +134,7 @@ class Estimates:
     @property
     def pid(self) -> int | None:
         """Number of the process, while there is one."""
-        return None if self._worker is None else self._worker.pid
+        return None if self._worker is None else self._worker.pids[0]
 
     @property
     def per_s(self) -> float:
@@ -165,45 +162,42 @@ class Estimates:
             return False
         try:
             self._turn(picture)
-        except ProcessDiedError as error:
-            self._restart(f"its process died (exit code {error.exit_code})")
+        except JobsLostError as error:
+            self.restarts += 1
+            self._forget_request()
+            self._troubles.append(str(error))
         except UserError as error:
             self._give_up(str(error))
         except RuntimeError as error:
             # the last line of its traceback
-            self._give_up(f"the estimator failed: {str(error).strip().splitlines()[-1]}")
+            why = str(error).strip().splitlines()[-1]
+            self._give_up(f"the estimator {self.method} is off: {why}")
         return self.newest is not before
 
     def _turn(self, picture: Picture | None) -> None:
         if self._worker is None:
-            self._worker = WorkerProcess(
-                self._work, open_resource=self._open_resource, capacity=1, name="estimator's process"
+            self._worker = WorkerPool(
+                self._work,
+                1,
+                open_resource=self._open_resource,
+                capacity=1,
+                name="estimator's process",
+                restarts=True,
+                answer_within_s=self._limit_s,
+                clock=self._clock,
             )
-            self._since_s = self._clock()
-            self._progress.restart()
         if self._under_way is not None:
             if self._worker.ready():
                 self._take(self._worker.result())
-            else:
-                self._end_hanging(self._worker)
-            return
-        if not self._worker.started:
-            self._end_hanging(self._worker)
-            return
-        if picture is not None and picture.frame is not self._last:
+        elif picture is not None and picture.frame is not self._last:
             self._submit(self._worker, picture)
-
-    def _end_hanging(self, worker: WorkerProcess[Answer]) -> None:
-        idle_s = self._progress.idle_s(worker.processor_time_s())
-        if idle_s > self._limit_s:
-            self._restart(f"it has done nothing for {idle_s:.0f} s")
 
     @property
     def busy_s(self) -> float:
-        """Time that the answer under way, or the start of the process, has taken so far [s]."""
-        return 0.0 if self._worker is None else self._clock() - self._since_s
+        """Time that the answer under way has taken so far [s]."""
+        return 0.0 if self._under_way is None else self._clock() - self._since_s
 
-    def _submit(self, worker: WorkerProcess[Answer], picture: Picture) -> None:
+    def _submit(self, worker: WorkerPool[Answer], picture: Picture) -> None:
         scene = picture.frame.scene
         worker.submit(
             EstimateRequest(
@@ -216,14 +210,12 @@ class Estimates:
             )
         )
         self._under_way, self._last, self._since_s = (picture, self.method), picture.frame, self._clock()
-        self._progress.restart()
 
     def _take(self, answer: Answer) -> None:
         if self._under_way is None:
             raise RuntimeError("an answer came that nobody asked for")
         under_way, self._under_way = self._under_way, None
         picture, method = under_way
-        self._deaths = 0
         self._answered = True
         if under_way is self._discarded:
             return
@@ -236,28 +228,21 @@ class Estimates:
 
     # --- the process
 
-    def _restart(self, why: str) -> None:
-        self._deaths += 1
-        self.restarts += 1
-        if self._deaths >= MOST_DEATHS:
-            self._give_up(f"the estimator {self.method} is off: {why}, {MOST_DEATHS} times in a row")
-            return
-        self._end_worker()
-        self._troubles.append(f"the estimator {self.method} is started again: {why}; the flight goes on")
-
     def _give_up(self, why: str) -> None:
         self.stop()
         self._troubles.append(why)
 
     def _end_worker(self) -> None:
-        """End the process at once; one that hangs is not asked."""
+        """End the process at once."""
         worker, self._worker = self._worker, None
-        # what was under way is asked for again, should it run on
+        self._forget_request()
+        if worker is not None:
+            worker.close()
+
+    def _forget_request(self) -> None:
+        """Have what was under way asked for again, should it run on."""
         self._under_way = self._last = None
         self._answered = False
-        if worker is not None:
-            worker.kill()
-            worker.close()
 
     def close(self) -> None:
         """End the process."""

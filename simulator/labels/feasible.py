@@ -34,18 +34,14 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
     -------
     pixels (S, 2), and the edge's normal in the image at each (S, 2): where a lens bends the edge, at that very place.
     """
-    rows = [
-        (k, a, b)
-        for k, view in enumerate(views)
-        if view.stretches and view.length_px >= 1.0
-        for a, b in view.stretches
-    ]
+    ends = np.array([view.ends_px for view in views]).reshape(-1, 2, 2)
+    lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    rows = [(k, a, b) for k in np.flatnonzero(lengths >= 1.0).tolist() for a, b in views[k].stretches]
     if not rows:
         return np.empty((0, 2)), np.empty((0, 2))
     which = np.array([k for k, _, _ in rows])
     start, stop = np.array([(a, b) for _, a, b in rows]).T
-    length = np.array([view.length_px for view in views])[which]
-    count = np.maximum(np.rint((stop - start) * length / SAMPLE_SPACING_PX), 1).astype(int)
+    count = np.maximum(np.rint((stop - start) * lengths[which] / SAMPLE_SPACING_PX), 1).astype(int)
     stretch = np.repeat(np.arange(len(rows)), count)
     place = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
     share = start[stretch] + (place + 0.5) / count[stretch] * (stop - start)[stretch]

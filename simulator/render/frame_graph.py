@@ -26,7 +26,7 @@ class FrameGraphError(RuntimeError):
     """A pass reads what no pass before it writes, or touches what it did not declare."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Resource(Generic[T_co]):
     """A name for what passes hand on to each other: a texture, a view, a list of tiles. It carries its type."""
 

@@ -18,11 +18,11 @@ Mat3 = tuple[Vec3, Vec3, Vec3]
 
 def vec3(values: FloatArray) -> Vec3:
     """A (3,) array as an immutable triple of Python floats."""
-    x, y, z = (float(v) for v in values)
+    x, y, z = map(float, values)
     return (x, y, z)
 
 
 def quat(values: FloatArray) -> Quat:
     """A (4,) array, scalar first, as an immutable tuple of Python floats."""
-    w, x, y, z = (float(v) for v in values)
+    w, x, y, z = map(float, values)
     return (w, x, y, z)

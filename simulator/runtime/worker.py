@@ -137,13 +137,6 @@ class WorkerProcess(Generic[T]):
         return self._process.pid
 
     @property
-    def started(self) -> bool:
-        """Whether the resource is there, so that a job is taken up at once; does not wait for it."""
-        if self._info is None:
-            self.ready()
-        return self._info is not None
-
-    @property
     def in_flight(self) -> int:
         """Jobs submitted and not collected yet."""
         return self._in_flight

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NoReturn, Self, TypeVar
@@ -38,6 +39,7 @@ class WorkerPool(Generic[T]):
     restarts : processes of which one dies are followed by others.
     answer_within_s : processes that use no processor time for so long while a result is due are ended. None waits for
         ever.
+    clock : seconds, monotonic.
     """
 
     def __init__(
@@ -50,18 +52,19 @@ class WorkerPool(Generic[T]):
         name: str = "worker process",
         restarts: bool = False,
         answer_within_s: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if count < 1:
             raise ValueError(f"at least one process must work, got {count}")
         self._make = partial(WorkerProcess, work, open_resource=open_resource, capacity=capacity, name=name)
         self._count, self._name = count, name
         self._restarts, self._answer_within_s = restarts, answer_within_s
-        self._deaths = 0
+        self._deaths, self._clock = 0, clock
         self._start()
 
     def _start(self) -> None:
         self._asked = self._given = 0
-        self._progress = ProgressWatch()
+        self._progress = ProgressWatch(self._clock)
         with ExitStack() as stack:
             self._processes = [stack.enter_context(self._make()) for _ in range(self._count)]
             self._open = stack.pop_all()

@@ -1,11 +1,11 @@
 """Every example runs and gives what it says."""
 
-import subprocess
 import sys
 from pathlib import Path
 
 import cv2
 import pytest
+from programs import completed
 
 import flyaround as fa
 
@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def _run(name, *arguments):
     command = [sys.executable, str(EXAMPLES / name), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=250)
+    done = completed(*command)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.plugins import plugins
@@ -29,14 +30,8 @@ def installed(tmp_path_factory):
 
 
 def flyaround(folder, *words, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "flyaround", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-        timeout=200,
+    return completed(
+        sys.executable, "-m", "flyaround", *words, cwd=cwd, env={**os.environ, "PYTHONPATH": str(folder)}
     )
 
 
@@ -80,7 +75,7 @@ def test_one_of_each_kind_is_found_and_used(installed, tmp_path):
     assert metrics["mean_E_T_m_all"] < 1.2
 
 
-def test_the_page_of_bodies_has_the_examples_code() -> None:
+def test_the_page_of_bodies_has_the_examples_code():
     code = (PACKAGE / "flyaround_example" / "mars.py").read_text()
     assert code in (PACKAGE.parents[1] / "docs" / "own_body.md").read_text()
     assert len(code.splitlines()) < 100

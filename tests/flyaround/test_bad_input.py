@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.__main__ import run
 
@@ -99,13 +100,8 @@ def test_a_mistake_in_the_words_names_what_is_wrong_and_writes_nothing(capsys, t
     ("change", "says"),
     [
         (("[orbit]", 'target = "tangoo"\n[orbit]'), ("tangoo", "tango")),
-        (("[orbit]", 'camera = "speeed"\n[orbit]'), ("speeed", "speed")),
         (("duration_s = 10.0", "duration_s = "), ("mine.toml", "line 3")),
         (("altitude_km = 700.0", "altitude_km = -5.0"), ("mine.toml", "altitude_km", "-5", "at least 10")),
-        (("altitude_km", "altitude"), ("mine.toml", "altitude", "altitude_km")),
-        (('"hold"', '"hover"'), ("mine.toml", "hover", "hold")),
-        (("duration_s = 10.0", 'duration_s = "ten"'), ("mine.toml", "duration_s", "ten")),
-        (("[0.0, -10.0, 0.0]", "[0.0, -1.0, 0.0]"), ("mine.toml",)),
     ],
 )
 def test_mistakes_in_a_scenario_name_file_key_and_what_is_allowed(capsys, scenario_file, change, says):
@@ -152,10 +148,8 @@ def test_check_and_evaluation_of_something_else(capsys, tmp_path):
 def test_no_egl_says_how_to_get_it(tmp_path):
     # an EGL without any vendor library: what a bare machine has
     environment = os.environ | {"__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}
-    done = subprocess.run(
-        [sys.executable, "-m", "flyaround", "render", "tango-flyaround", "-o", str(tmp_path / "a.png")],
-        env=environment, capture_output=True, text=True, check=False, timeout=200,
-    )  # fmt: skip
+    words = ("-m", "flyaround", "render", "tango-flyaround", "-o", tmp_path / "a.png")
+    done = completed(sys.executable, *words, env=environment)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert "apt-get install" in done.stderr
@@ -166,25 +160,14 @@ def test_no_egl_says_how_to_get_it(tmp_path):
 def test_an_old_driver_says_what_is_needed_and_what_it_has(tmp_path, found):
     # another process: the driver reads the variable once
     picture = tmp_path / "x.png"
-    done = subprocess.run(
-        [sys.executable, "-m", "flyaround", "render", "tango-flyaround", "-o", str(picture)],
-        env={**os.environ, "MESA_GL_VERSION_OVERRIDE": found},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = ("-m", "flyaround", "render", "tango-flyaround", "-o", picture)
+    done = completed(sys.executable, *words, env={**os.environ, "MESA_GL_VERSION_OVERRIDE": found})
     error = " ".join(done.stderr.split())
     assert done.returncode == 2, error
     assert "Traceback" not in error
     assert f"OpenGL 4.1 is needed and the driver has {found}" in error
     assert "update" in error
     assert not picture.exists()
-
-
-@pytest.mark.parametrize("command", ["scenarios", "targets", "cameras"])
-def test_lists_as_json(capsys, command):
-    assert run([command, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(
@@ -226,11 +209,6 @@ def truth_record(tmp_path_factory):
         run(["render", "tango-flyaround", "-t", "5", "--quality", "draft", "-o", str(folder / "a.png")]) == 0
     )
     return (folder / "a.json").read_text()
-
-
-def test_unknown_environments_name_the_known(capsys, scenario_file):
-    path = scenario_file(GOOD + '[environment]\npreset = "fog"\n')
-    _fails(capsys, "render", path, says=("environment.preset", "fog", "undifferentiated"))
 
 
 def test_pictures_to_compare_with_must_be_there(capsys, tmp_path):

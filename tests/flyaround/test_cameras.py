@@ -1,11 +1,7 @@
 """flyaround cameras: what a file has beyond the camera is said, unknown keys end with 2, help lists the formats."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-
-import pytest
 
 from flyaround.__main__ import run
 from flyaround.simulator.camera.lens.formats.registry import CAMERA_FORMATS
@@ -18,9 +14,7 @@ ONE = """  camera_model: pinhole
 """
 
 
-def test_what_is_left_out_is_said_beside_the_numbers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_left_out_is_said_beside_the_numbers(tmp_path, capsys):
     chain = tmp_path / "chain.yaml"
     chain.write_text(f"cam0:\n{ONE}cam1:\n{ONE}")
     assert run(["cameras", str(chain), "--json"]) == 0
@@ -31,16 +25,14 @@ def test_what_is_left_out_is_said_beside_the_numbers(
     assert not capsys.readouterr().err
 
 
-def test_a_file_that_is_not_understood_whole_writes_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_is_not_understood_whole_writes_nothing(tmp_path, capsys):
     out = tmp_path / "CAMERA.json"
     assert run(["cameras", str(REPORTS / "unknown_key" / "cam.yaml"), "--export", str(out)]) == 2
     assert "xyz_unknown" in capsys.readouterr().err
     assert not out.exists()
 
 
-def test_help_names_every_format(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_names_every_format(capsys):
     assert run(["cameras", "--help"]) == 0
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for form in CAMERA_FORMATS:

@@ -28,7 +28,7 @@ from flyaround.simulator.bench.scenes import BenchMachine, SceneCost
 CONTRACT: dict[str, Any] = json.loads(Path(__file__).with_name("contract.json").read_text())
 
 
-def _find_command(path: str) -> Any:
+def _find_command(path):
     command: Any = typer.main.get_command(app)
     for name in path.split():
         assert name in command.commands, f"there is no command 'flyaround {path}'"
@@ -37,20 +37,20 @@ def _find_command(path: str) -> Any:
 
 
 @pytest.mark.parametrize("path", CONTRACT["commands"])
-def test_command_and_its_options_exist(path: str) -> None:
+def test_command_and_its_options_exist(path):
     options = {o for p in _find_command(path).params for o in [*p.opts, *p.secondary_opts]}
     assert set(CONTRACT["commands"][path]) <= options
 
 
 @pytest.mark.parametrize("path", CONTRACT["fields"])
-def test_documents_have_their_fields(path: str) -> None:
+def test_documents_have_their_fields(path):
     document, _, definition = path.partition("/")
     schema = all_schemas()[document]
     name = definition or schema["$ref"].rpartition("/")[2]
     assert set(CONTRACT["fields"][path]) <= set(schema["$defs"][name]["properties"])
 
 
-def test_enumerations_keep_their_values() -> None:
+def test_enumerations_keep_their_values():
     definitions = {name: schema.get("$defs", {}) for name, schema in all_schemas().items()}
     for values, (document, definition, field) in {
         "keypoint_states": ("truth", "KeypointLabel", "state"),
@@ -61,18 +61,18 @@ def test_enumerations_keep_their_values() -> None:
         assert set(CONTRACT[values]) <= set(schema["enum"])
 
 
-def test_the_ledger_has_its_columns(tmp_path: Path) -> None:
+def test_the_ledger_has_its_columns(tmp_path):
     LedgerWriter(tmp_path).close()
     with (tmp_path / "frames.csv").open(newline="") as file:
         assert set(CONTRACT["frames_csv"]) <= set(next(csv.reader(file)))
 
 
-def test_bench_reports_its_fields() -> None:
+def test_bench_reports_its_fields():
     for part, of in {"machine": BenchMachine, "scenes": SceneCost}.items():
         assert set(CONTRACT["bench"][part]) <= {f.name for f in dataclasses.fields(of)}
 
 
-def test_estimate_reports_its_fields(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_estimate_reports_its_fields(tmp_path, capsys):
     camera = {"width_px": 96, "height_px": 64, "fx_px": 90.0, "fy_px": 90.0, "cx_px": 47.5, "cy_px": 31.5}
     (tmp_path / "camera.json").write_text(json.dumps(camera))
     cv2.imwrite(str(tmp_path / "black.png"), np.zeros((64, 96), np.uint8))
@@ -84,7 +84,7 @@ def test_estimate_reports_its_fields(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert answer["accepted"] is False
 
 
-def test_exit_codes(tmp_path: Path) -> None:
+def test_exit_codes(tmp_path):
     codes = CONTRACT["exit_codes"]
     assert run(["scenarios", "--json"]) == codes["success"]
     assert run(["check", str(tmp_path)]) == codes["user_mistake"]

@@ -1,11 +1,11 @@
 """A command whose extra is not installed says so in one sentence, with the command that installs it."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import completed
 
 from flyaround.gui.picture.video import Film
 from flyaround.hil.host.audit import pictures_of
@@ -60,13 +60,8 @@ print(json.dumps(said))
 def said(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bare")
     hidden = [name for names in PARTS.values() for name in names]
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, json.dumps([hidden, [command for _, command in COMMANDS]])],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    words = json.dumps([hidden, [command for _, command in COMMANDS]])
+    done = completed(sys.executable, "-c", RUN, words, cwd=folder, check=True)
     assert not any(folder.iterdir()), "something was half-written"
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -1,9 +1,5 @@
 """fly: the messages and the recording it writes beside the table."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 from typer.testing import CliRunner
 
 from flyaround.cli.app import app
@@ -11,7 +7,7 @@ from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
 
-def test_fly_writes_messages_and_a_replay(tmp_path: Path) -> None:
+def test_fly_writes_messages_and_a_replay(tmp_path):
     out = tmp_path / "flight"
     options = ["fly", "tango-close-3m", "-o", str(out), "--every", "5", "--oem", "--aem", "--record"]
     assert CliRunner().invoke(app, options).exit_code == 0

@@ -1,7 +1,5 @@
 """``flyaround hil board``: what it prints of what a host said, and that it has the options of the bundle's agent."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from pathlib import Path
@@ -31,7 +29,7 @@ def test_a_goodbye_in_brackets_is_printed_as_it_came(monkeypatch, capsys):
     monkeypatch.setattr(agent, "estimator_factory", lambda *_: (Instant, "", ""))
     listener = TcpListener("127.0.0.1", 0)
 
-    def host() -> None:
+    def host():
         link = Link(listener.accept(30.0), 7)
         assert isinstance(link.recv(30.0), Hello)
         link.send(HelloAck(CAMERA, 64, 48))

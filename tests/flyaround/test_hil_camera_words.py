@@ -1,7 +1,5 @@
 """``hil camera`` and ``hil host --listen gige://``: what is refused, and what is said before anybody listens."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.__main__ import run

@@ -1,9 +1,6 @@
 """Where output goes: the option that names the place is the one that is told, nothing of another's is replaced."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 
@@ -14,21 +11,19 @@ SCENARIO = "tango-space-10m"
 
 
 @pytest.fixture
-def full(tmp_path: Path) -> Path:
+def full(tmp_path):
     folder = tmp_path / "full"
     folder.mkdir()
     (folder / "mine.txt").write_text("keep")
     return folder
 
 
-def _fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def _fails(capsys, *arguments):
     assert run([str(a) for a in arguments]) == 2
     return capsys.readouterr().err
 
 
-def test_a_full_folder_of_the_console_is_told_by_its_option(
-    full: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_folder_of_the_console_is_told_by_its_option(full, capsys):
     pytest.importorskip("glfw")
     pytest.importorskip("imgui_bundle")
     said = _fails(capsys, "sim", SCENARIO, "--record", full)
@@ -36,16 +31,12 @@ def test_a_full_folder_of_the_console_is_told_by_its_option(
     assert "-o" not in said.split()
 
 
-def test_a_picture_without_an_ending_or_in_the_place_of_a_folder(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_picture_without_an_ending_or_in_the_place_of_a_folder(tmp_path, capsys):
     assert "has no ending" in _fails(capsys, "render", SCENARIO, "-o", tmp_path / "picture")
     assert "is a folder; name a file in it" in _fails(capsys, "render", SCENARIO, "-o", tmp_path)
 
 
-def test_a_record_never_replaces_a_file_that_is_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_record_never_replaces_a_file_that_is_none(tmp_path, capsys):
     camera = tmp_path / "camera.json"
     camera.write_text(json.dumps({"fx_px": 1.0}))
     said = _fails(capsys, "render", SCENARIO, "-o", tmp_path / "camera.png")
@@ -55,7 +46,7 @@ def test_a_record_never_replaces_a_file_that_is_none(
     assert [p.name for p in tmp_path.iterdir()] == ["camera.json"]
 
 
-def test_poses_go_to_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_poses_go_to_a_folder(tmp_path, capsys):
     poses, out = tmp_path / "poses.csv", tmp_path / "new" / "out"
     poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
     command = ["render", SCENARIO, "--poses", str(poses), "-o", str(out), "--quality", "draft"]
@@ -76,9 +67,7 @@ def test_poses_go_to_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         ("mine.csv", "mine.csv"),
     ],
 )
-def test_a_refused_place_of_poses_is_named_as_typed(
-    name: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_refused_place_of_poses_is_named_as_typed(name, says, tmp_path, capsys):
     poses = tmp_path / "poses.csv"
     poses.write_text("q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m\n1,0,0,0,0,0,9\n")
     (tmp_path / "taken").write_text("keep")
@@ -88,14 +77,10 @@ def test_a_refused_place_of_poses_is_named_as_typed(
     assert {p.name for p in tmp_path.iterdir()} == {"poses.csv", "taken"}
 
 
-def test_the_public_functions_take_text_for_a_path(full: Path) -> None:
+def test_the_public_functions_take_text_for_a_path(full):
     with pytest.raises(fa.UserError, match="cannot read truth"):
         fa.read_truth(f"{full}/none.json")
     with pytest.raises(fa.UserError, match="not a data set"):
         fa.check_dataset(str(full))
     with pytest.raises(fa.UserError, match="not empty"):
         fa.capture(fa.plan_flight(fa.load_scenario(SCENARIO), n=1), str(full))
-
-
-def test_the_version_is_told() -> None:
-    assert fa.__version__.count(".") >= 1

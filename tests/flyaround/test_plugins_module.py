@@ -1,32 +1,32 @@
 """The public types of plug-ins, and that each is the product's own."""
 
-import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 import flyaround.plugins as public
 from flyaround.simulator.runtime.plugins import GROUPS
 
 
 @pytest.mark.parametrize("name", public.__all__)
-def test_each_public_name_is_there(name: str) -> None:
+def test_each_public_name_is_there(name):
     assert getattr(public, name).__name__ == name
     assert name in dir(public)
 
 
-def test_an_unknown_name_is_an_attribute_error() -> None:
+def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="Teapot"):
         _ = public.Teapot
 
 
-def test_nothing_slow_is_imported_before_it_is_used() -> None:
+def test_nothing_slow_is_imported_before_it_is_used():
     code = "import sys, flyaround.plugins as p; print(sorted({'cv2', 'scipy', 'moderngl', 'numpy'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = completed(sys.executable, "-c", code, check=True)
     assert done.stdout.strip() == "[]"
 
 
-def test_the_page_names_each_group_and_type() -> None:
+def test_the_page_names_each_group_and_type():
     from pathlib import Path
 
     page = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text()

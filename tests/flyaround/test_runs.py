@@ -1,7 +1,5 @@
 """Runs as documents: their examples, what is refused of a file, and what a command writes of its own."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -46,7 +44,7 @@ PLACED = {"fly", "capture", "convert", "train", "hil campaign", "hil delay-map"}
 """Commands that need to be told where their result goes."""
 
 
-def words_of(command: str, *words: str) -> list[str]:
+def words_of(command, *words):
     place = ["-o", "out/x.onnx"] if command in PLACED else []
     return [*command.split(), *words, *place]
 
@@ -56,19 +54,19 @@ class Asked(Exception):  # noqa: N818 - no error
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> Any:
+def asked(monkeypatch):
     """Run a command up to its work; return its run."""
     made: list[Any] = []
     check = run_options.refuse_exclusions
 
-    def checked(document: Any) -> None:
+    def checked(document):
         check(document)
         made.append(document)
         raise Asked
 
     monkeypatch.setattr(run_options, "refuse_exclusions", checked)
 
-    def ask(*words: str) -> Any:
+    def ask(*words):
         with pytest.raises(Asked):
             run(list(words))
         return made.pop()
@@ -76,7 +74,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Any:
     return ask
 
 
-def test_each_command_with_runs_has_an_example() -> None:
+def test_each_command_with_runs_has_an_example():
     assert {path.stem for path in EXAMPLES.glob("*.toml")} == {
         c.replace(" ", "_").replace("-", "_") for c in RUNS
     }
@@ -84,7 +82,7 @@ def test_each_command_with_runs_has_an_example() -> None:
 
 
 @pytest.mark.parametrize("command", RUNS)
-def test_an_example_is_the_run_of_its_words(command: str, asked: Any) -> None:
+def test_an_example_is_the_run_of_its_words(command, asked):
     file = EXAMPLES / f"{command.replace(' ', '_').replace('-', '_')}.toml"
     by_words = asked(*words_of(command, *WORDS[command].split()))
     assert asked(*words_of(command, "--run", str(file))) == by_words
@@ -93,7 +91,7 @@ def test_an_example_is_the_run_of_its_words(command: str, asked: Any) -> None:
 
 
 @pytest.mark.parametrize("command", RUNS)
-def test_what_is_written_of_a_run_asks_for_it_again(command: str, asked: Any, tmp_path: Path) -> None:
+def test_what_is_written_of_a_run_asks_for_it_again(command, asked, tmp_path):
     by_words = asked(*words_of(command, *WORDS[command].split()))
     file = tmp_path / "run.toml"
     file.write_bytes(run_toml(by_words))
@@ -101,7 +99,7 @@ def test_what_is_written_of_a_run_asks_for_it_again(command: str, asked: Any, tm
     assert run_toml(again) == run_toml(by_words)
 
 
-def test_options_override_the_file(asked: Any, tmp_path: Path) -> None:
+def test_options_override_the_file(asked, tmp_path):
     file = tmp_path / "run.toml"
     file.write_text('output = "there"\n' + CAPTURE)
     made = asked("capture", "--run", str(file), "-n", "5", "tango-limb")
@@ -136,7 +134,7 @@ def test_options_override_the_file(asked: Any, tmp_path: Path) -> None:
         ("#" * 1_000_001, "at most 1,000,000 bytes are read"),
     ],
 )
-def test_a_mistake_in_the_file_is_one_sentence(text: str, sentence: str, tmp_path: Path, capsys: Any) -> None:
+def test_a_mistake_in_the_file_is_one_sentence(text, sentence, tmp_path, capsys):
     file = tmp_path / "mine.toml"
     file.write_text(text)
     assert run(["capture", "--run", str(file), "-o", str(tmp_path / "set"), "tango-limb"]) == 2
@@ -145,21 +143,21 @@ def test_a_mistake_in_the_file_is_one_sentence(text: str, sentence: str, tmp_pat
     assert not (tmp_path / "set").exists()
 
 
-def test_a_file_that_is_not_there_is_one_sentence(tmp_path: Path, capsys: Any) -> None:
+def test_a_file_that_is_not_there_is_one_sentence(tmp_path, capsys):
     assert run(["capture", "--run", str(tmp_path / "none.toml")]) == 2
     assert "none.toml cannot be read" in " ".join(capsys.readouterr().err.split())
     assert run(["capture", "--run", str(tmp_path)]) == 2
     assert len(capsys.readouterr().err.splitlines()) <= 2
 
 
-def test_what_neither_file_nor_words_say_is_asked_for(tmp_path: Path, capsys: Any) -> None:
+def test_what_neither_file_nor_words_say_is_asked_for(tmp_path, capsys):
     file = tmp_path / "run.toml"
     file.write_text("[pictures]\nn = 1\n")
     assert run(["capture", "--run", str(file), "-o", str(tmp_path / "set")]) == 2
     assert "Missing argument" in capsys.readouterr().err
 
 
-def test_a_record_has_no_secrets_and_not_where_the_result_goes() -> None:
+def test_a_record_has_no_secrets_and_not_where_the_result_goes():
     made = CaptureRun(
         scenario="s3://key:word@bucket/one.toml", output="s3://key:word@bucket/set", resume=True
     )
@@ -169,13 +167,13 @@ def test_a_record_has_no_secrets_and_not_where_the_result_goes() -> None:
     assert tomllib.loads(text)["data_set"] == {"formats": "native", "sensors": ""}
 
 
-def test_any_name_can_be_recorded() -> None:
+def test_any_name_can_be_recorded():
     for name in ("é", "\U0001f6f0", 'a"b\\c\n', "\x7f", "tail\udcff"):
         again = tomllib.loads(run_toml(CaptureRun(scenario=name, output="out")).decode())["scenario"]
         assert again == name.replace("\udcff", "?")
 
 
-def test_an_option_with_a_value_that_is_none_of_a_choice_is_named(asked: Any) -> None:
+def test_an_option_with_a_value_that_is_none_of_a_choice_is_named(asked):
     with pytest.raises(
         UserError, match=r"--quality is 'hihg', allowed: default, draft, high \(did you mean 'high'"
     ):
@@ -184,7 +182,7 @@ def test_an_option_with_a_value_that_is_none_of_a_choice_is_named(asked: Any) ->
 
 
 @pytest.mark.gl
-def test_a_capture_from_a_file_is_that_of_the_words_in_every_byte(tmp_path: Path) -> None:
+def test_a_capture_from_a_file_is_that_of_the_words_in_every_byte(tmp_path):
     file = tmp_path / "run.toml"
     file.write_text(CAPTURE)
     a, b = tmp_path / "a", tmp_path / "b"

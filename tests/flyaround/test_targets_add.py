@@ -2,7 +2,6 @@
 
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.dataset.check.verify import check_dataset
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.labels.part_classes import target_classes
-from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import list_targets, load_target
 from tools.docs.targets import write_docs
 
@@ -115,44 +113,19 @@ def test_names_that_cannot_be_had(capsys, mesh_file):
 
 
 def bad_files(folder):
-    """Files with one fault each, the options given, and what the sentence must say."""
+    """Files with a fault for each step of an import, the options given, and what the sentence must say."""
     box = trimesh.creation.box((2.0, 1.0, 0.5))
     stl = box.export(file_type="stl")
     yield "big.stl", trimesh.creation.box((740.0, 770.0, 300.0)).export(file_type="stl"), (), "--units mm"
-    yield (
-        "huge.stl",
-        trimesh.creation.box((4e4, 4e4, 4e4)).export(file_type="stl"),
-        ("--units", "m"),
-        "not the size of a spacecraft",
-    )
-    yield "wrong.obj", stl, (), "holds a .stl file"
     yield "cut.glb", box.export(file_type="glb")[:300], (), "cut short"
     open_box = trimesh.Trimesh(box.vertices, box.faces[2:], process=False)
     yield "open.stl", open_box.export(file_type="stl"), ("--strict",), "open edges"
-    yield "nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", (), "1 of 3 vertices are not finite"
     yield "flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", (), "no face with area"
-    yield (
-        "mtl.obj",
-        b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
-        ("--strict",),
-        "'gone.mtl' is missing",
-    )
     fin = trimesh.Trimesh([*box.vertices, [0, 3, 0]], [*box.faces, [*box.faces[0, :2], 8]], process=False)
     yield "fin.stl", fin.export(file_type="stl"), ("--strict", "--keep-holes"), "--keep-non-manifold"
-    (folder / "skin.mtl").write_text("newmtl skin\nmap_Kd gone.png\n")
-    skinned = b"mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
-    yield "skin.obj", skinned, ("--strict",), "texture 'gone.png' of material 'skin' is missing"
-    first, *others = (tango := load_target("tango", "low")).keypoints
-    moved = replace(first, position_m=(1.0, 1.0, 1.0))
-    write_glb(replace(tango, name="off", keypoints=(moved, *others)), folder / "off.glb")
-    off = (folder / "off.glb").read_bytes()
-    yield "off.glb", off, (), f"keypoint '{first.name}' at (1.000, 1.000, 1.000) m is off"
-    yield "unit.stl", stl, ("--units", "feet"), "unknown unit 'feet'"
     yield "both.stl", stl, ("--units", "mm", "--scale", "2"), "not both"
     yield "few.stl", stl, ("--decimate", "3"), "--decimate 3 is out of range"
     yield "mass.stl", stl, ("--mass", "0"), "--mass 0 is not a positive number"
-    small = trimesh.creation.box((0.02, 0.04, 0.03)).export(file_type="stl")
-    yield "small.stl", small, ("--units", "m"), "--yes if it is that size"
     yield "classes.stl", stl, ("--classes", folder / "gone.toml"), "name a file of part classes"
     (folder / "classes.toml").write_text(
         'schema = "flyaround.part_classes"\nversion = 1\n[classes]\nwing = "sensor"'
@@ -160,7 +133,7 @@ def bad_files(folder):
     yield "classes.stl", stl, ("--classes", folder / "classes.toml"), "is no part; name one, such as body"
 
 
-@pytest.mark.parametrize("number", range(18))
+@pytest.mark.parametrize("number", range(10))
 def test_a_bad_file_is_one_sentence_and_writes_nothing(capsys, tmp_path, number):
     name, data, options, says = list(bad_files(tmp_path))[number]
     (tmp_path / name).write_bytes(data)

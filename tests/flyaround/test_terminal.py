@@ -1,13 +1,10 @@
 """What is printed is what was written: square brackets, paths in one piece, no mark-up of Rich's."""
 
-from __future__ import annotations
-
 import ast
 import re
 import unicodedata
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import pytest
 import typer
@@ -24,7 +21,7 @@ from flyaround.cli.terminal import say, terminal
 FLYAROUND = Path(doctor.__file__).parents[1]
 
 
-def _as_written(home: str, name: str) -> Any:
+def _as_written(home, name):
     """A command as its module has it, before the command line makes its help page."""
     module, _, attribute = home.partition(":")
     thing = getattr(import_module(f"flyaround.cli.{module}"), attribute)
@@ -35,17 +32,17 @@ def _as_written(home: str, name: str) -> Any:
     return get_command(one)
 
 
-def _pages(path: tuple[str, ...], command: Any) -> list[tuple[tuple[str, ...], Any]]:
+def _pages(path, command):
     inner = getattr(command, "commands", {})
     return [(path, command), *(page for n, c in inner.items() for page in _pages((*path, n), c))]
 
 
-def _plain(text: str) -> str:
+def _plain(text):
     return " ".join(re.sub("[│╭╮╰╯─]", " ", text).split())
 
 
 @pytest.mark.parametrize("path", [*((name,) for name in COMMANDS), *(("hil", name) for name in HIL_COMMANDS)])
-def test_every_help_page_says_what_was_written(path: tuple[str, ...]) -> None:
+def test_every_help_page_says_what_was_written(path):
     home = (HIL_COMMANDS if path[0] == "hil" else COMMANDS)[path[-1]]
     for words, command in _pages(path, _as_written(home, path[-1])):
         result = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "400"})
@@ -55,26 +52,26 @@ def test_every_help_page_says_what_was_written(path: tuple[str, ...]) -> None:
             assert _plain(text or "") in page
 
 
-def test_units_are_seen_in_the_help_of_a_mesh() -> None:
+def test_units_are_seen_in_the_help_of_a_mesh():
     page = CliRunner().invoke(app, ["targets", "add", "--help"], env={"COLUMNS": "80"}).output
     assert "[kg]" in page
     assert "[kg/m3]" in page
 
 
-def test_doctor_says_which_extra_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_says_which_extra_to_install(monkeypatch):
     monkeypatch.setattr(doctor.importlib.util, "find_spec", lambda _name: None)
     monkeypatch.setattr(doctor, "examine", lambda: tuple(doctor._optional()))
     page = CliRunner().invoke(app, ["doctor"], env={"COLUMNS": "80"}).output
     assert "- window (glfw): pip install 'flyaround[gui]'\n" in page
 
 
-def test_a_sentence_is_printed_to_the_letter(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sentence_is_printed_to_the_letter(capsys):
     text = f"wrote /a folder [bold]/{'long/' * 40}[kg]:smile: 'flyaround[gui]'"
     say(text)
     assert capsys.readouterr().out == text + "\n"
 
 
-def test_no_other_way_to_the_terminal_reads_mark_up() -> None:
+def test_no_other_way_to_the_terminal_reads_mark_up():
     """Rich's own consoles interpret brackets; everything goes by `flyaround.cli.terminal`."""
     for path in FLYAROUND.rglob("*.py"):
         if path.name == "terminal.py":
@@ -105,9 +102,7 @@ NASTY = {
 
 
 @pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
-def test_names_reach_the_terminal_as_text(
-    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_names_reach_the_terminal_as_text(name, capsys, tmp_path):
     (tmp_path / "train.csv").write_text(
         f'filename,Tx,Ty,Tz,Qx,Qy,Qz,Qw\n"{name}.png",0,0,5,0,0,0,1\n', "utf-8", "surrogateescape"
     )
@@ -120,7 +115,7 @@ def test_names_reach_the_terminal_as_text(
     assert obeyed <= {"\n"}
 
 
-def test_tables_show_control_characters_and_keep_their_own_colours() -> None:
+def test_tables_show_control_characters_and_keep_their_own_colours():
     table = Table("name")
     table.add_row("a\x1b[2Jb")
     console = terminal()

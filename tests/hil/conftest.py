@@ -1,9 +1,5 @@
 """What the tests of the link and of the board share."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import cv2
 import pytest
 
@@ -11,15 +7,9 @@ from flyaround.hil.board.hybrid.native import library
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from flyaround.hil.board.estimation import BoardModel
-
 
 @pytest.fixture
-def one_thread() -> Iterator[None]:
+def one_thread():
     """OpenCV as a board runs it; threads on pictures this small cost more than they give."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -28,7 +18,7 @@ def one_thread() -> Iterator[None]:
 
 
 @pytest.fixture
-def no_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+def no_library(monkeypatch, tmp_path):
     """A machine that the estimator has no compiled library for."""
     monkeypatch.setattr(library, "library_folder", lambda: tmp_path / "no-library")
     library._loaded.cache_clear()
@@ -38,6 +28,6 @@ def no_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None
 
 
 @pytest.fixture(scope="session")
-def tango() -> BoardModel:
+def tango():
     """Tango as a board gets it."""
     return board_model(load_target("tango"))

@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from programs import completed
 
 import flyaround.__main__ as command_line
 from flyaround.hil.board.hybrid.native import library
@@ -20,14 +21,7 @@ FOLDERS = ("assets", "gui", "hil", "shaders", "simulator")
 
 
 def run(*command, cwd, home=None, check=True):
-    done = subprocess.run(
-        [str(one) for one in command],
-        cwd=cwd,
-        env={"PATH": "/nowhere", "HOME": str(home or cwd)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = completed(*command, cwd=cwd, timeout=None, env={"PATH": "/nowhere", "HOME": str(home or cwd)})
     assert not check or done.returncode == 0, done.stdout + done.stderr
     return done
 
@@ -92,7 +86,7 @@ def test_the_wheel_is_of_its_platform_and_carries_its_libraries_and_those_of_boa
 def test_an_unknown_platform_is_refused_in_one_sentence(tmp_path):
     environment = os.environ | {"FLYAROUND_WHEEL_PLATFORM": "amiga-m68k"}
     command = [sys.executable, ROOT / "hatch_build.py"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=tmp_path)
+    done = completed(*command, env=environment, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("no wheel can be made for 'amiga-m68k': set FLYAROUND_WHEEL_PLATFORM to")
 

@@ -5,8 +5,6 @@ from UTC over TT and UT1 to the matrix. Run in an environment that has astropy, 
 ``python tests/reference/make_astropy.py``.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 
@@ -21,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 COUNT = 24
 
 
-def shipped_table() -> iers.IERS:
+def shipped_table():
     """The package's table as astropy takes one."""
     data = np.load(ROOT / "assets" / "earth_orientation" / "eop.npz")
     first = float(data["first_mjd"])
@@ -41,7 +39,7 @@ def shipped_table() -> iers.IERS:
     )
 
 
-def main() -> None:
+def main():
     """Rotate the axes and write."""
     rng = np.random.default_rng(7)
     times = Time(np.sort(rng.uniform(41700.0, 61300.0, COUNT)), format="mjd", scale="utc")

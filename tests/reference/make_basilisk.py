@@ -5,8 +5,6 @@ is handed the same EGM96 coefficients, Earth orientation and geometric Sun and M
 environment that has bsk, pyerfa and scipy, from the repository's root: ``python tests/reference/make_basilisk.py``.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 import tempfile
@@ -35,15 +33,15 @@ STEP_S, EVERY_S, SPAN_S = 1.0, 600.0, 86_400.0
 class Sky(sysModel.SysModel):
     """Publishes Earth orientation, Sun and Moon at every step."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.epoch = Instant.from_utc(EPOCH)
         self.messages = {n: messaging.SpicePlanetStateMsg() for n in ("earth", "sun", "moon")}
 
-    def Reset(self, now_ns: int) -> None:
+    def Reset(self, now_ns):
         self.UpdateState(now_ns)
 
-    def UpdateState(self, now_ns: int) -> None:
+    def UpdateState(self, now_ns):
         # what is published now serves the step that ends now, so it is given for the middle of that step
         t = self.epoch.plus(now_ns * 1e-9 - STEP_S / 2)
         for name, message in self.messages.items():
@@ -59,7 +57,7 @@ class Sky(sysModel.SysModel):
             message.write(payload, now_ns, self.moduleID)
 
 
-def coefficients(folder: Path) -> Path:
+def coefficients(folder):
     """The shipped EGM96 file in the layout Basilisk reads."""
     text = (Path(__file__).parents[2] / "assets" / "gravity" / "EGM96_to70.gfc").read_text()
     terms = {(int(w[1]), int(w[2])): w[3:5] for w in map(str.split, text.splitlines()) if w[:1] == ["gfc"]}
@@ -72,7 +70,7 @@ def coefficients(folder: Path) -> Path:
     return out
 
 
-def main() -> None:
+def main():
     """Fly and write."""
     simulation = SimulationBaseClass.SimBaseClass()
     process = simulation.CreateNewProcess("p")

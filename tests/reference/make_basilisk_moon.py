@@ -5,8 +5,6 @@ bodies, their places handed to it by message. Run in an environment that has bsk
 repository's root: ``python tests/reference/make_basilisk_moon.py``.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 from pathlib import Path
@@ -32,15 +30,15 @@ STEP_S, EVERY_S, SPAN_S = 1.0, 1200.0, 86_400.0
 class Sky(sysModel.SysModel):
     """Publishes Earth and Sun, seen from the Moon, at every step."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.epoch = Instant.from_utc(EPOCH)
         self.messages = {n: messaging.SpicePlanetStateMsg() for n in ("moon", "earth", "sun")}
 
-    def Reset(self, now_ns: int) -> None:
+    def Reset(self, now_ns):
         self.UpdateState(now_ns)
 
-    def UpdateState(self, now_ns: int) -> None:
+    def UpdateState(self, now_ns):
         # what is published now serves the step that ends now, so it is given for the middle of that step
         t = self.epoch.plus(now_ns * 1e-9 - STEP_S / 2)
         moon = moon_geometric_m(t.tt1, t.tt2)
@@ -53,7 +51,7 @@ class Sky(sysModel.SysModel):
             message.write(payload, now_ns, self.moduleID)
 
 
-def main() -> None:
+def main():
     """Fly and write."""
     simulation = SimulationBaseClass.SimBaseClass()
     process = simulation.CreateNewProcess("p")

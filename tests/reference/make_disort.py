@@ -4,8 +4,6 @@ In an environment that has pythonicdisort 1.8, from the repository's root: ``pyt
 again whenever the optical depths, profiles or phase functions of the air change.
 """
 
-from __future__ import annotations
-
 import csv
 from itertools import pairwise, product
 from pathlib import Path
@@ -22,13 +20,13 @@ STREAMS, MOMENTS = 32, 64
 EDGES_M = np.concatenate([np.linspace(0, 12e3, 25), np.linspace(12e3, 100e3, 16)[1:]])[::-1]
 
 
-def moments(phase) -> np.ndarray:
+def moments(phase):
     """Legendre coefficients of a phase function."""
     x, w = leggauss(400)
     return 2 * np.pi * (w * phase(x)) @ legvander(x, MOMENTS)
 
 
-def layers(air, band: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def layers(air, band):
     """Optical depth above the foot, single-scattering albedo and Legendre coefficients of each layer, from the top."""
     kinds = moments(rayleigh_phase), moments(lambda c: mie_phase(c, air.mie_g))
     depth, albedo, phase = [], [], []
@@ -46,7 +44,7 @@ def layers(air, band: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.cumsum(depth), np.array(albedo), phase
 
 
-def light(air, band: int, ground: float, sun_deg: float) -> tuple[np.ndarray, np.ndarray, float]:
+def light(air, band, ground, sun_deg):
     """Radiance (views, azimuths) at the top, upward, and at the ground, downward [sr-1]; irradiance of the ground [1].
 
     All over the Sun's irradiance.
@@ -65,7 +63,7 @@ def light(air, band: int, ground: float, sun_deg: float) -> tuple[np.ndarray, np
     return up, down, float(sum(falling(depth[-1])))
 
 
-def main() -> None:
+def main():
     """Write one row per direction, and one per Sun and ground of what falls on the ground."""
     airs = [(flat_air("mono"), 0), *((flat_air("rgb"), band) for band in range(3))]
     directions = list(product(enumerate(VIEWS_DEG), enumerate(AZIMUTHS_DEG)))

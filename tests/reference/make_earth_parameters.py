@@ -3,8 +3,6 @@
 Run with that package and pyerfa installed: ``python make_earth_parameters.py OUT.npz``.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib.resources import files
 
@@ -14,7 +12,7 @@ import numpy as np
 FIRST_MJD = 41317  # 1972-01-01
 
 
-def rows() -> dict[int, tuple[float, float, float]]:
+def rows():
     """UT1-UTC [s], x and y of the pole [arcsec] at 0 h UTC of each day: C04, continued by finals2000A."""
     data = files("astropy_iers_data") / "data"
     table: dict[int, tuple[float, float, float]] = {}
@@ -28,7 +26,7 @@ def rows() -> dict[int, tuple[float, float, float]]:
     return table
 
 
-def main(out: str) -> None:
+def main(out):
     """Write the table as whole microseconds and tens of microarcseconds, which pack well."""
     table = rows()
     last = max(table)

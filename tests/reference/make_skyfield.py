@@ -3,8 +3,6 @@
 Run in an environment that has skyfield 1.55 and skyfield-data 7.0: ``python tests/reference/make_skyfield.py``.
 """
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 
@@ -17,7 +15,7 @@ N = 500
 FIRST_JD, LAST_JD = 2451545.0, 2469807.5  # 2000 to 2050
 
 
-def main() -> None:
+def main():
     """Write one row per moment, evenly strewn."""
     load = Loader(skyfield_data.get_skyfield_data_path())
     bodies = load("de421.bsp")

@@ -1,7 +1,5 @@
 """The loop: every frame to every sink, along a plan or one at a time, here or in another process, always the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +11,7 @@ from flyaround.simulator.frame import Frame
 from flyaround.simulator.labels.request import LabelRequest
 from flyaround.simulator.loop import FrameRequest, open_frames, run_frames, whole_frame
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.scenario.poses import PosePlan
 from flyaround.simulator.world.frames.pose import Pose
 
@@ -21,7 +19,7 @@ pytestmark = pytest.mark.gl
 
 
 @pytest.fixture(scope="module")
-def plan() -> Plan:
+def plan():
     plan = plan_flight(load_scenario("tango-space-10m"), n=3, quality="draft")
     small = Camera(width_px=160, height_px=120, fx_px=250.0, fy_px=250.0, cx_px=79.5, cy_px=59.5)
     return replace(plan, camera=small)
@@ -30,19 +28,19 @@ def plan() -> Plan:
 class Kept:
     """A sink that remembers."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.frames: list[Frame] = []
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame):
         self.frames.append(frame)
 
 
-def number_and_mean(frame: Frame) -> tuple[int, float]:
+def number_and_mean(frame):
     """A stage: what leaves the process of each frame."""
     return frame.number, float(frame.image.mean())
 
 
-def fail(_frame: Frame) -> None:
+def fail(_frame):
     raise UserError("the disk is full")
 
 

@@ -1,7 +1,5 @@
 """Mutants and their judge: samples are repeatable, and the judge tells seen bugs from unseen ones."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 from pathlib import Path
@@ -15,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-def test_a_sample_is_repeatable_and_can_be_planted() -> None:
+def test_a_sample_is_repeatable_and_can_be_planted():
     names = files(ROOT, ["simulator/world/frames", "hil/link/framing"])
     drawn = draw(ROOT, names, 20, 5)
     assert [item.mutations for item in drawn] == [item.mutations for item in draw(ROOT, names, 20, 5)]
@@ -58,7 +56,7 @@ def test_counted():
 
 
 @pytest.fixture
-def small(tmp_path: Path) -> judge.Copy:
+def small(tmp_path):
     """A package of three functions, of which the tests look at one, hang on one and never call one."""
     root, cache = tmp_path / "root", tmp_path / "cache"
     cache.mkdir()
@@ -72,9 +70,7 @@ def small(tmp_path: Path) -> judge.Copy:
 
 
 @pytest.mark.slow
-def test_a_judge_tells_what_is_seen_from_what_is_not(
-    small: judge.Copy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_judge_tells_what_is_seen_from_what_is_not(small, monkeypatch):
     monkeypatch.setattr(judge, "TEST_S", 10.0)
     changes = {"seen": ("x + 1", "x - 1"), "unseen": ("x + 2", "x - 2"), "counted": ("-= 1", "+= 1")}
     cases = [

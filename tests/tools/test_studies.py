@@ -1,7 +1,5 @@
 """What the studies change on purpose: the model's corners, one setting of a method at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,7 @@ from tools.studies.published_methods import (
 )
 
 
-def test_no_method_of_the_studies_is_measured_twice() -> None:
+def test_no_method_of_the_studies_is_measured_twice():
     model = board_model(load_target("cubesat-1u"))
     camera = CameraIntrinsics(320, 240, 500.0, 500.0, 159.5, 119.5)
     made = [make_estimator(model, camera, c.method, c.solver, c.streams) for c in PUBLISHED]
@@ -27,7 +25,7 @@ def test_no_method_of_the_studies_is_measured_twice() -> None:
     assert len(configs) == len(PUBLISHED) == len({c.label for c in PUBLISHED})
 
 
-def answer(frame: int, method: str, error_deg: float, *, feasible: bool = True) -> EvaluatedFrame:
+def answer(frame, method, error_deg, *, feasible=True):
     turn = np.radians(error_deg) / 2
     q = (float(np.cos(turn)), float(np.sin(turn)), 0.0, 0.0)
     record = frame_record(
@@ -39,7 +37,7 @@ def answer(frame: int, method: str, error_deg: float, *, feasible: bool = True) 
     )  # fmt: skip
 
 
-def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exact() -> None:
+def test_paired_counts_are_of_frames_that_both_have_and_their_probability_is_exact():
     rows = [answer(k, "a", 1.0 if k < 4 else 90.0) for k in range(12)]
     rows += [answer(k, "b", 1.0 if k >= 3 else 90.0) for k in range(11)]
     rows += [answer(20, "a", 90.0, feasible=False), answer(20, "b", 1.0, feasible=False)]

@@ -1,6 +1,4 @@
-"""Command ``python -m tools.bench combinations | scaling | throughput``: cost of rendering against all that it
-depends on.
-"""
+"""``python -m tools.bench combinations | fixed | scaling | throughput``: what drawing costs, by all it depends on."""
 
 from __future__ import annotations
 
@@ -19,6 +17,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from tools.bench.combinations import bench_combinations, goals_of
 from tools.bench.combinations_page import combinations_page
+from tools.bench.fixed_cost import bench_fixed_cost
 from tools.bench.scaling import bench_scaling
 from tools.bench.throughput import THROUGHPUT_SCENES, bench_throughput
 
@@ -52,6 +51,22 @@ def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
                 "" if power is None else f"power {power:.2f}",
             )
         terminal().print(table)
+
+
+@app.command()
+def fixed(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
+    """Measure what a frame costs apart from its pixels: processor time of the calling thread, and calls."""
+    costs = bench_fixed_cost(gpu)
+    if as_json:
+        typer.echo(
+            json.dumps({"schema": "flyaround.fixed-cost", "version": 1, "costs": [asdict(c) for c in costs]})
+        )
+        return
+    table = Table("labels", "thread ms", "least", "calls of Python functions", "all calls")
+    for c in costs:
+        times = (f"{c.thread_ms:.1f}", f"{c.least_thread_ms:.1f}")
+        table.add_row("yes" if c.labels else "no", *times, f"{c.python_calls:,}", f"{c.all_calls:,}")
+    terminal().print(table)
 
 
 @app.command()

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 import pytest
 
-from flyaround.gui.jobs.estimates import MOST_DEATHS, ComparedEstimate, Estimates, compared
+from flyaround.gui.jobs.estimates import ComparedEstimate, Estimates, compared
 from flyaround.gui.jobs.estimator_process import Answer, EstimateRequest
 from flyaround.gui.picture.feed import Picture
 from flyaround.gui.picture.view_settings import reduced_camera
@@ -21,6 +21,7 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.frame import NO_RADIANCE, Frame
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.piloting.telemetry import telemetry_of
+from flyaround.simulator.runtime.worker_pool import MOST_DEATHS
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.turned_clock import TurnedClock
 

@@ -1,11 +1,8 @@
 """The estimator's bench as a process of its own: it begins with what a board has, and says what it measured."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +10,7 @@ from flyaround.hil.board_model.write import write_board_model
 from flyaround.simulator.targets.library import load_target
 
 
-def test_the_process_times_single_and_tracked_frames(tmp_path: Path) -> None:
+def test_the_process_times_single_and_tracked_frames(tmp_path):
     write_board_model(load_target("tango"), tmp_path / "model.json")
     camera = {
         "width_px": 96, "height_px": 60, "fx_px": 150.0, "fy_px": 150.0, "cx_px": 47.5, "cy_px": 29.5,

@@ -1,7 +1,5 @@
 """The board's agent when its estimator hangs, its host goes away, or it is stopped: nothing stale, codes that tell."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -16,6 +14,7 @@ import pytest
 from estimators import Instant, Stuck
 from hand_made_host import HandMadeHost, hand_made_host, in_thread, leave_with_a_goodbye
 from hil_loop import Loop, adds_up, board, frames
+from programs import completed
 
 from flyaround.hil.board import agent as agent_module
 from flyaround.hil.board.__main__ import main
@@ -350,5 +349,5 @@ def test_the_unit_runs_the_agent_as_a_user_of_its_own(capsys, tmp_path):
     if analyse is not None:
         path = tmp_path / "flyaround-board.service"
         path.write_text(unit)
-        done = subprocess.run([analyse, "verify", str(path)], capture_output=True, text=True, check=False)
+        done = completed(analyse, "verify", path)
         assert "Unknown" not in done.stderr

@@ -1,7 +1,5 @@
 """What a board reads by name: regular files of a bounded size, and nothing that waits or never ends."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The board's bundle, and its program under what boards really have."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -13,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 import flyaround.hil
 from flyaround.__main__ import run
@@ -22,13 +21,13 @@ ROOT = Path(flyaround.hil.__path__[0])
 
 
 @pytest.fixture(scope="module")
-def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bundle(tmp_path_factory):
     path = tmp_path_factory.mktemp("bundle") / "board.pyz"
     assert run(["hil", "bundle", str(path), "--target", "tango", "--target", "cubesat-3u"]) == 0
     return path
 
 
-def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_is_small_whole_and_the_same_again(bundle, tmp_path):
     # the network's trunk, and a head for each craft
     assert bundle.stat().st_size < 2_150_000 + 6_100_000 + 2 * 500_000
     names = zipfile.ZipFile(bundle).namelist()
@@ -58,9 +57,7 @@ def test_the_bundle_is_small_whole_and_the_same_again(bundle: Path, tmp_path: Pa
     assert (tmp_path / "again.pyz").read_bytes() == bundle.read_bytes()
 
 
-def test_mistakes_are_told_in_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], bundle: Path
-) -> None:
+def test_mistakes_are_told_in_one_sentence(tmp_path, capsys, bundle):
     assert run(["hil", "bundle", str(tmp_path)]) == 2
     assert "is a folder" in capsys.readouterr().err
     assert run(["hil", "bundle", str(tmp_path / "b.pyz"), "--target", "teapot"]) == 2
@@ -69,40 +66,29 @@ def test_mistakes_are_told_in_one_sentence(
     assert "none.json" in capsys.readouterr().err
     assert main(["tcp://127.0.0.1:9", "--model", "x", "--method", "guess"]) == 2
     assert "unknown method" in capsys.readouterr().err
-    answer = subprocess.run(
-        [sys.executable, str(bundle), "--model", "tango", "--image", "a.png"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    answer = completed(sys.executable, bundle, "--model", "tango", "--image", "a.png")
     assert answer.returncode == 2
     assert "--camera" in answer.stderr
 
 
-def test_the_bundle_leaves_nothing_behind(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_leaves_nothing_behind(bundle, tmp_path):
     temporary, cache = tmp_path / "tmp", tmp_path / "cache"
     temporary.mkdir()
     environment = {**os.environ, "TMPDIR": str(temporary), "FLYAROUND_CACHE_DIR": str(cache), "PATH": ""}
-    done = subprocess.run(
-        [sys.executable, str(bundle), "tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        cwd=tmp_path,
-    )
+    words = ["tcp://127.0.0.1:1", "--model", "tango", "--timeout", "0.1"]
+    done = completed(sys.executable, bundle, *words, env=environment, cwd=tmp_path)
     assert done.returncode == 4, done.stderr
     assert list(temporary.iterdir()) == []
     assert not cache.exists()
 
 
-def newest_python_needed(*paths: Path) -> subprocess.CompletedProcess[str]:
+def newest_python_needed(*paths):
     """What vermin says of files that must run on Python 3.9; its exit code is not 0 when they need a later one."""
     command = [str(Path(sys.executable).with_name("vermin")), "-t=3.9-", "--no-tips", "--violations"]
-    return subprocess.run([*command, *map(str, paths)], capture_output=True, text=True, check=False)
+    return completed(*command, *map(str, paths))
 
 
-def test_the_boards_code_is_python_39(tmp_path: Path) -> None:
+def test_the_boards_code_is_python_39(tmp_path):
     said = newest_python_needed(ROOT / "board", ROOT / "link", ROOT / "__init__.py")
     assert said.returncode == 0, said.stdout
     # and the guard sees what is later
@@ -114,7 +100,7 @@ def test_the_boards_code_is_python_39(tmp_path: Path) -> None:
 DEBIAN = "/usr/bin/python3"
 
 
-def debian_has_opencv() -> bool:
+def debian_has_opencv():
     """Whether Debian's own Python has numpy and OpenCV; installed where this process may."""
     probe = [DEBIAN, "-I", "-c", "import cv2, numpy"]
     if not Path(DEBIAN).exists() or shutil.which("apt-get") is None:
@@ -131,7 +117,7 @@ def debian_has_opencv() -> bool:
 @pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.timeout(900)
-def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Path) -> None:
+def test_the_bundle_runs_on_debians_python_and_opencv(bundle, tmp_path):
     """Debian 12: Python 3.11 with numpy 1.24 and OpenCV 4.6, nothing of this project's environment."""
     if not debian_has_opencv():
         pytest.skip("this machine has no Debian python3-opencv, and this user may not install it")
@@ -145,9 +131,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
         image = str(folder / "images" / f"{k:06d}.png")
         for method in ("hybrid", "svd-thesis"):
             command = f"{DEBIAN} -I {bundle} --model tango --image {image} --camera {camera}".split()
-            answer = subprocess.run(
-                [*command, "--method", method], capture_output=True, text=True, check=False, cwd=tmp_path
-            )
+            answer = completed(*command, "--method", method, cwd=tmp_path)
             assert answer.returncode == 0, answer.stderr
             pose = json.loads(answer.stdout)
             assert not pose["reason"].startswith("internal")
@@ -170,13 +154,7 @@ def test_the_bundle_runs_on_debians_python_and_opencv(bundle: Path, tmp_path: Pa
     )
     log = tmp_path / "log"
     host = [sys.executable, "-m", "flyaround", "hil", "host", "tango-flyaround", "--listen", url, "-n", "4"]
-    told = subprocess.run(
-        [*host, "--log", str(log), "--timeout", "60", "--silence", "60"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT.parent,
-    )
+    told = completed(*host, "--log", log, "--timeout", "60", "--silence", "60", cwd=ROOT.parent)
     assert told.returncode == 0, told.stderr
     out, err = board.communicate(timeout=200)
     assert board.returncode == 0, err

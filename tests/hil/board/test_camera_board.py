@@ -11,7 +11,6 @@ import socket
 import threading
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -42,7 +41,7 @@ class PixelPose:
 
     reason, confidence = "by its pixels", 0.5
 
-    def __init__(self, image) -> None:
+    def __init__(self, image):
         digest = hashlib.sha256(image.tobytes() + str((image.dtype, image.shape)).encode()).digest()
         q = np.frombuffer(digest[:16], "<i4") / 2.0**31
         self.q_camera_from_target_wxyz = q / np.linalg.norm(q)
@@ -57,7 +56,7 @@ class PixelEstimator:
     cameras: ClassVar[list[dict]] = []
     seen: ClassVar[list[np.ndarray]] = []
 
-    def __init__(self, camera) -> None:
+    def __init__(self, camera):
         self.cameras.append(camera)
 
     def estimate(self, image):
@@ -82,7 +81,7 @@ def endpoint():
 
 
 @pytest.fixture
-def camera_file(tmp_path: Path) -> str:
+def camera_file(tmp_path):
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(CAMERA))
     return str(path)
@@ -98,7 +97,7 @@ def grab(camera_file, poses_file, n, url=f"gige://{ADDRESS}", **settings):
     return run_camera_board(url, told, PixelEstimator, Hello())
 
 
-def rows_of(path: Path):
+def rows_of(path):
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
@@ -191,7 +190,7 @@ def test_a_stream_that_begins_among_other_packets_is_begun_anew(endpoint, camera
     device = GigeCamera(ADDRESS, CameraSettings())
     stop = threading.Event()
 
-    def talk() -> None:
+    def talk():
         """Pictures of another camera, whose numbers are those of the next hundred."""
         with (
             socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,

@@ -1,7 +1,5 @@
 """The example boards, in C and in Python without our code, before a real host: also on a damaged line, and at ends."""
 
-from __future__ import annotations
-
 import socket
 import subprocess
 import sys

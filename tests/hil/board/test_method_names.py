@@ -1,7 +1,5 @@
 """Names of the methods: the former ones are refused where they are typed and read where a file holds them."""
 
-from __future__ import annotations
-
 import json
 import logging
 from pathlib import Path
@@ -22,7 +20,7 @@ from flyaround.runs.estimation import EstimateRun, EvaluateRun
 V01 = Path(__file__).parents[2] / "data" / "v0.1"
 
 
-def test_every_method_has_a_name_and_the_former_ones_are_refused_with_the_present_ones() -> None:
+def test_every_method_has_a_name_and_the_former_ones_are_refused_with_the_present_ones():
     for method in METHODS:
         check_method_name(method)
     for former, now in (("svd", "hybrid"), ("svd-track", "hybrid-track")):
@@ -32,9 +30,7 @@ def test_every_method_has_a_name_and_the_former_ones_are_refused_with_the_presen
             assert repr(name) in str(refused.value)
 
 
-def test_a_command_refuses_the_former_name_in_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_command_refuses_the_former_name_in_one_sentence(tmp_path, capsys):
     for command in (
         ("estimate", str(tmp_path / "a.png"), "--method", "svd"),
         ("evaluate", str(tmp_path), "--method", "svd-track"),
@@ -47,13 +43,11 @@ def test_a_command_refuses_the_former_name_in_one_sentence(
         assert len(told.splitlines()) == 1
 
 
-def warnings_of(caplog: pytest.LogCaptureFixture, path: Path) -> list[str]:
+def warnings_of(caplog, path):
     return [m for m in caplog.messages if m.startswith(str(path))]
 
 
-def test_a_campaign_file_with_the_former_name_is_read_and_says_so_once(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_campaign_file_with_the_former_name_is_read_and_says_so_once(tmp_path, caplog):
     path = tmp_path / "campaign.toml"
     case = '[[case]]\nname = "{}"\nscenario = "tango-flyaround"\nmethod = "svd"\nframes = 2\n'
     limit = '[[requirement]]\nname = "r"\nquantity = "dropped"\ncomparison = "<="\nlimit = 0\n'
@@ -64,7 +58,7 @@ def test_a_campaign_file_with_the_former_name_is_read_and_says_so_once(
     assert len(warnings_of(caplog, path)) == 1
 
 
-def test_a_run_file_with_the_former_name_is_read(tmp_path: Path) -> None:
+def test_a_run_file_with_the_former_name_is_read(tmp_path):
     path = tmp_path / "run.toml"
     path.write_text('methods = ["svd", "svd-thesis"]\n')
     assert read_run(path, EvaluateRun)["methods"] == ["hybrid", "svd-thesis"]
@@ -72,9 +66,7 @@ def test_a_run_file_with_the_former_name_is_read(tmp_path: Path) -> None:
     assert read_run(path, EstimateRun)["method"] == "hybrid-track"
 
 
-def test_rows_of_an_evaluation_with_the_former_name_are_rows_of_the_present_one(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_rows_of_an_evaluation_with_the_former_name_are_rows_of_the_present_one(tmp_path, caplog):
     path = tmp_path / "rows.jsonl"
     path.write_bytes((V01 / "report" / "rows.jsonl").read_bytes())
     with caplog.at_level(logging.WARNING):
@@ -84,7 +76,7 @@ def test_rows_of_an_evaluation_with_the_former_name_are_rows_of_the_present_one(
     assert len(warnings_of(caplog, path)) == 1
 
 
-def test_the_report_of_a_recorded_run_names_the_present_method(tmp_path: Path) -> None:
+def test_the_report_of_a_recorded_run_names_the_present_method(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
     for path in (V01 / "run").iterdir():
@@ -97,7 +89,7 @@ def test_the_report_of_a_recorded_run_names_the_present_method(tmp_path: Path) -
     assert "method hybrid" in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_script_of_the_console_with_the_former_name_is_read() -> None:
+def test_a_script_of_the_console_with_the_former_name_is_read():
     script = Script.of(
         "1 estimator.method svd-track\n2 hil.board svd\n3 hil.board svd-2018\n", command_table()
     )

@@ -1,14 +1,12 @@
 """The tree that orders a craft's faces for the board: it ends, and hides rightly, for any mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 
-from flyaround.hil.board_model.bsp_tree import FaceTree, build_tree
+from flyaround.hil.board_model.bsp_tree import build_tree
 
 
-def _far_to_near(tree: FaceTree, eye: np.ndarray) -> list[int]:
+def _far_to_near(tree, eye):
     """Faces in the order in which a board draws them."""
     order: list[int] = []
     todo: list[tuple[int, bool]] = [(0, False)]
@@ -26,7 +24,7 @@ def _far_to_near(tree: FaceTree, eye: np.ndarray) -> list[int]:
     return order
 
 
-def test_warped_faces_and_fine_meshes_come_to_an_end() -> None:
+def test_warped_faces_and_fine_meshes_come_to_an_end():
     ball = trimesh.creation.icosphere(2, 1.0)
     corners = ball.triangles[:, [0, 1, 2, 2]].copy()
     # halves of neighbouring triangles as one face of four corners, up to a centimetre from flat
@@ -36,7 +34,7 @@ def test_warped_faces_and_fine_meshes_come_to_an_end() -> None:
     assert len(tree.source) < 4 * len(corners)
 
 
-def test_the_last_face_drawn_on_a_ray_is_the_first_it_meets() -> None:
+def test_the_last_face_drawn_on_a_ray_is_the_first_it_meets():
     rng = np.random.default_rng(1)
     boxes = [trimesh.creation.box((1, 1.3, 0.8)) for _ in range(4)]
     for k, box in enumerate(boxes):

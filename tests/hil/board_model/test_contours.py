@@ -1,10 +1,7 @@
 """Outlines of known bodies from all sides, packed and read back by the board's own code."""
 
-from __future__ import annotations
-
 import json
 import time
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -15,16 +12,14 @@ from flyaround.hil.board.estimation import BoardModel
 from flyaround.hil.board.estimation.occluding_contours import Outlines
 from flyaround.hil.board_model.contours import outlines_of
 from flyaround.hil.board_model.write import packed, write_board_model
-from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.targets.model import Target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.mass import MassElement
-from tools.craft.shapes.mesh import Mesh, merge
+from tools.craft.shapes.mesh import merge
 from tools.craft.shapes.solids import box, lathe
 
 
-def body(mesh: Mesh) -> Target:
+def body(mesh):
     return assemble(
         "body", "body", pieces=[Piece("body", "white-paint", mesh)],
         keypoints={}, wireframe=[], occluders=[mesh], frames={}, notes="",
@@ -32,11 +27,11 @@ def body(mesh: Mesh) -> Target:
     )  # fmt: skip
 
 
-def read(target: Target, views: int = 60) -> Outlines:
+def read(target, views=60):
     return Outlines.from_dict(msgspec.to_builtins(packed(outlines_of(target, views))))
 
 
-def slid(outlines: Outlines, view: int, lean_rad: float, range_m: float) -> tuple[FloatArray, ...]:
+def slid(outlines, view, lean_rad, range_m):
     """Points and normals of a view as a camera sees them that has moved aside, and the lines of sight."""
     d = outlines.directions[view]
     aside = np.cross(d, np.eye(3)[int(np.argmin(np.abs(d)))])
@@ -46,7 +41,7 @@ def slid(outlines: Outlines, view: int, lean_rad: float, range_m: float) -> tupl
     return p, n, sight / np.linalg.norm(sight, axis=1, keepdims=True)
 
 
-def sphere(radius_m: float) -> Mesh:
+def sphere(radius_m):
     t = np.linspace(-np.pi / 2, np.pi / 2, 49)
     profile = [(radius_m * np.cos(x), radius_m * np.sin(x)) for x in t]
     profile[0], profile[-1] = (0.0, -radius_m), (0.0, radius_m)
@@ -54,7 +49,7 @@ def sphere(radius_m: float) -> Mesh:
 
 
 @pytest.mark.parametrize(("lean_deg", "range_m"), [(0, 20.0), (9, 8.0), (9, 60.0)])
-def test_outline_of_a_sphere_slides_as_it_must(lean_deg: float, range_m: float) -> None:
+def test_outline_of_a_sphere_slides_as_it_must(lean_deg, range_m):
     outlines = read(body(sphere(2.0)))
     assert np.allclose(outlines.radius_m, 2.0, atol=0.02)
     for view in range(0, 60, 7):
@@ -67,7 +62,7 @@ def test_outline_of_a_sphere_slides_as_it_must(lean_deg: float, range_m: float) 
         assert np.abs(n - p / 2.0).max() < 0.06
 
 
-def test_curvature_is_that_of_the_body() -> None:
+def test_curvature_is_that_of_the_body():
     # a small ball far from a large box: its radius stays below the limit
     outlines = read(body(merge([sphere(0.25), box((-2, -2, -2), (2, 2, -1))])))
     away = np.linalg.norm(outlines.points_m, axis=-1)
@@ -84,7 +79,7 @@ def test_curvature_is_that_of_the_body() -> None:
     assert (rod.radius_m * sine2)[side] == pytest.approx(0.4, rel=0.03)
 
 
-def test_outline_is_outermost_and_evenly_spread() -> None:
+def test_outline_is_outermost_and_evenly_spread():
     low, high = np.array((-1.0, -0.5, -0.3)), np.array((1.0, 0.5, 0.3))
     inner = box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
     outlines = read(body(merge([box(low, high), inner])))
@@ -101,7 +96,7 @@ def test_outline_is_outermost_and_evenly_spread() -> None:
         assert np.abs(np.einsum("nk,nk->n", C - outlines.points_m[view], outlines.normals[view])).max() < 0.1
 
 
-def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path: Path) -> None:
+def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path):
     target = load_target("soyuz-ms")
     path = tmp_path / "soyuz.board.json"
     start = time.process_time()
@@ -132,7 +127,7 @@ def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path: Path) -> 
     ("change", "message"),
     [({"data": "AAAA"}, "unpacked"), ({"views": 7}, "bytes instead of"), ({"step_m": None}, "bad field")],
 )
-def test_damaged_outlines_are_named(change: dict[str, object], message: str) -> None:
+def test_damaged_outlines_are_named(change, message):
     record = msgspec.to_builtins(packed(outlines_of(body(box((-1, -1, -1), (1, 1, 1))), 4, 16)))
     edge = {"name": "e", "a_m": [0, 0, 0], "b_m": [1, 0, 0]}
     data = {

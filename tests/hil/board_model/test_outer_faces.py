@@ -1,7 +1,5 @@
 """Which parts of a craft with too many triangles a board draws: those that tell how it is turned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from tests.harness.boxes import closed_box
 
 
 @pytest.fixture(autouse=True)
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+def few(monkeypatch):
     """As if boards could draw few triangles; a cover fine enough for boxes."""
     monkeypatch.setattr(faces, "MAX_TRIANGLES", 40)
     monkeypatch.setattr(faces, "PITCH", 0.02)
@@ -24,12 +22,12 @@ BLANKET = closed_box("blanket", (-1, -1.006, -1), (1, -0.999, 1), "cloth")
 INSIDE = closed_box("inside", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), "gold")
 
 
-def shown(monkeypatch: pytest.MonkeyPatch, most_seen: int) -> tuple[np.ndarray, list[str]]:
+def shown(monkeypatch, most_seen):
     monkeypatch.setattr(faces, "MAX_SEEN", most_seen)
     return faces.outer_triangles([[BODY], [BODY, BLANKET, INSIDE, STRIPE, DISH]])
 
 
-def test_parts_that_tell_the_attitude_are_drawn_and_covers_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parts_that_tell_the_attitude_are_drawn_and_covers_are_not(monkeypatch):
     triangles, material = shown(monkeypatch, 45)
     middles = triangles.mean(axis=1)
     assert np.sum(middles[:, 2] > 1.4) >= 10
@@ -48,14 +46,14 @@ def test_parts_that_tell_the_attitude_are_drawn_and_covers_are_not(monkeypatch: 
     assert not np.any(np.abs(middles).max(axis=1) < 0.6)
 
 
-def test_what_stands_off_the_craft_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_stands_off_the_craft_comes_first(monkeypatch):
     # room for one more part: the dish, which has less area than the stripe would need to be preferred
     triangles, material = shown(monkeypatch, 12 + 13)
     assert "gold" not in material
     assert np.sum(triangles.mean(axis=1)[:, 2] > 1.4) >= 10
 
 
-def test_a_craft_whose_coarsest_form_is_too_much_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_craft_whose_coarsest_form_is_too_much_is_not_drawn(monkeypatch):
     monkeypatch.setattr(faces, "MAX_TRIANGLES", 11)
     triangles, material = faces.outer_triangles([[BODY], [BODY, DISH]])
     assert not len(triangles)

@@ -1,7 +1,5 @@
 """Campaigns: flown unattended, broken off and gone on with, judged, and read by others' readers of JUnit XML."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -43,7 +41,7 @@ limit = 0.2
 """
 
 
-def contents(folder: Path) -> dict[str, str]:
+def contents(folder):
     """SHA-256 of every file, by its place."""
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
@@ -52,7 +50,7 @@ def contents(folder: Path) -> dict[str, str]:
     }
 
 
-def killed_after(command: list[str], is_enough: object) -> None:
+def killed_after(command, is_enough):
     """Begin a command, and kill it, with nothing left of a chance to tidy up."""
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     until = time.monotonic() + 120
@@ -62,7 +60,7 @@ def killed_after(command: list[str], is_enough: object) -> None:
     process.wait()
 
 
-def command(file: Path, out: Path, *words: str) -> list[str]:
+def command(file, out, *words):
     return [sys.executable, "-m", "flyaround", "hil", "campaign", str(file), "-o", str(out), *words]
 
 

@@ -1,14 +1,11 @@
 """Delay maps: a link by the flight's clock, intervals and halves by other means, the same bytes after a kill."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +24,7 @@ from flyaround.simulator.scenario.faults import Delay, Drop, Faults, Jitter
 SCENARIO = "tango-vbar-closed-loop"
 
 
-def words(out: Path, *more: str) -> list[str]:
+def words(out, *more):
     few = ("--latency", "5,5.2", "--jitter", "0", "--drops", "0,0.1", "-n", "1")
     return ["hil", "delay-map", SCENARIO, "-o", str(out), *few, *more]
 

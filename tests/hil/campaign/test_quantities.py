@@ -6,7 +6,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -28,11 +27,6 @@ from flyaround.simulator.runtime.files import write_document
 from flyaround.simulator.scenario.faults import Drop
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from flyaround.simulator.frame import Frame
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 LIES = ("dead", "slow", "off_by_one", "lying", "silent")
@@ -98,7 +92,7 @@ IN_A_LOOP = {
 }
 
 
-def spots(n: int) -> Iterator[Frame]:
+def spots(n):
     """Pictures of a spot that the example board finds at 10 m, where it truly is."""
     for k in range(n):
         image = np.zeros((48, 64), np.uint8)
@@ -107,11 +101,11 @@ def spots(n: int) -> Iterator[Frame]:
         yield made_frame(k, image, every_s=0.1, t_m=(10 * x, 10 * y, 10.0))
 
 
-def flown_with(folder: Path, *script: str, **options: float) -> RunRecord:
+def flown_with(folder, *script, **options):
     """The record of eight pictures in real time to an example board."""
     boards = []
 
-    def start(url: str) -> None:
+    def start(url):
         address = url.partition("://")[2].rsplit(":", 1)
         boards.append(subprocess.Popen([sys.executable, str(EXAMPLES / script[0]), *script[1:], *address]))
 
@@ -124,13 +118,13 @@ def flown_with(folder: Path, *script: str, **options: float) -> RunRecord:
     return RunRecord.read(folder)
 
 
-def verdict(name: str, record: RunRecord) -> Verdict:
+def verdict(name, record):
     comparison, limit = LIMITS.get(name, ("<=", 60_000.0))
     requirement = Requirement(name="one", quantity=name, comparison=comparison, limit=limit)
     return Verdict.of(requirement, QUANTITIES[name].of(record))
 
 
-def names(*, closed_loop: bool) -> list[str]:
+def names(*, closed_loop):
     return [name for name, q in QUANTITIES.items() if closed_loop or "closed_loop" not in q.needs]
 
 
@@ -187,7 +181,7 @@ RUN = {
 }
 
 
-def rows(*e2e_ms: float | None) -> tuple[FrameRecord, ...]:
+def rows(*e2e_ms):
     """Frames that were sent, by their latency; None: no answer."""
     return tuple(
         FrameRecord(
@@ -206,11 +200,11 @@ def rows(*e2e_ms: float | None) -> tuple[FrameRecord, ...]:
 EARLY_AND_LATE_MS = (-40.0, -8.0, 0.5, 1.0, 2.0)
 
 
-def of(name: str, given: tuple[FrameRecord, ...]) -> float | str | None:
+def of(name, given):
     return QUANTITIES[name].of(RunRecord(summarise(given, **RUN), given, {}))
 
 
-def test_pictures_that_come_too_early_are_as_wrong_as_late_ones() -> None:
+def test_pictures_that_come_too_early_are_as_wrong_as_late_ones():
     given = tuple(
         replace(row, handover_error_ms=error)
         for row, error in zip(rows(*[5.0] * 5), EARLY_AND_LATE_MS, strict=True)

@@ -1,16 +1,13 @@
 """A campaign that goes on takes no run of another version, model or board for its own."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import msgspec
 import pytest
 
 from flyaround.hil.campaign import campaign as campaigns
 from flyaround.hil.campaign.campaign import run_campaign
-from flyaround.hil.campaign.case_run import RunResult, RunTask, flown_by, inputs_of, read_result
+from flyaround.hil.campaign.case_run import RunResult, flown_by, inputs_of, read_result
 from flyaround.hil.host.link_process.ipc import Board
 
 TOML = """
@@ -34,13 +31,13 @@ limit = 0
 class Bench:
     """A campaign whose runs are not flown: each leaves the result of the board that is connected."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder, self.flown, self.said = folder, [], []
         self.board = Board(
             name="a", model="tango", model_sha256="00", method="hybrid", encoding="raw", window=1
         )
 
-    def fly(self, task: RunTask) -> None:
+    def fly(self, task):
         self.flown.append(task.seed)
         result = RunResult(
             inputs=inputs_of(task.ready),
@@ -60,7 +57,7 @@ class Bench:
         outcome = run_campaign(file, self.folder / "out", board_command=(), say=self.said.append, **options)
         return self.flown, outcome
 
-    def change(self, seed: int, **values: object) -> None:
+    def change(self, seed, **values):
         path = self.folder / "out" / "runs" / "met" / f"seed-{seed}" / "result.json"
         result = read_result(path.parent)
         path.write_bytes(msgspec.json.encode(msgspec.structs.replace(result, **values)))

@@ -16,12 +16,12 @@ FAR_M = np.array([0.0, 0.0, 6.0])
 TRUTH: Any = SimpleNamespace(q_camera_from_target_wxyz=tuple(Q), t_camera_from_target_m=tuple(T_M))
 
 
-def result(t: np.ndarray | None, *, accepted: bool, stages: tuple[str, ...] = ("pnp", "rank")) -> PoseResult:
+def result(t, *, accepted, stages=("pnp", "rank")):
     q = None if t is None else Q
     return PoseResult(accepted, "" if accepted else "declined", q, t, 0.5, dict.fromkeys(stages, 10.0), {})
 
 
-def handed_on(*stages: tuple[str, np.ndarray | None]) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def handed_on(*stages):
     """Stages with the position of the one pose that each hands on, None for no pose."""
     return [
         (name, np.zeros((0, 4)), np.zeros((0, 3))) if t is None else (name, Q[None], t[None])
@@ -46,16 +46,14 @@ def handed_on(*stages: tuple[str, np.ndarray | None]) -> list[tuple[str, np.ndar
         ),
     ],
 )
-def test_a_failure_is_named_by_the_stage_that_lost_the_right_pose(
-    answer: PoseResult, poses: list[tuple[str, np.ndarray, np.ndarray]], failed_at: str
-) -> None:
+def test_a_failure_is_named_by_the_stage_that_lost_the_right_pose(answer, poses, failed_at):
     told = method_answer("svd-2018", 3, answer, poses, TRUTH)
     assert told.failed_at == failed_at
     assert told.accepted == answer.accepted
     assert told.ms == 20.0
 
 
-def test_a_method_has_one_row() -> None:
+def test_a_method_has_one_row():
     right = method_answer("hybrid", 0, result(T_M, accepted=True), [], TRUTH)
     wrong = method_answer("svd-2018", 0, result(FAR_M, accepted=True), handed_on(("pnp", FAR_M)), TRUTH)
     assert comparison_rows([right, right, wrong]) == [

@@ -1,7 +1,5 @@
 """Availability against false accepts, and the worth of a confidence, of frames whose decision is known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from flyaround.hil.evaluate.decision_curves import reliability, trade_off
@@ -11,7 +9,7 @@ from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 UPRIGHT, AHEAD_M = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0)
 
 
-def frame(number: int, confidence: float, *, right: bool, feasible: bool = True) -> EvaluatedFrame:
+def frame(number, confidence, *, right, feasible=True):
     q = np.array(UPRIGHT if right else (0.0, 1.0, 0.0, 0.0))
     record = frame_record(
         UPRIGHT,
@@ -36,7 +34,7 @@ def frame(number: int, confidence: float, *, right: bool, feasible: bool = True)
     )
 
 
-def test_thresholds_accept_in_the_order_of_confidence_and_equals_together() -> None:
+def test_thresholds_accept_in_the_order_of_confidence_and_equals_together():
     rows = [
         frame(0, 0.9, right=True),
         frame(1, 0.5, right=True),
@@ -50,7 +48,7 @@ def test_thresholds_accept_in_the_order_of_confidence_and_equals_together() -> N
     np.testing.assert_allclose(curve.false_accept, [0.0, 1 / 2, 2 / 4, 2 / 5])
 
 
-def test_a_confidence_that_is_a_probability_lies_within_the_intervals() -> None:
+def test_a_confidence_that_is_a_probability_lies_within_the_intervals():
     rng = np.random.default_rng(3)
     told = rng.uniform(0, 1, 4000)
     honest = [frame(k, float(c), right=bool(rng.random() < c)) for k, c in enumerate(told)]

@@ -9,13 +9,13 @@ from flyaround.hil.evaluate.failure_tiles import BEYOND, ESTIMATED, HEIGHT, WIDT
 Q = (1.0, 0.0, 0.0, 0.0)
 
 
-def tile(estimated_m: tuple[float, float, float], box: tuple[float, float, float, float]) -> np.ndarray:
+def tile(estimated_m, box):
     image = np.full((CAMERA.height_px, CAMERA.width_px), 20, np.uint8)
     return failure_tile(image, box, Craft().model(), CAMERA, (Q, (0.0, 0.0, 4.0)), (Q, estimated_m))
 
 
 @pytest.mark.parametrize(("x_m", "side"), [(3.0, 1), (-3.0, -1)])
-def test_an_arrow_shows_where_an_estimate_beyond_the_tile_lies(x_m: float, side: int) -> None:
+def test_an_arrow_shows_where_an_estimate_beyond_the_tile_lies(x_m, side):
     x, y = 0.5 * CAMERA.width_px, 0.5 * CAMERA.height_px
     orange = np.all(tile((x_m, 0.0, 4.0), (x - 20, y - 15, x + 20, y + 15)) == ESTIMATED, axis=-1)
     _, columns = np.nonzero(orange)
@@ -23,7 +23,7 @@ def test_an_arrow_shows_where_an_estimate_beyond_the_tile_lies(x_m: float, side:
     assert np.all(side * (columns - WIDTH / 2) > 0.6 * WIDTH / 2)
 
 
-def test_beyond_the_picture_is_grey_and_no_space() -> None:
+def test_beyond_the_picture_is_grey_and_no_space():
     # the target's box round the picture's upper left corner
     corner = tile((0.0, 0.0, 4.0), (-30.0, -20.0, 30.0, 20.0))
     assert np.all(corner[: HEIGHT // 2 - 20, : WIDTH // 2 - 20] == BEYOND)

@@ -1,7 +1,5 @@
 """Pose errors and their summary: values worked out by hand."""
 
-from __future__ import annotations
-
 import json
 
 import jsonschema
@@ -20,17 +18,17 @@ from flyaround.hil.evaluate.metrics import (
 from flyaround.hil.evaluate.pose_errors import FrameScore, frame_errors, frame_record
 
 
-def about_z(deg: float) -> list[float]:
+def about_z(deg):
     return [float(np.cos(np.radians(deg) / 2)), 0.0, 0.0, float(np.sin(np.radians(deg) / 2))]
 
 
-def test_errors_of_a_known_turn_and_shift() -> None:
+def test_errors_of_a_known_turn_and_shift():
     E_T, e_t, E_R = frame_errors(about_z(0), [0, 0, 10], about_z(30), [0.3, 0.4, 10])
     assert (E_T, e_t, E_R) == pytest.approx((0.5, 0.05, 30.0))
 
 
 @pytest.mark.parametrize("deg", [1e-7, 0.05, 90.0, 179.999, 180.0])
-def test_rotation_error_ignores_the_sign_and_keeps_small_angles(deg: float) -> None:
+def test_rotation_error_ignores_the_sign_and_keeps_small_angles(deg):
     q = np.array(about_z(deg))
     for sign in (1, -1):
         assert frame_errors(about_z(0), [0, 0, 1], sign * q, [0, 0, 1])[2] == pytest.approx(deg, rel=1e-6)
@@ -39,17 +37,17 @@ def test_rotation_error_ignores_the_sign_and_keeps_small_angles(deg: float) -> N
 @pytest.mark.parametrize(
     ("q", "t"), [([0, 0, 0, 0], [0, 0, 1]), ([1, 0, 0, np.nan], [0, 0, 1]), ([1, 0, 0, 0], [np.inf, 0, 1])]
 )
-def test_useless_poses_are_refused(q: list[float], t: list[float]) -> None:
+def test_useless_poses_are_refused(q, t):
     with pytest.raises(ValueError, match="finite"):
         frame_errors([1, 0, 0, 0], [0, 0, 5], q, t)
 
 
-def test_accepted_without_a_pose_is_refused() -> None:
+def test_accepted_without_a_pose_is_refused():
     with pytest.raises(ValueError, match="without a pose"):
         frame_record([1, 0, 0, 0], [0, 0, 5], None, None, accepted=True)
 
 
-def test_wilson_agrees_with_published_values() -> None:
+def test_wilson_agrees_with_published_values():
     # Brown, Cai & DasGupta (2001): n = 10, none seen: upper end 0.2775; and 50 of 100: 0.4038..0.5962
     low, high = wilson_interval(0, 10) or (9, 9)
     assert low == 0.0
@@ -59,9 +57,7 @@ def test_wilson_agrees_with_published_values() -> None:
     assert wilson_interval(0, 0) is None
 
 
-def record(
-    range_m: float, deg: float | None, share: float | None, *, ok: bool, feasible: bool = True
-) -> FrameScore:
+def record(range_m, deg, share, *, ok, feasible=True):
     E_T = None if share is None else share * range_m
     return FrameScore(
         range_m=range_m, E_T_m=E_T, e_t=share, E_R_deg=deg, accepted=ok, feasible=feasible, frame_class="x"
@@ -78,7 +74,7 @@ RECORDS = [
 ]
 
 
-def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
+def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(3)
     held = 0
     for _ in range(200):
@@ -93,7 +89,7 @@ def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
     assert bootstrap_intervals([1.0] * 6) == ((1.0, 1.0), (1.0, 1.0))
 
 
-def test_shares_follow_their_definitions() -> None:
+def test_shares_follow_their_definitions():
     m = summarise(RECORDS)
     assert (m.n, m.n_feasible, m.n_accepted) == (6, 5, 4)
     assert m.coarse_success == pytest.approx(3 / 5)
@@ -103,7 +99,7 @@ def test_shares_follow_their_definitions() -> None:
     assert m.false_accept == pytest.approx(2 / 4)
 
 
-def test_averages_are_over_accepted_and_over_all_feasible() -> None:
+def test_averages_are_over_accepted_and_over_all_feasible():
     m = summarise(RECORDS)
     assert m.median_E_R_deg == pytest.approx(46.0)  # of 0.1 2 90 120
     assert m.median_E_R_deg_all == pytest.approx(1.5)  # of 0.1 1 2 90
@@ -111,27 +107,27 @@ def test_averages_are_over_accepted_and_over_all_feasible() -> None:
     assert m.mean_E_T_m_all == pytest.approx((0.004 + 0.08 + 0.1 + 0.1) / 4)
 
 
-def test_speed_scores() -> None:
+def test_speed_scores():
     m = summarise(RECORDS[:2])
     assert m.speed_score == pytest.approx((np.radians(2.1) + 0.021) / 2)
     # the first frame is below what the labels are good for
     assert m.speed_plus_score == pytest.approx((np.radians(2.0) + 0.02) / 2)
 
 
-def test_range_bins_cover_every_frame_once() -> None:
+def test_range_bins_cover_every_frame_once():
     m = summarise(RECORDS)
     assert [(b.from_m, b.to_m, b.n) for b in m.by_range] == [(3, 6, 2), (9, 12, 3), (15, 18, 1)]
     assert sum(b.n for b in m.by_range) == m.n
 
 
-def test_an_empty_set_has_no_figures() -> None:
+def test_an_empty_set_has_no_figures():
     m = summarise([])
     assert m.n == 0
     assert m.coarse_success is None
     assert m.false_accept_wilson is None
 
 
-def test_json_matches_the_schema_and_reads_back() -> None:
+def test_json_matches_the_schema_and_reads_back():
     m = compose([summarise(RECORDS, method="hybrid"), summarise(RECORDS[:2], method="svd-2018")])
     assert m.by_method["svd-2018"].n == 2
     assert m.n == len(RECORDS)
@@ -142,7 +138,7 @@ def test_json_matches_the_schema_and_reads_back() -> None:
     assert msgspec.json.decode(text, type=Metrics) == m
 
 
-def test_errors_along_the_camera_axes_carry_their_signs() -> None:
+def test_errors_along_the_camera_axes_carry_their_signs():
     # a turn of 30 deg about the camera's z on top of a turn about x: p = z30 x q
     q = np.array([np.cos(0.4), np.sin(0.4), 0, 0])
     z = np.array(about_z(30))
@@ -155,7 +151,7 @@ def test_errors_along_the_camera_axes_carry_their_signs() -> None:
     assert (m.time_ms_p50, m.failures) == (20.0, {"edges": 1})
 
 
-def test_errors_drawn_from_a_covariance_are_chi_square_over_it() -> None:
+def test_errors_drawn_from_a_covariance_are_chi_square_over_it():
     rng = np.random.default_rng(6)
     root = rng.normal(size=(6, 6)) * np.array([1e-3] * 3 + [1e-2] * 3)[:, None]
     covariance = root @ root.T

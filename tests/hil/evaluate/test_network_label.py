@@ -3,7 +3,7 @@
 from flyaround.hil.evaluate.method_choice import MethodChoice
 
 
-def test_a_network_goes_by_its_files_name() -> None:
+def test_a_network_goes_by_its_files_name():
     assert MethodChoice("net:/some/where/tango.onnx").label == "net:tango.onnx"
     assert MethodChoice("net:../a/tango.onnx").label == "net:tango.onnx"
     assert MethodChoice("net:tango.onnx").label == "net:tango.onnx"

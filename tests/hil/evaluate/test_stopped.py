@@ -1,7 +1,5 @@
 """An evaluation that is stopped ends at once, with its processes."""
 
-from __future__ import annotations
-
 import time
 from multiprocessing import active_children
 

@@ -1,7 +1,5 @@
 """Where an evaluation draws its lines: a region that serves, an error that labels cannot tell from none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from flyaround.hil.evaluate.metrics import summarise
 from flyaround.hil.evaluate.pose_errors import frame_record
 
 
-def region(x0: float, y0: float, x1: float, y1: float) -> Region:
+def region(x0, y0, x1, y1):
     return Region(x0, y0, x1, y1, "test")
 
 
@@ -23,9 +21,7 @@ def region(x0: float, y0: float, x1: float, y1: float) -> Region:
         (0.18, 0.0023, np.radians(0.18) + 0.0023),
     ],
 )
-def test_speed_plus_counts_no_error_below_what_its_labels_are_good_for(
-    turn_deg: float, share: float, wanted: float
-) -> None:
+def test_speed_plus_counts_no_error_below_what_its_labels_are_good_for(turn_deg, share, wanted):
     """Park et al. (2023): 0.169 deg and 2.173 mm per metre."""
     half = np.radians(turn_deg) / 2
     turned = np.array([np.cos(half), np.sin(half), 0.0, 0.0])

@@ -1,7 +1,5 @@
 """Attacks on a host with a key: strangers keep no board and no logger out, and nothing counts twice."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import struct

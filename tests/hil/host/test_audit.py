@@ -1,7 +1,5 @@
 """The ledger held against the time codes in the pictures, by whoever has both."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A camera's time: a constant latency after exposure, stamped on an absolute clock; pictures of a folder."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from datetime import datetime
@@ -29,10 +27,10 @@ EXPOSURE_MS = 10.0
 LATENCY_S = 0.3
 
 
-def ms(start: str, end: str) -> float:
+def ms(start, end):
     """Between two times of a ledger [ms]."""
 
-    def ns(text: str) -> int:
+    def ns(text):
         whole, rest = text.rstrip("Z").split(".")
         return int(datetime.fromisoformat(whole + "+00:00").timestamp()) * 10**9 + int(rest)
 

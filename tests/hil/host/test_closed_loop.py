@@ -1,7 +1,5 @@
 """A closed loop from the command line; once with the real board, each frame drawn of what was flown."""
 
-from __future__ import annotations
-
 import csv
 import json
 import socket
@@ -9,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.report import write_report
@@ -17,8 +16,8 @@ from flyaround.simulator.errors import UserError
 FLYAROUND = (sys.executable, "-m", "flyaround")
 
 
-def run(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*FLYAROUND, "hil", "host", *words], capture_output=True, text=True, check=False)
+def run(*words):
+    return completed(*FLYAROUND, "hil", "host", *words)
 
 
 def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
@@ -59,7 +58,7 @@ def test_without_a_board_it_writes_figures_and_every_decision(tmp_path):
 
 
 def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
-    def flown(text: str) -> tuple[subprocess.CompletedProcess[str], list[dict[str, str]]]:
+    def flown(text):
         faults, log = tmp_path / "faults.toml", tmp_path / f"log{len(text)}"
         faults.write_text(text)
         done = run(
@@ -134,15 +133,10 @@ def test_the_real_board_brings_it_to_the_hold_point(tmp_path):
 
 def test_a_forecast_is_a_curve_with_its_foretold_sigma(tmp_path):
     out = tmp_path / "forecast"
-    done = subprocess.run(
-        [
-            *FLYAROUND,
-            *("hil", "forecast", "tango-vbar-closed-loop-tumble", "-o", str(out)),
-            *("--runs", "2", "--horizon", "24", "--json"),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
+    done = completed(
+        *FLYAROUND,
+        *("hil", "forecast", "tango-vbar-closed-loop-tumble", "-o", str(out)),
+        *("--runs", "2", "--horizon", "24", "--json"),
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

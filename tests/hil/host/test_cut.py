@@ -3,8 +3,6 @@
 Each prints how long it took, which is to be within 2 s; bounds are wider, as machines of tests are busy.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import pty

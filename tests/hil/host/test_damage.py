@@ -1,7 +1,5 @@
 """Runs over a line that does damage, and with boards that leave."""
 
-from __future__ import annotations
-
 import threading
 import time
 
@@ -45,7 +43,7 @@ def test_a_damaged_pose_is_never_accepted():
     class BadLine:
         """Flips a bit in the third POSE that comes from the board."""
 
-        def __init__(self) -> None:
+        def __init__(self):
             self.seen = 0
 
         def __call__(self, url):
@@ -90,7 +88,7 @@ def test_a_board_that_times_out_and_comes_round():
     assert summary.link.late_poses == 1
 
 
-def quitter(url, *, after: int):
+def quitter(url, *, after):
     """A board that vanishes in the middle of a frame, without a goodbye."""
     link, headers = greeted(url), []
 

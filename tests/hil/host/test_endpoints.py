@@ -1,7 +1,5 @@
 """Who may connect, how many, for how long: the truth endpoint, the frame endpoint, and running out of files."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import resource
@@ -33,13 +31,13 @@ from flyaround.hil.link.packets.messages import (
 )
 from flyaround.hil.link.packets.packet import Packet, PacketType
 from flyaround.hil.link.session import Link, greet_host
-from flyaround.hil.link.transports.tcp import TcpListener, TcpTransport, connect_tcp
+from flyaround.hil.link.transports.tcp import TcpListener, connect_tcp
 from flyaround.hil.link.transports.url import connect, parse_url
 
 TRUTH = {"note": "x" * 50_000}
 
 
-def knock(url: str) -> socket.socket:
+def knock(url):
     return socket.create_connection(parse_url(url)[1:], 5.0)
 
 
@@ -48,7 +46,7 @@ def endpoint():
     end = TruthEndpoint("tcp://127.0.0.1:0", "tcp://127.0.0.1:5600")
     clients = []
 
-    def client() -> TcpTransport:
+    def client():
         clients.append(connect_tcp(*parse_url(end.url)[1:], 5.0))
         time.sleep(0.01)
         end.accept()
@@ -186,7 +184,7 @@ def pending_links():
     listener, gone = TcpListener("127.0.0.1", 0), []
     links, clients = PendingLinks(gone.append), []
 
-    def client() -> Link:
+    def client():
         clients.append(connect(listener.url, 5.0))
         links.add(listener.accept(5.0))
         return Link(clients[-1])
@@ -198,7 +196,7 @@ def pending_links():
     listener.close()
 
 
-def ready(links: PendingLinks):
+def ready(links):
     time.sleep(0.02)
     return links.transports
 
@@ -273,10 +271,10 @@ class Unchecked:
 
     TYPE = PacketType.POSE
 
-    def __init__(self, payload: bytes) -> None:
+    def __init__(self, payload):
         self.payload = payload
 
-    def encode(self) -> bytes:
+    def encode(self):
         return self.payload
 
 

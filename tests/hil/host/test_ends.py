@@ -1,7 +1,5 @@
 """How a run ends that does not end well: stopped, killed, on a full disk, before a board that hangs."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -21,7 +19,7 @@ from flyaround.hil.host.run import RunConfig, run_host, signals_held
 from flyaround.simulator.errors import UserError
 
 
-def answered(row) -> bool:
+def answered(row):
     return row.outcome in {"accepted", "declined"}
 
 
@@ -68,7 +66,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_no_ledger(tmp_path, monkeypat
 
 
 @contextmanager
-def hung_after(n: int):
+def hung_after(n):
     """Starts a board in a process of its own and stops it, as a debugger would, once it has answered ``n`` frames.
 
     Gives the rows up to the stop, and those after it, too.
@@ -138,7 +136,7 @@ def test_a_board_that_stalls_once_in_real_time_goes_on():
     """Frames that it was never sent meanwhile, for it had one, are no misses of it."""
 
     class Stalls(Instant):
-        def __init__(self, camera) -> None:
+        def __init__(self, camera):
             super().__init__(camera)
             self.sleeps = [0.0, 0.0, 3.0]
 
@@ -156,7 +154,7 @@ def test_a_board_that_stalls_once_in_real_time_goes_on():
 
 def test_a_slow_board_is_not_taken_for_a_hung_one():
     class Slow(Instant):
-        def __init__(self, camera) -> None:
+        def __init__(self, camera):
             super().__init__(camera)
             self.sleeps = [0.6] * 6
 

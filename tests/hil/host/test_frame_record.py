@@ -1,7 +1,5 @@
 """A frame's record: from clock readings on the way to the columns of the ledger."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.hil.host.frame_record import FrameRecord, FrameTimes, complete, utc_text
@@ -13,12 +11,12 @@ UTC_NS = 1_795_000_000 * S
 TRUTH = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 10.0))
 
 
-def sent(**times) -> FrameRecord:
+def sent(**times):
     record = FrameRecord(frame_id=4, epoch_utc="2026-01-01T00:00:00Z", t_s=1.0, exposure_s=0.01)
     return record.at(due_ns=10 * S, latency_s=0.1, ready_ns=9 * S, handed_over_ns=10 * S + 2000, **times)
 
 
-def answered(receive_s: float = 10.1, end_s: float = 10.3, **clock) -> FrameRecord:
+def answered(receive_s=10.1, end_s=10.3, **clock):
     at = [OFFSET_NS + round(s * S) for s in (receive_s, 10.2, end_s)]
     pose = PoseMessage(4, True, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.03, 10.04), 0.5, (("roi", 1.5),), *at)
     known = {"clock_offset_ns": OFFSET_NS, "clock_bound_ns": 1000} | clock

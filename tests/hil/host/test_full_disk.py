@@ -1,7 +1,5 @@
 """A disk that fills up under what a run writes: the run goes on, or ends with one sentence; the ledger is whole."""
 
-from __future__ import annotations
-
 import json
 import logging
 

@@ -1,7 +1,5 @@
 """Which frames are in flight and which use up credit, to the nanosecond and to the frame."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.hil.host.frame_record import FrameRecord
@@ -15,7 +13,7 @@ TIMEOUT_NS = 2_000_000_000
 class Sky:
     """FramesInFlight with frames 0 to 4 sent a millisecond apart, and what was reported of them."""
 
-    def __init__(self, n: int = 5) -> None:
+    def __init__(self, n=5):
         self.results, self.sent = [], {}
         self.flights = FramesInFlight(self.results.append, TIMEOUT_NS * 1e-9)
         for k in range(n):
@@ -23,12 +21,12 @@ class Sky:
             self.sent[k] = self.flights.start(record, SENT_NS + k * 1_000_000)
 
     @property
-    def outcomes(self) -> dict[int, str]:
+    def outcomes(self):
         assert len({r.frame_id for r in self.results}) == len(self.results)  # each once
         return {r.frame_id: r.outcome for r in self.results}
 
 
-def pose(frame_id: int, *, accepted: bool = True) -> PoseMessage:
+def pose(frame_id, *, accepted=True):
     return PoseMessage(frame_id, accepted, "", (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 

@@ -1,7 +1,5 @@
 """A user's mistakes around a run: one sentence each, and the books closed."""
 
-from __future__ import annotations
-
 import csv
 import socket
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Ledger files and the report made from them."""
 
-from __future__ import annotations
-
 import base64
 import os
 import re
@@ -42,13 +40,13 @@ RUN = {
 }
 
 
-def row(k: int, outcome: str, **more) -> FrameRecord:
+def row(k, outcome, **more):
     return FrameRecord(
         frame_id=k, epoch_utc="2026-01-01T00:00:00Z", t_s=0.1 * k, exposure_s=0.01, outcome=outcome, **more
     )
 
 
-def answered(k: int, outcome: str, e2e_ms: float) -> FrameRecord:
+def answered(k, outcome, e2e_ms):
     return row(
         k,
         outcome,
@@ -73,7 +71,7 @@ ROWS = [answered(k, "declined" if k % 4 == 3 else "accepted", 10.0 + k) for k in
 ]
 
 
-def known(k: int, outcome: str, E_R_deg: float, E_T_m: float = 0.01) -> FrameRecord:
+def known(k, outcome, E_R_deg, E_T_m=0.01):
     """An answered frame whose truth is at 10 m."""
     return replace(answered(k, outcome, 10.0), truth_t_m=(0.0, 0.0, 10.0), E_R_deg=E_R_deg, E_T_m=E_T_m)
 

@@ -1,7 +1,5 @@
 """Runs over TCP with the board in its own process, or behind a line that listens."""
 
-from __future__ import annotations
-
 import json
 import struct
 import subprocess

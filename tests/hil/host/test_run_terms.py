@@ -1,7 +1,5 @@
 """A run's record says what was flown, and no secret."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """A whole run over a serial line: two pseudo-terminals wired to each other."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np
@@ -11,11 +9,11 @@ from hil_loop import Loop, board, made_frame
 from serial_line import null_modem
 
 
-def noise(k: int):
+def noise(k):
     return np.random.default_rng(k).integers(0, 256, (60, 80), dtype=np.uint8)
 
 
-def frames(n: int):
+def frames(n):
     for k in range(n):
         yield made_frame(k, noise(k), every_s=0.1)
 

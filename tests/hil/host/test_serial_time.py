@@ -1,7 +1,5 @@
 """How long a frame takes on a serial line: as long as its bytes do, as the page says, and told with what helps."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Three minutes; ``make soak`` takes an hour.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import statistics

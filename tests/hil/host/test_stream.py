@@ -1,7 +1,5 @@
 """Frames as the host draws them in its other processes, and as a board process gets them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

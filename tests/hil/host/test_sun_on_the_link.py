@@ -1,7 +1,5 @@
 """Optional fields on the link: the direction to the Sun to boards that take it, if it is asked for; covariance back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -23,7 +21,7 @@ class SunReader:
 
     takes_sun = True
 
-    def __init__(self, _camera) -> None:
+    def __init__(self, _camera):
         pass
 
     def estimate(self, _image, sun_camera=None):

@@ -3,8 +3,6 @@
 Each prints how long it took (``-rA``); bounds are wider, as machines of tests are busy.
 """
 
-from __future__ import annotations
-
 import json
 import secrets
 import time
@@ -51,7 +49,7 @@ def test_both_sides_of_a_line_that_is_cut_find_out():
 
 def test_a_board_that_computes_for_long_is_not_taken_for_cut_off():
     class Slow(Instant):
-        def __init__(self, camera) -> None:
+        def __init__(self, camera):
             super().__init__(camera)
             self.sleeps = [0.0, 4.0]
 

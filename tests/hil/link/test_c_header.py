@@ -1,15 +1,13 @@
 """The C header against the test vectors: an independent reader of the same bytes."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct
-import subprocess
 from pathlib import Path
 
 import pytest
 from c_program import compiled
+from programs import completed
 
 from flyaround.hil.link.packets.packet import Packet, encode_packet
 from tools.docs.link_vectors import EXAMPLES
@@ -23,15 +21,8 @@ def decode(tmp_path_factory):
     source = Path(__file__).with_name("test_link_c_decoder.c")
     program = compiled(source, tmp_path_factory.mktemp("c"), "-Wconversion", "-Wno-sign-conversion")
 
-    def run(packets: list[str]) -> list[list[tuple[str, str]]]:
-        done = subprocess.run(
-            [str(program)],
-            input="\n".join(packets) + "\n",
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=120,
-        )
+    def run(packets):
+        done = completed(program, input="\n".join(packets) + "\n", check=True)
         assert done.stderr == ""
         return [
             [(name, value) for name, _, value in (item.partition("=") for item in line.split())]
@@ -44,7 +35,7 @@ def decode(tmp_path_factory):
 VECTORS = json.loads((ROOT / "docs" / "hil_vectors.json").read_text())["vectors"]
 
 
-def expected_value(name: str, got: str, want: object) -> bool:
+def expected_value(name, got, want):
     """Whether the C program's text of a field is the vector's value."""
     if isinstance(want, bool):
         return int(got) == int(want)

@@ -1,7 +1,5 @@
 """Streams of packets: any cut, any garbage, any headers, in linear time; COBS against the package of that name."""
 
-from __future__ import annotations
-
 import random
 import struct
 import zlib
@@ -56,12 +54,12 @@ def test_cobs_refuses_what_the_package_refuses(data):
     assert got == expected
 
 
-def packets(count: int, seed: int) -> list[Packet]:
+def packets(count, seed):
     rng = random.Random(seed)
     return [Packet(PacketType.TRUTH, rng.randbytes(rng.randrange(400)), 5, k) for k in range(count)]
 
 
-def drain(framing) -> tuple[list[Packet], int]:
+def drain(framing):
     """All packets that are there, and how often damage was reported."""
     got, damage = [], 0
     while True:
@@ -129,7 +127,7 @@ def test_endless_garbage_is_not_hoarded(make):
     assert len(framing._buffer) < 6 << 20
 
 
-def nested_headers(total: int) -> bytes:
+def nested_headers(total):
     """Headers inside each other, each of a packet to the end of all, with a wrong CRC."""
     size = PREFIX.size + HEADER.size
     out = bytearray()

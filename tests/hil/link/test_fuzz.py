@@ -1,7 +1,5 @@
 """A live host and a live board under hostile packets: no traceback, no hang, little memory, and then a good run."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import subprocess
@@ -101,7 +99,7 @@ for url in sys.stdin:
 class Program:
     """A Python program that is talked to by lines; whatever it says wrong ends up in ``errors``."""
 
-    def __init__(self, text: str, errors: Path) -> None:
+    def __init__(self, text, errors):
         self._errors = errors
         with errors.open("w") as file:
             self.process = subprocess.Popen(
@@ -113,19 +111,19 @@ class Program:
                 text=True,
             )
 
-    def tell(self, words: str) -> None:
+    def tell(self, words):
         self.process.stdin.write(words + "\n")
         self.process.stdin.flush()
 
-    def hear(self) -> str:
+    def hear(self):
         said = self.process.stdout.readline()
         assert said, f"the program ended: {self.errors()[-2000:]}"
         return said.strip()
 
-    def errors(self) -> str:
+    def errors(self):
         return self._errors.read_text()
 
-    def peak_bytes(self) -> int:
+    def peak_bytes(self):
         """Most memory that it or a process of its own ever had, so far; 0 where the system does not tell."""
         pids, most = [self.process.pid], 0
         for pid in pids:
@@ -139,7 +137,7 @@ class Program:
 
 
 @contextlib.contextmanager
-def running(text: str, tmp_path: Path):
+def running(text, tmp_path):
     program = Program(text, tmp_path / "errors.txt")
     try:
         yield program
@@ -148,7 +146,7 @@ def running(text: str, tmp_path: Path):
         program.process.communicate()
 
 
-def joined(url: str) -> Link:
+def joined(url):
     """A session with the host, as soon as it has noticed that the last board left."""
     until = time.monotonic() + PATIENCE_S
     while True:
@@ -163,7 +161,7 @@ def joined(url: str) -> Link:
             return link
 
 
-def first_frame(link: Link) -> int:
+def first_frame(link):
     """Until the host sends a frame: its id."""
     while True:
         heard = link.recv(PATIENCE_S)
@@ -174,7 +172,7 @@ def first_frame(link: Link) -> int:
             return heard.frame_id
 
 
-def attack_host(url: str, hostile: Hostile, how: str, n: int) -> int:
+def attack_host(url, hostile, how, n):
     """A connection with ``n`` hostile packets; how many it took before the host had enough of it."""
     hostile.session_id = hostile.frame_id = 0
     if how == "stranger":
@@ -233,7 +231,7 @@ def test_a_live_host_survives_and_ends_its_run_in_order(tmp_path):
         assert peak < MAX_BYTES
 
 
-def fuzzing_host(listener: TcpListener) -> Link:
+def fuzzing_host(listener):
     """The other side of a board that has just said HELLO."""
     transport = listener.accept(PATIENCE_S)
     assert transport is not None
@@ -242,7 +240,7 @@ def fuzzing_host(listener: TcpListener) -> Link:
     return link
 
 
-def listen_in(link: Link) -> list:
+def listen_in(link):
     """What the board has said by now."""
     heard = []
     while True:
@@ -255,7 +253,7 @@ def listen_in(link: Link) -> list:
         heard.append(message)
 
 
-def good_frame(frame_id: int) -> bytes:
+def good_frame(frame_id):
     data = np.full((48, 64), frame_id % 256, np.uint8).tobytes()
     header = FrameHeader(
         frame_id, 64, 48, 8, Encoding.RAW, len(data), 1, 0.01, 0.0, 1, "2026-01-01T00:00:00Z"
@@ -263,7 +261,7 @@ def good_frame(frame_id: int) -> bytes:
     return b"".join(line(message, 77) for message in (header, *chunks(frame_id, data, 1 << 18)))
 
 
-def still_answers(link: Link, frame_id: int) -> bool:
+def still_answers(link, frame_id):
     """Whether the board answers a good frame, after bytes that complete whatever was announced before."""
     link.transport._write(bytes((1 << 22) + 64))
     for k in range(frame_id, frame_id + 5):

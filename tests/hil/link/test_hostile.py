@@ -1,7 +1,5 @@
 """Packets that are intact and mean harm: refused by the session's state, by size, by depth."""
 
-from __future__ import annotations
-
 import json
 import math
 import socket
@@ -55,7 +53,7 @@ DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
 TERMS = HelloAck({"width_px": 64, "height_px": 48}, 64, 48)
 
 
-def truth_packet(data: bytes, session_id: int = 0) -> Packet:
+def truth_packet(data, session_id=0):
     return Packet(PacketType.TRUTH, struct.pack("<II", 1, len(data)) + data, session_id)
 
 
@@ -195,7 +193,7 @@ def test_control_characters_become_spaces():
 # --- images ------------------------------------------------------------------------------------
 
 
-def header(**changes) -> FrameHeader:
+def header(**changes):
     base = FrameHeader(1, 64, 48, 8, Encoding.RAW, 64 * 48, 1, 0.01, 0.0, 1, "2026-01-01T00:00:00Z")
     return replace(base, **changes)
 
@@ -374,7 +372,7 @@ def test_a_peer_that_takes_a_byte_now_and_then_is_given_up():
         peer, _ = server.accept()
     done = threading.Event()
 
-    def sip() -> None:
+    def sip():
         while not done.wait(0.002):
             peer.recv(4096)
 
@@ -382,7 +380,7 @@ def test_a_peer_that_takes_a_byte_now_and_then_is_given_up():
     reader.start()
     line = TcpTransport(client, "tcp://test", send_stall_s=20.0, send_packet_s=0.2)
 
-    def flood() -> None:
+    def flood():
         for k in range(100):
             line.send_packet(Packet(PacketType.FRAME_CHUNK, bytes(1 << 22), 7, k))
 
@@ -397,7 +395,7 @@ def test_a_peer_that_takes_a_byte_now_and_then_is_given_up():
 # --- poses -------------------------------------------------------------------------------------
 
 
-def pose(q=(1.0, 0.0, 0.0, 0.0), t=(0.0, 0.0, 5.0), confidence=0.5, stages=((("a", 1.0)),)) -> bytes:
+def pose(q=(1.0, 0.0, 0.0, 0.0), t=(0.0, 0.0, 5.0), confidence=0.5, stages=((("a", 1.0)),)):
     """A POSE as a board of another make may write it: nothing is checked."""
     fixed = PoseMessage.LAYOUT.pack(7, 1, 1, len(stages), confidence, *q, *t, 1, 2, 3, 0, 0)
     return fixed + b"".join(PoseMessage.STAGE.pack(name.encode(), ms) for name, ms in stages)

@@ -4,8 +4,6 @@ On a serial line every packet that no error struck comes whole, whatever became 
 step again at the next delimiter. In C also from a device, while our host sends.
 """
 
-from __future__ import annotations
-
 import random
 import subprocess
 import threading
@@ -36,12 +34,12 @@ class Noise:
     rate : errors in a byte, a third of each kind.
     """
 
-    def __init__(self, rate: float, seed: int) -> None:
+    def __init__(self, rate, seed):
         self._rate, self._rng = rate, np.random.default_rng(seed)
         self._passed = 0
         self.places: list[int] = []
 
-    def __call__(self, data: bytes) -> bytes:
+    def __call__(self, data):
         """The next bytes, with their errors."""
         places = np.nonzero(self._rng.random(len(data)) < self._rate)[0].tolist()
         parts, at = [], 0
@@ -58,7 +56,7 @@ class Noise:
         self._passed += len(data)
         return b"".join(parts)
 
-    def untouched(self, sizes: list[int]) -> set[int]:
+    def untouched(self, sizes):
         """Which of the packets, that followed each other with these sizes, no error struck."""
         struck = np.searchsorted(np.cumsum(sizes), self.places, side="right")
         return set(range(len(sizes))) - set(struck.tolist())

@@ -1,7 +1,5 @@
 """Packets and messages: round trips, damage always noticed, vectors as documented."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -48,7 +46,7 @@ u64 = st.integers(0, 2**64 - 1)
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
-def text(size: int) -> st.SearchStrategy[str]:
+def text(size):
     """Text that a field of ``size`` bytes holds whole; control characters and line ends would arrive as spaces."""
     characters = st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"])
     return st.text(characters, max_size=size // 4)

@@ -1,7 +1,5 @@
 """Handshake, clock offset, and frames as chunks."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 
@@ -38,10 +36,10 @@ CAMERA = {"width_px": 64, "height_px": 48}
 TERMS = HelloAck(CAMERA, 64, 48, window=4, target_name="tango", target_sha256="ab" * 32)
 
 
-def host_side(transport, act) -> threading.Thread:
+def host_side(transport, act):
     """Run ``act(link, hello)`` once a HELLO came."""
 
-    def serve() -> None:
+    def serve():
         link = Link(transport)
         act(link, link.recv(5.0))
 
@@ -188,7 +186,7 @@ def test_a_clock_that_runs_backwards_is_left_out():
     assert clock.round_trip_ns is None
 
 
-def exchanges(seconds: int, *, ppm: float, seed: int, asymmetry_ns: int = 40_000, every_s: float = 0.25):
+def exchanges(seconds, *, ppm, seed, asymmetry_ns=40_000, every_s=0.25):
     """Round trips over a busy line: some tens of microseconds each way, now and then milliseconds on one of them."""
     rng = np.random.default_rng(seed)
     clock, offset_ns, start = ClockFilter(), 7 * 10**12, 10**13
@@ -226,7 +224,7 @@ def test_drift_is_not_told_from_a_second_and_its_bound_grows():
 # --- images --------------------------------------------------------------------------------
 
 
-def frame(frame_id: int, image, encoding: Encoding, chunk_bytes: int):
+def frame(frame_id, image, encoding, chunk_bytes):
     pixel_format = PixelFormat.Mono8 if image.dtype == np.uint8 else PixelFormat.Mono16
     data = encode_image(image, encoding, pixel_format)
     rows, columns = image.shape

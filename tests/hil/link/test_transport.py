@@ -1,7 +1,5 @@
 """What one transport alone has: URLs, ports that are taken, a peer that does not read."""
 
-from __future__ import annotations
-
 import os
 import socket
 import sys
@@ -19,7 +17,7 @@ from flyaround.hil.link.transports.tcp import TcpTransport
 from flyaround.hil.link.transports.url import connect, listen, parse_url, url_options
 
 
-def packet(k: int, data: bytes = b"") -> Packet:
+def packet(k, data=b""):
     message = FrameChunk(k, 0, 0, data)
     return Packet(message.TYPE, message.encode(), 3, k)
 
@@ -30,7 +28,7 @@ def test_a_peer_that_does_not_read_is_given_up():
     peer, _ = server.accept()
     a = TcpTransport(client, "tcp://test", send_stall_s=0.2)
 
-    def flood() -> None:
+    def flood():
         for _ in range(200):
             a.send_packet(packet(1, bytes(1 << 18)))
 
@@ -48,7 +46,7 @@ def test_a_slow_peer_is_waited_for_as_long_as_the_session_says():
     a = TcpTransport(client, "tcp://test", send_stall_s=0.2)
     a.be_patient(20.0)
 
-    def read_late() -> None:
+    def read_late():
         time.sleep(0.6)
         while peer.recv(1 << 20):
             pass
@@ -112,7 +110,7 @@ def test_no_such_serial_port():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit of open files")
-def test_a_listener_that_cannot_be_made_leaves_no_socket() -> None:
+def test_a_listener_that_cannot_be_made_leaves_no_socket():
     import resource
 
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)

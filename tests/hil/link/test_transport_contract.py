@@ -1,7 +1,5 @@
 """One contract, every transport: in-process, TCP, and serial over a pair of pseudo-terminals; also with faults."""
 
-from __future__ import annotations
-
 import select
 import threading
 import time
@@ -50,7 +48,7 @@ from flyaround.simulator.scenario.faults import (
 BAUD = 3_000_000
 
 
-def packet(k: int, data: bytes = b"") -> Packet:
+def packet(k, data=b""):
     message = FrameChunk(k, 0, 0, data)
     return Packet(message.TYPE, message.encode(), 3, k)
 

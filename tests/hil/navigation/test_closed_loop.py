@@ -1,14 +1,12 @@
 """A closed loop without pictures: arrives on the truth and on noisy poses, holds and aborts where poses stay away."""
 
-from __future__ import annotations
-
 from collections import Counter
 from functools import cache
 
 import numpy as np
 import pytest
 
-from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
 from flyaround.hil.navigation.consistency import nees_band
 from flyaround.hil.navigation.measurement import PoseNoise
 from flyaround.hil.navigation.pose_sources import NoisyPoses, TruePoses
@@ -16,8 +14,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.targets.model import Target
-from flyaround.simulator.world.flight.flight import Flight
 from flyaround.simulator.world.frames.rotation import rotvec_between
 
 STEADY, TUMBLING = "tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble"
@@ -25,12 +21,12 @@ LATENCY_S = 0.3
 
 
 @cache
-def flown(name: str) -> tuple[Flight, Target]:
+def flown(name):
     target = load_target("tango")
     return fly(load_scenario(name), target), target
 
 
-def run(name: str, seed: int, noise: PoseNoise | None) -> ClosedLoopResult:
+def run(name, seed, noise):
     flight, target = flown(name)
     poses = TruePoses(PoseNoise(), LATENCY_S) if noise is None else NoisyPoses(noise, LATENCY_S, seed)
     return fly_closed_loop(
@@ -38,7 +34,7 @@ def run(name: str, seed: int, noise: PoseNoise | None) -> ClosedLoopResult:
     )
 
 
-def arrives(result: ClosedLoopResult) -> bool:
+def arrives(result):
     return (
         result.outcome == "arrived"
         and result.final_error_m <= 0.2
@@ -48,7 +44,7 @@ def arrives(result: ClosedLoopResult) -> bool:
 
 
 @pytest.mark.parametrize("name", [STEADY, TUMBLING])
-def test_it_arrives_on_noisy_poses_and_on_the_truth(name: str) -> None:
+def test_it_arrives_on_noisy_poses_and_on_the_truth(name):
     noisy = run(name, 3, PoseNoise())
     assert arrives(noisy), noisy.reason
     assert 2.5 < noisy.min_range_m < 3.1
@@ -62,21 +58,21 @@ def test_it_arrives_on_noisy_poses_and_on_the_truth(name: str) -> None:
     assert arrives(run(name, 3, None))
 
 
-def test_the_same_seed_is_the_same_flight() -> None:
+def test_the_same_seed_is_the_same_flight():
     first, again, other = (run(TUMBLING, seed, PoseNoise()) for seed in (4, 4, 5))
     ends = [r.steps[-1].position_lvlh_m for r in (first, again, other)]
     assert np.array_equal(ends[0], ends[1])
     assert not np.array_equal(ends[0], ends[2])
 
 
-def test_it_aborts_where_no_pose_ever_comes() -> None:
+def test_it_aborts_where_no_pose_ever_comes():
     result = run(STEADY, 0, PoseNoise(available=0.0))
     assert result.outcome == "aborted"
     assert result.delta_v_m_s == 0.0
     assert {step.phase for step in result.steps} == {"acquire", "abort"}
 
 
-def test_a_flight_without_a_path_is_refused() -> None:
+def test_a_flight_without_a_path_is_refused():
     target = load_target("tango")
     flight = fly(load_scenario("tango-tumble-3-18m"), target, 10.0)
     with pytest.raises(UserError, match="no path that a closed loop could follow"):
@@ -85,7 +81,7 @@ def test_a_flight_without_a_path_is_refused() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [STEADY, TUMBLING])
-def test_fifty_seeded_flights(name: str) -> None:
+def test_fifty_seeded_flights(name):
     """On seeds with which nothing was chosen."""
     noisy = [run(name, seed, PoseNoise()) for seed in range(3000, 3050)]
     arrived = [r for r in noisy if arrives(r)]

@@ -1,7 +1,5 @@
 """Boards that are blind, stand still or lie for a while: the chaser holds or gives up, says why, and stays outside."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 
@@ -9,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.host.closed_loop_run import STEPS_CSV, figures, write_steps
-from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, ClosedLoopResult, fly_closed_loop
+from flyaround.hil.navigation.closed_loop import ClosedLoopConfig, fly_closed_loop
 from flyaround.hil.navigation.measurement import PoseMeasurement, PoseNoise
 from flyaround.hil.navigation.pose_sources import NoisyPoses
 from flyaround.simulator.scenario.flight import fly
@@ -25,13 +23,13 @@ NONE = "no usable pose for 5 s"
 class FaultyPoses(NoisyPoses):
     """Noisy poses with a fault between two times."""
 
-    def __init__(self, start_s: float, end_s: float) -> None:
+    def __init__(self, start_s, end_s):
         super().__init__(PoseNoise(), LATENCY_S, 1)
         self.between = start_s, end_s
         self.before: PoseMeasurement | None = None
         self.rng = np.random.default_rng(7)
 
-    def wait(self, pose: PoseMeasurement) -> None:
+    def wait(self, pose):
         if self.between[0] <= pose.t_s < self.between[1]:
             changed = self.changed(pose)
             if changed is not None:
@@ -40,7 +38,7 @@ class FaultyPoses(NoisyPoses):
         self.before = pose
         super().wait(pose)
 
-    def changed(self, pose: PoseMeasurement) -> PoseMeasurement | None:
+    def changed(self, pose):
         return None
 
 
@@ -51,7 +49,7 @@ class Blind(FaultyPoses):
 class Frozen(FaultyPoses):
     """The picture stands still, and so does its pose; only its time goes on."""
 
-    def changed(self, pose: PoseMeasurement) -> PoseMeasurement:
+    def changed(self, pose):
         assert self.before is not None
         return replace(
             pose,
@@ -63,7 +61,7 @@ class Frozen(FaultyPoses):
 class Turned(FaultyPoses):
     """Poses that agree with each other: turned by 30 degrees, the target a tenth nearer than it is."""
 
-    def changed(self, pose: PoseMeasurement) -> PoseMeasurement:
+    def changed(self, pose):
         return replace(
             pose,
             q_camera_from_target_wxyz=quat_multiply(
@@ -76,7 +74,7 @@ class Turned(FaultyPoses):
 class Anything(FaultyPoses):
     """Poses that agree with nothing."""
 
-    def changed(self, pose: PoseMeasurement) -> PoseMeasurement:
+    def changed(self, pose):
         turn, shift = self.rng.standard_normal((2, 3))
         return replace(
             pose,
@@ -87,7 +85,7 @@ class Anything(FaultyPoses):
         )
 
 
-def run(poses: NoisyPoses) -> ClosedLoopResult:
+def run(poses):
     target = load_target("tango")
     flight = fly(load_scenario("tango-vbar-closed-loop-tumble"), target)
     return fly_closed_loop(
@@ -99,7 +97,7 @@ def run(poses: NoisyPoses) -> ClosedLoopResult:
     ("kind", "reasons"),
     [(Blind, {NONE}), (Frozen, {NONE}), (Turned, {CONTRADICT}), (Anything, {CONTRADICT})],
 )
-def test_it_holds_through_a_fault_of_some_seconds_says_why_and_arrives(kind, reasons, tmp_path) -> None:
+def test_it_holds_through_a_fault_of_some_seconds_says_why_and_arrives(kind, reasons, tmp_path):
     last = 114.0 if kind in (Turned, Anything) else 120.0
     result = run(kind(100.0, last))
     assert result.outcome == "arrived", result.reason
@@ -119,7 +117,7 @@ def test_it_holds_through_a_fault_of_some_seconds_says_why_and_arrives(kind, rea
 
 
 @pytest.mark.parametrize("kind", [Blind, Frozen, Anything])
-def test_it_gives_up_outward_where_the_fault_lasts(kind, tmp_path) -> None:
+def test_it_gives_up_outward_where_the_fault_lasts(kind, tmp_path):
     result = run(kind(150.0, 1e9))
     assert result.outcome == "aborted"
     assert result.keep_out_violations == 0
@@ -131,7 +129,7 @@ def test_it_gives_up_outward_where_the_fault_lasts(kind, tmp_path) -> None:
     assert ranges[-1] > 24.0
 
 
-def test_poses_that_all_agree_on_something_else_for_long_are_believed_and_do_no_harm() -> None:
+def test_poses_that_all_agree_on_something_else_for_long_are_believed_and_do_no_harm():
     """Nobody can tell then which is right: the chaser flies by them, and never outside its corridor."""
     result = run(Turned(100.0, 160.0))
     assert result.outcome in {"arrived", "aborted"}

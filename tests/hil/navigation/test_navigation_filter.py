@@ -1,7 +1,5 @@
 """The filter: late poses count as if they had come in time; wrong ones are gated; what jumps is lost and found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 from flyaround.hil.navigation.consistency import chi_square_quantile, fisher_quantile, nees, nees_band
 from flyaround.hil.navigation.error_scale import ScaleSettings
-from flyaround.hil.navigation.measurement import ErrorMemory, PoseMeasurement, PoseNoise, Snapshot
+from flyaround.hil.navigation.measurement import ErrorMemory, PoseNoise, Snapshot
 from flyaround.hil.navigation.navigation_filter import FilterSettings, NavigationFilter
 from flyaround.hil.navigation.pose_sources import PoseErrors
 from flyaround.hil.navigation.prediction_error import forecast_errors
@@ -36,18 +34,18 @@ START = np.array([0.3, 12.0, -0.2, 0.001, -0.02, 0.002])
 NOISE = PoseNoise(available=1.0, wrong=0.0)
 
 
-def lvlh(t_s: float) -> Lvlh:
+def lvlh(t_s):
     """A circular orbit about the z axis."""
     a = N_RAD_S * t_s
     R = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
     return Lvlh(R, np.array([0.0, 0.0, N_RAD_S]))
 
 
-def truth(t_s: float) -> np.ndarray:
+def truth(t_s):
     return transition_matrix(N_RAD_S, t_s) @ START
 
 
-def snapshot(t_s: float) -> Snapshot:
+def snapshot(t_s):
     x, frame = truth(t_s), lvlh(t_s)
     p, v = frame.to_eci(x[:3], x[3:])
     z = -p / np.linalg.norm(p)
@@ -65,22 +63,22 @@ def snapshot(t_s: float) -> Snapshot:
     )
 
 
-def measured(count: int, seed: int = 1) -> list[PoseMeasurement]:
+def measured(count, seed=1):
     errors = PoseErrors(NOISE, np.random.default_rng(seed))
     drawn = [errors.draw(snapshot(float(k))) for k in range(count)]
     return [pose for pose in drawn if pose is not None]
 
 
-def new_filter(**motion: float) -> NavigationFilter:
+def new_filter(**motion):
     return NavigationFilter(MotionModel(n_rad_s=N_RAD_S, inertia_kg_m2=J, **motion), lvlh, COM)
 
 
-def error(estimate: RelativeEstimate) -> np.ndarray:
+def error(estimate):
     x = truth(estimate.t_s)
     return estimate.error_of(x[:3], x[3:], *TUMBLE(estimate.t_s))
 
 
-def test_a_minute_of_poses_tells_position_velocity_attitude_and_rate() -> None:
+def test_a_minute_of_poses_tells_position_velocity_attitude_and_rate():
     filter_ = new_filter()
     verdicts = [filter_.add(pose) for pose in measured(60)]
     assert verdicts[:5] == ["starts", "used", "used", "used", "found"]
@@ -92,7 +90,7 @@ def test_a_minute_of_poses_tells_position_velocity_attitude_and_rate() -> None:
     assert np.degrees(np.linalg.norm(e[9:])) < 0.01
 
 
-def test_late_poses_in_any_order_count_as_if_they_had_come_in_time() -> None:
+def test_late_poses_in_any_order_count_as_if_they_had_come_in_time():
     poses = measured(30)
     in_time, late = new_filter(), new_filter()
     for pose in poses:
@@ -106,7 +104,7 @@ def test_late_poses_in_any_order_count_as_if_they_had_come_in_time() -> None:
     assert np.linalg.norm(rotvec_between(a.q_eci_from_target_wxyz, b.q_eci_from_target_wxyz)) < 1e-9
 
 
-def test_one_wrong_pose_changes_nothing() -> None:
+def test_one_wrong_pose_changes_nothing():
     poses = measured(30)
     clean, struck = new_filter(), new_filter()
     for k, pose in enumerate(poses):
@@ -120,7 +118,7 @@ def test_one_wrong_pose_changes_nothing() -> None:
     np.testing.assert_array_equal(clean.estimate(30.0).covariance, struck.estimate(30.0).covariance)
 
 
-def test_a_target_that_jumps_is_lost_and_found() -> None:
+def test_a_target_that_jumps_is_lost_and_found():
     poses = measured(60)
     filter_ = new_filter()
     for pose in poses[:30]:
@@ -137,7 +135,7 @@ def test_a_target_that_jumps_is_lost_and_found() -> None:
     assert filter_.status == "tracking"
 
 
-def test_a_pose_that_is_there_again_to_the_last_digit_tells_nothing() -> None:
+def test_a_pose_that_is_there_again_to_the_last_digit_tells_nothing():
     poses = measured(30)
     filter_ = new_filter()
     for pose in poses:
@@ -149,7 +147,7 @@ def test_a_pose_that_is_there_again_to_the_last_digit_tells_nothing() -> None:
     np.testing.assert_array_equal(filter_.estimate(35.0).covariance, before)
 
 
-def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost() -> None:
+def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost():
     poses = measured(40)
     filter_ = new_filter()
     for pose in poses[:30]:
@@ -163,7 +161,7 @@ def test_wrong_poses_that_contradict_each_other_leave_the_filter_lost() -> None:
     assert filter_.status == "tracking"
 
 
-def test_errors_are_as_large_as_the_covariance_says() -> None:
+def test_errors_are_as_large_as_the_covariance_says():
     values = []
     for seed in range(20):
         filter_ = new_filter()
@@ -175,7 +173,7 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
     assert low < float(np.mean(values)) < high
 
 
-def test_errors_that_are_alike_are_not_averaged_away() -> None:
+def test_errors_that_are_alike_are_not_averaged_away():
     steady = propagate_attitude(Q0, np.zeros(3), J, 200.0)
     values: dict[str, list[float]] = {"alike": [], "white": []}
     for seed in range(10):
@@ -203,11 +201,11 @@ def test_errors_that_are_alike_are_not_averaged_away() -> None:
 VIEW = np.array([0.5, 0.5, 5.0, 0.5, 5.0, 1.0])
 
 
-def measured_from_one_view(count: int, seed: int) -> list[PoseMeasurement]:
+def measured_from_one_view(count, seed):
     """Poses whose errors are `VIEW` times those that the filter is told."""
 
     class OneView(PoseNoise):
-        def sigmas(self, range_m: float) -> np.ndarray:
+        def sigmas(self, range_m):
             return VIEW * super().sigmas(range_m)
 
     errors = PoseErrors(OneView(available=1.0, wrong=0.0), np.random.default_rng(seed))
@@ -220,7 +218,7 @@ def measured_from_one_view(count: int, seed: int) -> list[PoseMeasurement]:
     return found
 
 
-def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned() -> None:
+def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned():
     known = FilterSettings(scale=ScaleSettings(prior_poses=1e9))
     values, factors, used = [], [], {"learned": 0, "taken for known": 0}
     for seed in range(20):
@@ -241,14 +239,14 @@ def test_errors_of_a_view_where_they_are_five_times_as_large_are_learned() -> No
     assert low < float(np.mean(values)) < 1.33 * high
 
 
-def test_a_bias_goes_with_the_view() -> None:
+def test_a_bias_goes_with_the_view():
     memory = ErrorMemory(turn_rad=0.5, range_ratio=4.0)
     assert memory.kept(0.0, 1.0) == 1.0
     assert memory.kept(0.5, 1.0) == pytest.approx(np.exp(-1.0))
     assert memory.kept(0.0, 4.0) == memory.kept(0.0, 0.25) == pytest.approx(np.exp(-1.0))
 
 
-def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows() -> None:
+def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows():
     """Of unit variance it stays so, however much is left; a part of a part is what both leave together."""
     rng = np.random.default_rng(2)
     mixed = rng.standard_normal((18, 18)) / 3
@@ -261,7 +259,7 @@ def test_what_goes_of_a_bias_is_replaced_by_what_nobody_knows() -> None:
     np.testing.assert_allclose(once.pose_bias, twice.pose_bias)
 
 
-def estimate_at_rest(covariance: np.ndarray) -> RelativeEstimate:
+def estimate_at_rest(covariance):
     """An estimate of some covariance, of a target at rest."""
     return RelativeEstimate(
         t_s=0.0,
@@ -274,7 +272,7 @@ def estimate_at_rest(covariance: np.ndarray) -> RelativeEstimate:
     )
 
 
-def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:
+def test_commanded_thrust_is_flown_as_the_simulator_flies_it():
     model = MotionModel(n_rad_s=N_RAD_S)
     estimate = RelativeEstimate(
         t_s=0.0,
@@ -300,7 +298,7 @@ def test_commanded_thrust_is_flown_as_the_simulator_flies_it() -> None:
         model.propagated(got, 1.0)
 
 
-def test_a_forecast_of_a_tumble_is_good_for_a_minute() -> None:
+def test_a_forecast_of_a_tumble_is_good_for_a_minute():
     filter_ = new_filter()
     estimates = []
     for pose in measured(80):
@@ -315,7 +313,7 @@ def test_a_forecast_of_a_tumble_is_good_for_a_minute() -> None:
     assert constant[2].median_deg > 5 * rigid[2].median_deg
 
 
-def test_chi_square_quantiles_are_those_of_the_tables() -> None:
+def test_chi_square_quantiles_are_those_of_the_tables():
     assert chi_square_quantile(0.95, 6) == pytest.approx(12.592, abs=1e-3)
     assert chi_square_quantile(0.975, 1) == pytest.approx(5.024, abs=1e-3)
     assert fisher_quantile(0.95, 6, 4) == pytest.approx(6.163, abs=1e-3)
@@ -323,7 +321,7 @@ def test_chi_square_quantiles_are_those_of_the_tables() -> None:
     assert 6 * fisher_quantile(0.95, 6, 1e9) == pytest.approx(12.592, abs=1e-3)
 
 
-def test_a_pose_of_a_snapshot_is_its_label() -> None:
+def test_a_pose_of_a_snapshot_is_its_label():
     shot = snapshot(7.0)
     q, t = shot.pose()
     centre = matrix_from_quat(q) @ COM + t

@@ -1,7 +1,5 @@
 """Widths of the blur: what is asked for is what is drawn, for each kind of point-spread function."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ SENSOR = Sensor(preset="t", blur_sigma_px=0.9, pixel_pitch_x_m=5e-6, pixel_pitch
 FREQUENCY = np.linspace(0, 0.4, 9)
 
 
-def test_the_recipe_s_blur_and_the_lens_s_add_as_variances() -> None:
+def test_the_recipe_s_blur_and_the_lens_s_add_as_variances():
     assert gaussian_variance_px2(Optics(psf="gaussian", psf_sigma_px=1.2), SENSOR) == pytest.approx(
         0.81 + 1.44
     )

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from flyaround.simulator.camera.detector.charge import bloom, cosmic_ray_charge, fixed_pattern
-from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.readout import detect, mosaic
-from flyaround.simulator.camera.detector.response import electrons_per_radiance
 from flyaround.simulator.camera.detector.sensor import Detector, Sensor, noiseless
 from flyaround.simulator.imaging.image_formation import digitise, noise_sigma
 
@@ -22,14 +20,6 @@ def sensor(**changes):
 
 def flat(electrons, s, shape=(400, 500)):
     return np.full(shape, electrons / s.saturation_e, np.float32)
-
-
-def test_photons_of_a_known_radiance_become_the_electrons_of_the_camera_equation():
-    s = replace(sensor(quantum_efficiency=(0.5,)), pixel_pitch_x_m=5e-6, pixel_pitch_y_m=5e-6)
-    got = electrons_per_radiance(s, Optics(f_number=2.0, transmission=0.8, wavelength_m=500e-9), 0.01, 1)
-    # mean wavelength of sunlight over 450 to 750 nm by ASTM E490; that of diffraction has no part in it
-    photon_j = 6.62607015e-34 * 299792458.0 / 588.6e-9
-    assert got == pytest.approx(np.pi / 16 * 0.8 * 25e-12 * 0.01 / photon_j * 0.5, rel=1e-3)
 
 
 def test_variance_over_mean_is_one_over_the_gain():

@@ -12,7 +12,7 @@ from flyaround.simulator.imaging.image_formation import digitise
 
 @pytest.mark.parametrize("shape", [(300, 512), (200, 300, 3), (40, 50)])
 @pytest.mark.parametrize(("preset", "bits"), [("speed", 8), ("speed", 12), ("thesis", 8)])
-def test_noise_drawn_ahead_changes_no_byte(shape: tuple[int, ...], preset: str, bits: int) -> None:
+def test_noise_drawn_ahead_changes_no_byte(shape, preset, bits):
     sensor = replace(sensor_preset(preset), bits=bits)
     signal = np.random.default_rng(1).random(shape, np.float32)
     ahead = start_noise(shape, sensor, 5, 9)

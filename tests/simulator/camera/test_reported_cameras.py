@@ -14,7 +14,7 @@ from flyaround.simulator.errors import UserError
 
 REPORTS = Path(__file__).parents[2] / "data" / "reports"
 SAMPLES = Path(__file__).parents[2] / "data" / "cameras"
-"""A file of each kind as its program writes it."""
+"""Files of one camera as programs write it, in folders by the coefficients that are read of them."""
 EUROC = (752, 480, 458.654, 457.296, 367.215, 248.375)
 RADTAN = (-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05)
 ECHO = (1920, 1200, 1133.1, 1128.0, 960.7, 600.8)
@@ -87,207 +87,34 @@ K = "[600, 0, 320, 0, 601, 240, 0, 0, 1]"
 D = "[-0.3, 0.1, 0.001, 0.0005, 0.02]"
 ROS = f"image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix: {{rows: 3, cols: 3, data: {K}}}\n"
 MESSAGE = f"height: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: {D}\nk: {K}\n"
-OPENCV_YAML = (SAMPLES / "opencv.yaml").read_text()
-OPENCV_2_XML = (SAMPLES / "opencv2.xml").read_text()
-ROS_INI = (SAMPLES / "ros.ini").read_text()
-KALIBR = (SAMPLES / "kalibr.yaml").read_text()
-VINS = (SAMPLES / "vins.yaml").read_text()
-VINS_FISHEYE = (SAMPLES / "vins_fisheye.yaml").read_text()
-ORB_SLAM_2 = (SAMPLES / "orb_slam2.yaml").read_text()
-ORB_SLAM_3 = (SAMPLES / "orb_slam3.yaml").read_text()
-STELLA = (SAMPLES / "stella.yaml").read_text()
-NERF = {
-    "camera_angle_x": 2 * np.arctan(320 / 600),
-    "fl_x": 600.0,
-    "fl_y": 601.0,
-    "k1": -0.3,
-    "k2": 0.1,
-    "p1": 0.001,
-    "p2": 0.0005,
-    "cx": 320.5,
-    "cy": 240.5,
-    "w": 640.0,
-    "h": 480.0,
-    "aabb_scale": 16,
-    "frames": [{"file_path": "a.png", "sharpness": 30.1, "transform_matrix": np.eye(4).tolist()}],
-}
-MATLAB = {
-    "ImageSize": [480, 640],
-    "FocalLength": [600, 601],
-    "PrincipalPoint": [321, 241],
-    "RadialDistortion": [-0.3, 0.1, 0.02],
-    "TangentialDistortion": [0.001, 0.0005],
-    "Skew": 0,
-    "IntrinsicMatrix": [[600, 0, 0], [0, 601, 0], [321, 241, 1]],
-}
-BASALT = {
-    "value0": {
-        "T_imu_cam": [{"px": 0, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}],
-        "intrinsics": [
-            {
-                "camera_type": "kb4",
-                "intrinsics": {
-                    "fx": 600,
-                    "fy": 601,
-                    "cx": 320,
-                    "cy": 240,
-                    "k1": 0.05,
-                    "k2": -0.02,
-                    "k3": 0.004,
-                    "k4": -0.001,
-                },
-            }
-        ],
-        "resolution": [[640, 480]],
-        "vignette": [],
-        "imu_update_rate": 200.0,
-    }
-}
-BOP = {"cx": 320.0, "cy": 240.0, "depth_scale": 0.1, "fx": 600.0, "fy": 601.0, "height": 480, "width": 640}
+
+
+def sample(path):
+    """A camera file as its program writes it."""
+    return (SAMPLES / path).read_text()
+
+
+OPENCV_2_XML, ROS_INI = sample("five/opencv2.xml"), sample("five/ros.ini")
+KALIBR, VINS = sample("fisheye/kalibr.yaml"), sample("four/vins.yaml")
+ORB_SLAM_2, ORB_SLAM_3 = sample("five/orb_slam2.yaml"), sample("fisheye/orb_slam3.yaml")
+STELLA = sample("five/stella.yaml")
+BASALT, BOP = json.loads(sample("fisheye/basalt.json")), json.loads(sample("none/bop.json"))
+MATLAB, NERF = json.loads(sample("five/matlab.json")), json.loads(sample("four_and_0/nerf.json"))
 READ = {
-    "ros, block lists": (
-        ROS
-        + "distortion_model: plumb_bob\ndistortion_coefficients:\n- -0.3\n- 0.1\n- 0.001\n- 5e-04\n- .02\n",
-        FIVE,
-    ),
-    "ros, identity R and P": (
-        (
-            f"{ROS}distortion_model: plumb_bob\ndistortion_coefficients: {{rows: 1, cols: 5, data: {D}}}\n"
-            "rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
-            "projection_matrix: {rows: 3, cols: 4, data: [600, 0, 320, 0, 0, 601, 240, 0, 0, 0, 1, 0]}\n"
-        ),
-        FIVE,
-    ),
-    "ros, printed by numpy": (
-        (
-            "image_width: 640\nimage_height: 480\ncamera_name: c\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
-            "  data: [600.     ,   0.     , 320.     ,\n           0.     , 601.     , 240.     ,\n"
-            "           0.     ,   0.     ,   1.     ]\n"
-            f"distortion_model: plumb_bob\ndistortion_coefficients: {{rows: 1, cols: 5, data: {D}}}\n"
-        ),
-        FIVE,
-    ),
-    "ros 1 echo": (
-        (
-            'header: \n  seq: 4\n  stamp: \n    secs: 1\n    nsecs: 2\n  frame_id: "c"\nheight: 480\nwidth: 640\n'
-            f'distortion_model: "plumb_bob"\nD: {D}\nK: {K}\nR: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n'
-            "P: [600, 0, 320, 0, 0, 601, 240, 0, 0, 0, 1, 0]\nbinning_x: 0\nbinning_y: 0\nroi: \n  x_offset: 0\n"
-            "  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: False\n---\n"
-        ),
-        FIVE,
-    ),
-    "ros 2 echo, cut off in its second message": (f"{MESSAGE}---\nheight: 480\nwidth: [64", FIVE),
-    "ros message as JSON": (
-        f'{{"header": {{}}, "height": 480, "width": 640, "distortion_model": "plumb_bob", "D": {D}, "K": {K}}}',
-        FIVE,
-    ),
-    "ros ini": (ROS_INI, FIVE),
-    "opencv's sample": (OPENCV_YAML, FIVE),
-    "opencv's sample of 2.4": (OPENCV_2_XML, FIVE),
-    "opencv json": (
-        (
-            '{"image_width": 640, "image_height": 480, "camera_matrix": {"type_id": "opencv-matrix", "rows": 3, '
-            f'"cols": 3, "dt": "d", "data": {K}}}, "distortion_coefficients": '
-            f'{{"type_id": "opencv-matrix", "rows": 1, "cols": 5, "dt": "d", "data": {D}}}}}'
-        ),
-        FIVE,
-    ),
-    "script with mtx and dist": (
-        f'{{"mtx": {K}, "dist": [{D}], "image_size": [640, 480], "rms": 0.4}}',
-        FIVE,
-    ),
-    "script that prints numpy": (
-        (
-            "image_width: 640\nimage_height: 480\nK: [[600.   0. 320.]\n [  0. 601. 240.]\n [  0.   0.   1.]]\n"
-            "D: [[-0.3  0.1  1e-03  0.0005  0.02]]\n"
-        ),
-        FIVE,
-    ),
-    "printed dictionary": (
-        f"{{'camera_matrix': {K}, 'distortion_coefficients': {D}, 'image_width': 640, 'image_height': 480}}",
-        FIVE,
-    ),
-    "words, not lists": (
-        "width: 640\nheight: 480\nK: 600 0 320 0 601 240\n  0 0 1\ndist: -0.3, 0.1, 0.001, 0.0005, 0.02\n",
-        FIVE,
-    ),
-    "tables of names": (
-        (
-            f"camera_matrix: {{fx: 600, fy: 601, cx: 320, cy: 240}}\ndist_coeffs: {D}\n"
-            "resolution: {width: 640, height: 480}\n"
-        ),
-        FIVE,
-    ),
-    "a separator at the end": (VINS + "---\n", FIVE[:4]),
-    "leading zeros are decimal": (f"width: 0640\nheight: 0480\nK: {K}\nD: {D}\n", FIVE),
-    "thirteen zeros of the tilted model": (f"width: 640\nheight: 480\nK: {K}\nD: [{'0, ' * 13}0]\n", ()),
-    "opencv's fish-eye": (
-        OPENCV_YAML.replace("fisheye_model: 0", "fisheye_model: 1")
-        .replace("rows: 5", "rows: 4")
-        .replace("[ -.3, 1.0e-01, 1.0e-03, 5e-04, 2.e-02 ]", "[ 0.05, -0.02, 0.004, -0.001 ]"),
-        FISHEYE,
-    ),
-    "kalibr fish-eye": (KALIBR, FISHEYE),
-    "kalibr of one camera without its name": (
-        "camera_model: pinhole\nintrinsics: [600, 601, 320, 240]\nresolution: [640, 480]\ndistortion_model: none\n",
-        (),
-    ),
-    "vins": (VINS, FIVE[:4]),
-    "vins fish-eye": (VINS_FISHEYE, FISHEYE),
-    "orb-slam 2": (ORB_SLAM_2, FIVE),
-    "orb-slam 3": (ORB_SLAM_3, FISHEYE),
-    "orb-slam 3, rectified": (
-        "\n".join(line for line in ORB_SLAM_3.splitlines() if ".k" not in line).replace(
-            "KannalaBrandt8", "Rectified"
-        ),
-        (),
-    ),
-    "stella_vslam": (STELLA, FIVE),
-    "basalt": (json.dumps(BASALT), FISHEYE),
-    "colmap": (
-        "# Camera list\n1 FULL_OPENCV 640 480 600 601 320.5 240.5 -0.3 0.1 0.001 0.0005 0.02 0 0 0\n",
-        (*FIVE, 0, 0, 0),
-    ),
-    "colmap fish-eye": ("1 OPENCV_FISHEYE 640 480 600 601 320.5 240.5 0.05 -0.02 0.004 -0.001\n", FISHEYE),
-    "colmap of two alike": (
-        "1 PINHOLE 640 480 600 601 320.5 240.5\n2 PINHOLE 640 480 600 601 320.5 240.5\n",
-        (),
-    ),
-    "bop": (json.dumps(BOP), ()),
-    "nerf": (json.dumps(NERF), (*FIVE[:4], 0)),
-    "nerf, lens in its frames": (
-        json.dumps(
-            {
-                "frames": [
-                    {k: v for k, v in NERF.items() if k not in ("frames", "aabb_scale")} | NERF["frames"][0]
-                ]
-                * 2
-            }
-        ),
-        (*FIVE[:4], 0),
-    ),
-    "nerf fish-eye": (
-        json.dumps(
-            {k: v for k, v in NERF.items() if k not in ("p1", "p2")}
-            | {"camera_model": "OPENCV_FISHEYE", "k1": 0.05, "k2": -0.02, "k3": 0.004, "k4": -0.001}
-        ),
-        FISHEYE,
-    ),
-    "matlab": (json.dumps(MATLAB), FIVE),
-    "matlab object with intrinsics": (
-        json.dumps({"Intrinsics": MATLAB, "NumPatterns": 9, "WorldUnits": "mm"}),
-        FIVE,
-    ),
-    "native in a table of its own": (
-        '{"camera": {"width_px": 640, "height_px": 480, "fx_px": 600, "fy_px": 601, "cx_px": 320, "cy_px": 240}}',
-        (),
-    ),
+    "none": (),
+    "four": FIVE[:4],
+    "four_and_0": (*FIVE[:4], 0),
+    "five": FIVE,
+    "eight": (*FIVE, 0, 0, 0),
+    "fisheye": FISHEYE,
 }
+"""Coefficients of the files in the folder of this name."""
+READ_FILES = sorted(path.relative_to(SAMPLES).as_posix() for path in SAMPLES.glob("*/*"))
 
 
-@pytest.mark.parametrize("name", READ)
-def test_the_same_camera_is_read_from_each_program_s_file(name):
-    text, coefficients = READ[name]
+@pytest.mark.parametrize("path", READ_FILES)
+def test_the_same_camera_is_read_from_each_program_s_file(path):
+    text, coefficients = sample(path), READ[path.partition("/")[0]]
     model = "kannala_brandt" if coefficients == FISHEYE else "brown_conrady" if any(coefficients) else "none"
     camera = parse_camera(text.encode(), "x")
     check(camera, PLAIN, model, coefficients)
@@ -607,7 +434,8 @@ def test_an_ideal_fish_eye_is_no_pinhole():
 
 
 def test_files_changed_at_random_are_read_or_refused_in_a_sentence():
-    rng, texts = np.random.default_rng(5), [text.encode() for text, _ in (*READ.values(), *REFUSED.values())]
+    rng = np.random.default_rng(5)
+    texts = [text.encode() for text in (*map(sample, READ_FILES), *(text for text, _ in REFUSED.values()))]
     for _ in range(600):
         text = texts[int(rng.integers(len(texts)))]
         try:

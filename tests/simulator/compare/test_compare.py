@@ -1,10 +1,7 @@
 """The comparison with pictures of others: its figures against known pictures, and our own pictures as the others."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,7 +9,7 @@ from typer.testing import CliRunner
 
 from flyaround.cli.app import app
 from flyaround.simulator.camera.lens.files import load_camera
-from flyaround.simulator.compare.comparison import Pair, compare_pictures
+from flyaround.simulator.compare.comparison import compare_pictures
 from flyaround.simulator.compare.image_statistics import (
     binary_edges,
     edge_threshold,
@@ -29,19 +26,14 @@ from flyaround.simulator.frame import take_frame
 from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.targets.library import load_target
 
-if TYPE_CHECKING:
-    from pathlib import Path
 
-    from flyaround.simulator.render.renderer import Renderer
-
-
-def test_the_gradient_of_a_plane_is_its_slope() -> None:
+def test_the_gradient_of_a_plane_is_its_slope():
     y, x = np.mgrid[0:60, 0:60]
     plane = (x + 2 * y).astype(np.uint8)
     assert np.allclose(sobel(plane)[2:-2, 2:-2], np.hypot(1, 2), atol=1e-4)
 
 
-def test_the_noise_of_a_noisy_plane_is_found_beside_an_edge() -> None:
+def test_the_noise_of_a_noisy_plane_is_found_beside_an_edge():
     rng = np.random.default_rng(3)
     scene = np.full((256, 256), 60.0)
     scene[:, 140:] = 180.0
@@ -49,14 +41,14 @@ def test_the_noise_of_a_noisy_plane_is_found_beside_an_edge() -> None:
     assert noise_dn(noisy) == pytest.approx(7.0, rel=0.05)
 
 
-def test_a_histogram_moved_by_ten_is_ten_away() -> None:
+def test_a_histogram_moved_by_ten_is_ten_away():
     image = np.random.default_rng(1).integers(20, 90, (64, 64)).astype(np.uint8)
     assert histogram_distance_dn(
         image_statistics(image).histogram, image_statistics(image + 10).histogram, 256.0
     ) == pytest.approx(10.0)
 
 
-def test_a_square_has_edges_where_its_sides_are() -> None:
+def test_a_square_has_edges_where_its_sides_are():
     image = np.zeros((100, 100), np.uint8)
     image[30:70, 30:70] = 200
     edges = binary_edges(image, edge_threshold(image))
@@ -68,7 +60,7 @@ def test_a_square_has_edges_where_its_sides_are() -> None:
 
 
 @pytest.fixture(scope="module")
-def compared(renderer: Renderer, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Pair], Path]:
+def compared(renderer, tmp_path_factory):
     """Two of our own pictures with their records, one before space and one before the Earth, as the others'."""
     folder, page = tmp_path_factory.mktemp("pictures"), tmp_path_factory.mktemp("page")
     for recipe in ("eval-black", "eval-earth"):
@@ -81,7 +73,7 @@ def compared(renderer: Renderer, tmp_path_factory: pytest.TempPathFactory) -> tu
     return pairs, page
 
 
-def test_our_own_pictures_are_like_ours(compared: tuple[list[Pair], Path]) -> None:
+def test_our_own_pictures_are_like_ours(compared):
     (black, earth), _ = compared
     assert [p.reference.path.name for p in (black, earth)] == ["eval-black.png", "eval-earth.png"]
     # the pose is the record's; light and sky are found
@@ -96,14 +88,14 @@ def test_our_own_pictures_are_like_ours(compared: tuple[list[Pair], Path]) -> No
     assert black.ours.noise_dn == pytest.approx(black.theirs.noise_dn, rel=0.1)
 
 
-def test_air_takes_edges_from_the_ground(compared: tuple[list[Pair], Path]) -> None:
+def test_air_takes_edges_from_the_ground(compared):
     (_, earth), _ = compared
     share = {name: edges.mean() for name, edges in earth.edges.items()}
     assert list(share) == ["100 km", "25 km", "none"]
     assert share["none"] > 1.5 * share["100 km"] > 0
 
 
-def test_the_page_shows_its_pictures(compared: tuple[list[Pair], Path]) -> None:
+def test_the_page_shows_its_pictures(compared):
     pairs, page = compared
     text = (page / "index.html").read_text()
     shown = sorted(p.name for p in (page / "pictures").iterdir())
@@ -115,7 +107,7 @@ def test_the_page_shows_its_pictures(compared: tuple[list[Pair], Path]) -> None:
     )
 
 
-def test_speed_labels_are_read_and_wrong_ones_refused(tmp_path: Path) -> None:
+def test_speed_labels_are_read_and_wrong_ones_refused(tmp_path):
     row = {"filename": "a.jpg", "q_vbs2tango": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0.1, 5]}
     good = tmp_path / "train.json"
     good.write_text(json.dumps([row]))
@@ -125,7 +117,7 @@ def test_speed_labels_are_read_and_wrong_ones_refused(tmp_path: Path) -> None:
         read_speed_labels(good)
 
 
-def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_pictures_is_refused(tmp_path):
     for place in (tmp_path, tmp_path / "nowhere"):
         result = CliRunner().invoke(app, ["compare", "--reference", str(place), "-o", str(tmp_path / "out")])
         assert isinstance(result.exception, UserError)

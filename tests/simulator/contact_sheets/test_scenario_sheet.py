@@ -1,7 +1,5 @@
 """Contact sheets: six frames of a flight in one picture, that show the target where the flight has it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from flyaround.simulator.scenario.load import load_scenario
 pytestmark = pytest.mark.gl
 
 
-def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path) -> None:
+def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path):
     scenario = load_scenario("tango-space-10m")
     write_contact_sheets([scenario], tmp_path, 240)
     sheet = read_png(tmp_path / "tango-space-10m.png")
@@ -24,7 +22,7 @@ def test_sheet_holds_six_frames_with_the_target_in_the_middle(tmp_path) -> None:
             assert tile[50:100, 95:145].mean() > 2 * tile[125:, :50].mean()
 
 
-def test_sheets_are_the_same_bytes_again() -> None:
+def test_sheets_are_the_same_bytes_again():
     scenario = load_scenario("tango-space-10m")
     with Renderer() as renderer:
         first, second = (contact_sheet(scenario, renderer, 120) for _ in range(2))

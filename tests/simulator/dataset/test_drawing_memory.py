@@ -1,7 +1,5 @@
 """What a drawing process keeps: once it has seen a flight, seeing it again and again costs no more memory."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,14 +1,11 @@
 """Captures that are killed at seeded moments and resumed: in the end every file is that of an undisturbed one."""
 
-from __future__ import annotations
-
 import json
 import random
 import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +15,7 @@ KILLS = 50
 CAMERA = {"width_px": 160, "height_px": 120, "fx_px": 150.0, "fy_px": 150.0, "cx_px": 79.5, "cy_px": 59.5}
 
 
-def capture(folder: Path, *more: str) -> subprocess.Popen[bytes]:
+def capture(folder, *more):
     camera = folder.parent / "camera.json"
     camera.write_text(json.dumps(CAMERA))
     command = ["capture", "eval-black", "-n", "24", "-o", str(folder), "--camera", str(camera)]
@@ -30,11 +27,11 @@ def capture(folder: Path, *more: str) -> subprocess.Popen[bytes]:
     )
 
 
-def files(folder: Path) -> dict[Path, bytes]:
+def files(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_resumed_data_set_is_an_undisturbed_one_in_every_file(tmp_path: Path) -> None:
+def test_a_resumed_data_set_is_an_undisturbed_one_in_every_file(tmp_path):
     whole = tmp_path / "whole"
     assert capture(whole).wait() == 0
     began = time.monotonic()

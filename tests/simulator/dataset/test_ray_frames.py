@@ -41,12 +41,6 @@ def test_an_address_that_does_not_answer_is_refused_in_one_sentence(tmp_path):
             capture(_plan(), tmp_path / "set", cluster=RayCluster(wrong))
 
 
-def test_without_ray_it_says_how_to_get_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "ray", None)
-    with pytest.raises(UserError, match=r"pip install 'flyaround\[ray\]'"):
-        capture(_plan(), tmp_path / "set", cluster=RayCluster("auto"))
-
-
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     folder = tmp_path_factory.mktemp("alone") / "set"

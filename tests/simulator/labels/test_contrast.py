@@ -1,7 +1,5 @@
 """What the picture decides in labels: contrast about a keypoint, steps across the wireframe. Pictures made by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -12,7 +12,7 @@ IDEAL = sensor_preset("ideal")
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-def test_a_picture_of_any_depth_is_as_bright_in_eight_bits(bits: int) -> None:
+def test_a_picture_of_any_depth_is_as_bright_in_eight_bits(bits):
     share = np.linspace(0, 1, 12)
     kind = np.uint8 if bits == 8 else np.uint16
     grey = np.rint(share * (2**bits - 1)).astype(kind).reshape(3, 4)

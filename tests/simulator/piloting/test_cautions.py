@@ -1,7 +1,5 @@
 """Cautions of the flight: told once, when they begin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import msgspec
@@ -13,11 +11,11 @@ from flyaround.simulator.world.guidance.keep_out import KeepOut
 from tests.harness.pilot import fly
 
 
-def told(session: FlightSession, seconds: float, *held: str) -> list[str]:
+def told(session, seconds, *held):
     return [text for _, text in fly(session, seconds, *held) if not text.startswith("the plume")]
 
 
-def test_a_keep_out_sphere_that_overrules_is_told_once() -> None:
+def test_a_keep_out_sphere_that_overrules_is_told_once():
     scenario = load_scenario("tango-flyaround")
     chaser = msgspec.structs.replace(scenario.chaser, keep_out=KeepOut(radius_m=7.0))
     session = FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
@@ -26,7 +24,7 @@ def test_a_keep_out_sphere_that_overrules_is_told_once() -> None:
     assert sum("keep-out sphere" in text for text in news) == 1
 
 
-def test_an_eclipse_is_told_as_it_begins_and_ends() -> None:
+def test_an_eclipse_is_told_as_it_begins_and_ends():
     session = FlightSession.of(load_scenario("tango-flyaround"))
     session.clock.set_rate(100.0)
     news = told(session, 60.0)
@@ -40,7 +38,7 @@ def test_an_eclipse_is_told_as_it_begins_and_ends() -> None:
     assert told(session, 5.0) == []
 
 
-def test_low_fuel_is_told_once() -> None:
+def test_low_fuel_is_told_once():
     session = FlightSession.of(load_scenario("tango-flyaround"))
     session.craft.take_over()
     told(session, 0.1)

@@ -1,7 +1,5 @@
 """Steering without a window: axes, pulses, attitude modes, brake, abort, plume, propellant, high rates, contact."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import msgspec
@@ -27,10 +25,10 @@ from tests.harness.pilot import TICK_S, fly, holding
 
 
 def session_at(
-    position: tuple[float, float, float] = (0.0, 30.0, 0.0),
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    keep_out: KeepOut | None = None,
-) -> FlightSession:
+    position=(0.0, 30.0, 0.0),
+    velocity=(0.0, 0.0, 0.0),
+    keep_out=None,
+):
     """Drifting beside a target at rest in LVLH."""
     scenario = msgspec.structs.replace(
         load_scenario("tango-flyaround"),
@@ -40,7 +38,7 @@ def session_at(
     return FlightSession.of(scenario)
 
 
-def velocity_lvlh(session: FlightSession) -> np.ndarray:
+def velocity_lvlh(session):
     return np.array(session.craft.world.velocity_lvlh_m_s)
 
 
@@ -55,9 +53,7 @@ def velocity_lvlh(session: FlightSession) -> np.ndarray:
         ("left", (0, 0, 1)),
     ],
 )
-def test_in_lvlh_axes_a_key_pushes_along_the_flight_whatever_the_camera_does(
-    key: str, direction: tuple[int, int, int]
-) -> None:
+def test_in_lvlh_axes_a_key_pushes_along_the_flight_whatever_the_camera_does(key, direction):
     session, coasting = session_at(), session_at()
     session.craft.steering.axes = "lvlh"
     coasting.craft.take_over()
@@ -67,7 +63,7 @@ def test_in_lvlh_axes_a_key_pushes_along_the_flight_whatever_the_camera_does(
     np.testing.assert_allclose(gained, ACCELERATION_M_S2 * np.array(direction, float), atol=2e-4)
 
 
-def test_a_press_gives_one_pulse_however_long_it_is_held() -> None:
+def test_a_press_gives_one_pulse_however_long_it_is_held():
     session, coasting = session_at(), session_at()
     session.craft.steering.thrust = "pulse"
     coasting.craft.take_over()
@@ -81,7 +77,7 @@ def test_a_press_gives_one_pulse_however_long_it_is_held() -> None:
     assert session.craft.steering.propellant.delta_v_m_s == pytest.approx(1.2 * PULSE_M_S, rel=1e-9)
 
 
-def test_a_pulse_of_turn_turns_by_its_angle() -> None:
+def test_a_pulse_of_turn_turns_by_its_angle():
     session = session_at()
     session.craft.set_attitude("hold")
     session.craft.steering.thrust = "pulse"
@@ -92,7 +88,7 @@ def test_a_pulse_of_turn_turns_by_its_angle() -> None:
     assert turned == pytest.approx(PULSE_RAD, rel=0.05)
 
 
-def test_rate_hold_keeps_the_rate_and_attitude_hold_the_attitude() -> None:
+def test_rate_hold_keeps_the_rate_and_attitude_hold_the_attitude():
     session = session_at()
     session.craft.set_attitude("rate")
     fly(session, 1.0, "roll-right")
@@ -109,13 +105,13 @@ def test_rate_hold_keeps_the_rate_and_attitude_hold_the_attitude() -> None:
     assert rotation_angle_rad(held, session.craft.chaser.q_camera_from_eci_wxyz) < 1e-9
 
 
-def test_attitude_hold_in_lvlh_axes_keeps_the_attitude_beside_the_target() -> None:
+def test_attitude_hold_in_lvlh_axes_keeps_the_attitude_beside_the_target():
     session = session_at()
     session.craft.set_attitude("hold")
     session.craft.steering.axes = "lvlh"
     fly(session, 2.0)
 
-    def attitude() -> np.ndarray:
+    def attitude():
         chaser = session.craft.chaser
         frame = session.flight.orbit.frame(chaser.t_s)
         return matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
@@ -128,7 +124,7 @@ def test_attitude_hold_in_lvlh_axes_keeps_the_attitude_beside_the_target() -> No
     assert np.degrees(angle) < 0.05
 
 
-def test_the_docking_attitude_is_taken_and_kept_beside_a_tumbling_target() -> None:
+def test_the_docking_attitude_is_taken_and_kept_beside_a_tumbling_target():
     session = FlightSession.of(load_scenario("tango-flyaround"))
     session.craft.set_attitude("dock")
     session.clock.set_rate(5.0)
@@ -138,7 +134,7 @@ def test_the_docking_attitude_is_taken_and_kept_beside_a_tumbling_target() -> No
     assert max(abs(f.roll_deg_s), abs(f.pitch_deg_s), abs(f.yaw_deg_s)) < 0.01
 
 
-def test_a_thrust_key_ends_what_flew_and_says_so() -> None:
+def test_a_thrust_key_ends_what_flew_and_says_so():
     session = session_at()
     session.craft.take_over()
     session.craft.steering.engage_autopilot()
@@ -148,7 +144,7 @@ def test_a_thrust_key_ends_what_flew_and_says_so() -> None:
     assert news == [("note", "autopilot has ended: you push")]
 
 
-def test_a_stick_pushes_in_shares_until_it_stops() -> None:
+def test_a_stick_pushes_in_shares_until_it_stops():
     session, coasting = session_at(), session_at()
     coasting.craft.take_over()
     session.step(PilotCommand(thrust=(0.0, 0.0, 0.5)), 1.0)
@@ -161,7 +157,7 @@ def test_a_stick_pushes_in_shares_until_it_stops() -> None:
 # --- what it costs
 
 
-def test_propellant_by_the_rocket_equation() -> None:
+def test_propellant_by_the_rocket_equation():
     spent = Propellant(Thrusters(mass_kg=100.0, specific_impulse_s=220.0))
     for _ in range(2000):
         spent = spent.after(np.array([0.0, 0.0, 0.05]), 1.0)
@@ -169,14 +165,14 @@ def test_propellant_by_the_rocket_equation() -> None:
     assert spent.mass_kg == pytest.approx(100.0 * np.exp(-100.0 / (220.0 * G0_M_S2)), rel=1e-5)
 
 
-def test_a_push_between_the_axes_burns_what_each_side_gives() -> None:
+def test_a_push_between_the_axes_burns_what_each_side_gives():
     along = Propellant(Thrusters()).after(np.array([0.05, 0.0, 0.0]), 1.0)
     between = Propellant(Thrusters()).after(np.array([0.05, 0.05, 0.0]) / np.sqrt(2), 1.0)
     assert between.delta_v_m_s == pytest.approx(along.delta_v_m_s)
     assert between.used_kg == pytest.approx(np.sqrt(2) * along.used_kg)
 
 
-def looking_at_target(away_m: float) -> ChaserState:
+def looking_at_target(away_m):
     return ChaserState(
         t_s=0.0,
         position_eci_m=(0.0, 0.0, -away_m),
@@ -185,7 +181,7 @@ def looking_at_target(away_m: float) -> ChaserState:
     )
 
 
-def test_braking_near_the_target_blows_at_it() -> None:
+def test_braking_near_the_target_blows_at_it():
     back, forward, side = (np.array(a) for a in ((0, 0, -0.05), (0, 0, 0.05), (0.05, 0, 0.0)))
     assert plume_strikes(looking_at_target(10.0), back, 1.0)
     assert not plume_strikes(looking_at_target(10.0), forward, 1.0)
@@ -195,7 +191,7 @@ def test_braking_near_the_target_blows_at_it() -> None:
     assert plume_strikes(looking_at_target(6.0), side, 5.9)
 
 
-def test_the_plume_is_told_once() -> None:
+def test_the_plume_is_told_once():
     session = session_at((0.0, 10.0, 0.0))
     news = fly(session, 1.0, "back")
     assert session.state.plume
@@ -207,7 +203,7 @@ def test_the_plume_is_told_once() -> None:
 # --- abort
 
 
-def test_an_abort_pushes_outward_in_the_very_next_step() -> None:
+def test_an_abort_pushes_outward_in_the_very_next_step():
     session = session_at((0.0, 10.0, 0.0), (0.0, -0.2, 0.0))
     session.craft.take_over()
     before = velocity_lvlh(session)[1]
@@ -217,7 +213,7 @@ def test_an_abort_pushes_outward_in_the_very_next_step() -> None:
     assert velocity_lvlh(session)[1] > before + 0.2 * TICK_S
 
 
-def test_an_abort_leaves_by_the_corridor_it_came_in_by() -> None:
+def test_an_abort_leaves_by_the_corridor_it_came_in_by():
     keep_out = KeepOut(radius_m=12.0, corridor_axis_lvlh=(0.0, 1.0, 0.0), corridor_half_angle_deg=15.0)
     session = session_at((0.4, 4.0, 0.3), (0.0, -0.15, 0.0), keep_out)
     session.craft.take_over()
@@ -232,7 +228,7 @@ def test_an_abort_leaves_by_the_corridor_it_came_in_by() -> None:
     assert news[-1] == ("note", "the abort is done: the chaser drifts")
 
 
-def test_an_abort_stops_a_hurried_clock() -> None:
+def test_an_abort_stops_a_hurried_clock():
     session = session_at()
     session.clock.set_rate(500.0)
     session.clock.toggle_pause()
@@ -244,7 +240,7 @@ def test_an_abort_stops_a_hurried_clock() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.1, 10.0, 1000.0])
-def test_free_flight_at_every_rate_is_the_worlds_own_propagation(rate: float) -> None:
+def test_free_flight_at_every_rate_is_the_worlds_own_propagation(rate):
     session = session_at((3.0, 400.0, 5.0), (0.01, -0.02, 0.005))
     session.craft.take_over()
     session.clock.set_rate(rate)
@@ -259,7 +255,7 @@ def test_free_flight_at_every_rate_is_the_worlds_own_propagation(rate: float) ->
     np.testing.assert_allclose(chaser.position_eci_m, p, atol=1e-3)
 
 
-def test_the_camera_keeps_the_target_at_a_thousand_times() -> None:
+def test_the_camera_keeps_the_target_at_a_thousand_times():
     session = session_at((0.0, 400.0, 50.0), (0.05, 0.0, 0.0))
     session.order(Centre())
     fly(session, 3.0)
@@ -271,7 +267,7 @@ def test_the_camera_keeps_the_target_at_a_thousand_times() -> None:
         assert np.degrees(np.arctan2(np.hypot(los[0], los[1]), los[2])) < 0.5
 
 
-def test_pushing_at_a_thousand_times_does_not_drown_the_window() -> None:
+def test_pushing_at_a_thousand_times_does_not_drown_the_window():
     session = session_at((0.0, 300.0, 0.0))
     session.craft.take_over()
     session.clock.set_rate(1000.0)
@@ -281,8 +277,8 @@ def test_pushing_at_a_thousand_times_does_not_drown_the_window() -> None:
     assert session.t_s == pytest.approx(0.5 * 200.0, rel=0.02)
 
 
-def test_a_flight_by_pulses_and_modes_does_not_depend_on_the_windows_rate() -> None:
-    def flown(tick: float) -> ChaserState:
+def test_a_flight_by_pulses_and_modes_does_not_depend_on_the_windows_rate():
+    def flown(tick):
         session = session_at((0.0, 12.0, 0.0))
         session.craft.take_over()
         session.clock.set_rate(50.0)
@@ -297,7 +293,7 @@ def test_a_flight_by_pulses_and_modes_does_not_depend_on_the_windows_rate() -> N
 # --- contact
 
 
-def driven_in(speed: float, right: float = 0.0) -> FlightSession:
+def driven_in(speed, right=0.0):
     session = session_at((0.0, 30.0, 0.0))
     session.craft.take_over()
     session.craft.set_attitude("dock")
@@ -314,7 +310,7 @@ def driven_in(speed: float, right: float = 0.0) -> FlightSession:
     return session
 
 
-def test_a_soft_touch_at_the_port_is_a_docking_and_holds() -> None:
+def test_a_soft_touch_at_the_port_is_a_docking_and_holds():
     session = driven_in(0.1)
     fly(session, 5.0)
     contact = session.craft.docking.contact
@@ -334,7 +330,7 @@ def test_a_soft_touch_at_the_port_is_a_docking_and_holds() -> None:
     assert len(session.craft.docking.contacts) == 1
 
 
-def test_a_hard_touch_is_judged_and_thrown_back() -> None:
+def test_a_hard_touch_is_judged_and_thrown_back():
     session = driven_in(0.6)
     news = fly(session, 2.0)
     contact = session.craft.docking.contact
@@ -345,7 +341,7 @@ def test_a_hard_touch_is_judged_and_thrown_back() -> None:
     assert news[-1][0] == "warning"
 
 
-def test_the_body_beside_the_port_is_no_port() -> None:
+def test_the_body_beside_the_port_is_no_port():
     session = driven_in(0.1, right=0.0)
     # through Tango's panel from the side: the docking point meets the hull, not the port's plane
     chaser = session.craft.steered

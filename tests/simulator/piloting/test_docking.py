@@ -1,7 +1,5 @@
 """Docking figures against a chaser put where they are known, limits, contact and its score, hold points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 
@@ -11,7 +9,6 @@ import pytest
 
 from flyaround.simulator.piloting.docking_figures import (
     IDSS,
-    PRESETS,
     PROBE_M,
     TWO_TENTHS,
     DockingFigures,
@@ -32,7 +29,7 @@ from flyaround.simulator.piloting.docking_watch import Docking
 from flyaround.simulator.piloting.hold_points import HoldPoints, not_ready
 from flyaround.simulator.runtime.arrays import quat, vec3
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.plan import Plan, plan_flight
+from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_from_matrix,
@@ -61,13 +58,11 @@ REST = DockingFigures(
 
 
 @lru_cache
-def plan_of(name: str) -> Plan:
+def plan_of(name):
     return plan_flight(load_scenario(name), n=1)
 
 
-def chaser_before(
-    plan: Plan, offset: tuple[float, float, float], rotvec_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> ChaserState:
+def chaser_before(plan, offset, rotvec_deg=(0.0, 0.0, 0.0)):
     """A docked chaser moved along the port's axes, at rest to the target, then turned about its docking point."""
     attitude = plan.flight.attitude(0.0)
     port = docking_port(plan.target, plan.flight)
@@ -88,7 +83,7 @@ def chaser_before(
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "iss-orbit-limb"])
-def test_figures_of_a_chaser_that_was_put_there(name: str) -> None:
+def test_figures_of_a_chaser_that_was_put_there(name):
     plan = plan_of(name)
     port = docking_port(plan.target, plan.flight)
     chaser = chaser_before(plan, (0.3, -0.2, -12.0), (0.0, 2.0, 0.0))
@@ -105,16 +100,14 @@ def test_figures_of_a_chaser_that_was_put_there(name: str) -> None:
     ("rotvec_deg", "roll", "pitch", "yaw"),
     [((3, 0, 0), 0, 3, 0), ((0, 4, 0), 0, 0, 4), ((0, 0, 5), 5, 0, 0), ((0, 0, -170), -170, 0, 0)],
 )
-def test_angles_are_clockwise_up_and_right(
-    rotvec_deg: tuple[float, float, float], roll: float, pitch: float, yaw: float
-) -> None:
+def test_angles_are_clockwise_up_and_right(rotvec_deg, roll, pitch, yaw):
     plan = plan_of("tango-flyaround")
     port = docking_port(plan.target, plan.flight)
     f = docking_figures(chaser_before(plan, (0, 0, -5), rotvec_deg), plan.flight.attitude(0.0), port)
     assert (f.roll_deg, f.pitch_deg, f.yaw_deg) == pytest.approx((roll, pitch, yaw), abs=1e-6)
 
 
-def test_rates_are_derivatives_of_the_figures() -> None:
+def test_rates_are_derivatives_of_the_figures():
     plan = plan_of("tango-flyaround")
     flight, port = plan.flight, docking_port(plan.target, plan.flight)
     h = 1e-3
@@ -130,7 +123,7 @@ def test_rates_are_derivatives_of_the_figures() -> None:
         assert getattr(now, rate) == pytest.approx(sign * slope, abs=1e-6)
 
 
-def test_a_model_with_a_port_is_docked_with_there() -> None:
+def test_a_model_with_a_port_is_docked_with_there():
     plan = plan_of("iss-orbit-limb")
     port = docking_port(plan.target, plan.flight)
     origin, axis = plan.target.frames["docking"]
@@ -140,7 +133,7 @@ def test_a_model_with_a_port_is_docked_with_there() -> None:
     np.testing.assert_allclose(tip, 0.414 * np.array(axis), atol=0.01)
 
 
-def test_without_a_port_the_axis_of_approach_leaves_the_body_there() -> None:
+def test_without_a_port_the_axis_of_approach_leaves_the_body_there():
     plan = plan_of("tango-vbar-closed-loop")
     port = docking_port(plan.target, plan.flight)
     axis = target_from_lvlh(plan.flight, 0.0) @ [0.0, 1.0, 0.0]
@@ -149,7 +142,7 @@ def test_without_a_port_the_axis_of_approach_leaves_the_body_there() -> None:
     assert 0.1 < np.linalg.norm(port.origin_m) < radius_m(plan.target)
 
 
-def test_the_axis_is_the_corridors_or_that_of_the_hold_point() -> None:
+def test_the_axis_is_the_corridors_or_that_of_the_hold_point():
     hold = Hold(position_lvlh_m=(0.0, 0.0, -4.0))
     assert approach_axis_lvlh(hold) == (0.0, 0.0, -1.0)
     guarded = msgspec.structs.replace(
@@ -162,7 +155,7 @@ def test_the_axis_is_the_corridors_or_that_of_the_hold_point() -> None:
     assert approach_axis_lvlh(plan_of("tango-flyaround").scenario.chaser) == (0.0, 1.0, 0.0)
 
 
-def test_a_docked_camera_has_the_earth_below_where_it_can() -> None:
+def test_a_docked_camera_has_the_earth_below_where_it_can():
     plan = plan_of("tango-flyaround")
     R = target_from_lvlh(plan.flight, 0.0)
     port = port_along(plan.target, R @ [0.0, 0.0, 1.0], R, plan.flight)
@@ -170,26 +163,26 @@ def test_a_docked_camera_has_the_earth_below_where_it_can() -> None:
     np.testing.assert_allclose(down, R @ [-1.0, 0.0, 0.0], atol=1e-12)
 
 
-def test_a_figure_is_within_near_or_outside_its_limit() -> None:
+def test_a_figure_is_within_near_or_outside_its_limit():
     f = replace(REST, axial_m=0.0, roll_deg=0.19, pitch_deg=-0.3, yaw_deg=0.5, closing_m_s=0.2)
     states = {row.name: row.state for row in judge(f, TWO_TENTHS)}
     assert (states["roll"], states["pitch"], states["yaw"]) == ("within", "near", "outside")
     assert states["closing"] == "within"
 
 
-def test_far_away_one_may_be_quicker_and_farther_off_the_axis() -> None:
+def test_far_away_one_may_be_quicker_and_farther_off_the_axis():
     f = replace(REST, axial_m=200.0, closing_m_s=0.9, right_m=3.5)
     assert {row.state for row in judge(f, TWO_TENTHS)} == {"within"}
     assert {r.name: r.state for r in judge(replace(f, axial_m=20.0), TWO_TENTHS)}["closing"] == "outside"
 
 
-def test_the_corridor_is_a_figure_until_the_port_itself() -> None:
+def test_the_corridor_is_a_figure_until_the_port_itself():
     off = replace(REST, right_m=3.0)
     assert judge(off, TWO_TENTHS, 10.0)[-1].state == "near"
     assert judge(replace(REST, axial_m=0.1, right_m=0.15), TWO_TENTHS, 10.0)[-1].state == "within"
 
 
-def test_a_perfect_touch_and_one_at_its_limits() -> None:
+def test_a_perfect_touch_and_one_at_its_limits():
     good = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.05), TWO_TENTHS, at_port=True)
     assert good.docked
     assert good.score == 99
@@ -199,7 +192,7 @@ def test_a_perfect_touch_and_one_at_its_limits() -> None:
     assert poor.score == 50
 
 
-def test_a_touch_out_of_limits_says_what_was_wrong() -> None:
+def test_a_touch_out_of_limits_says_what_was_wrong():
     bad = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.5, yaw_deg=-1.0), TWO_TENTHS, at_port=True)
     assert not bad.docked
     assert bad.misses == ("closing 0.5 m/s (limit 0.2)", "yaw 1 deg (limit 0.2)")
@@ -208,7 +201,7 @@ def test_a_touch_out_of_limits_says_what_was_wrong() -> None:
     assert (beside.score, beside.docked) == (0, False)
 
 
-def test_a_standard_that_needs_a_closing_speed_refuses_a_slower_touch() -> None:
+def test_a_standard_that_needs_a_closing_speed_refuses_a_slower_touch():
     slow = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.02), IDSS, at_port=True)
     assert slow.misses == ("closing 0.02 m/s (at least 0.05)",)
     assert judge_contact(
@@ -216,7 +209,7 @@ def test_a_standard_that_needs_a_closing_speed_refuses_a_slower_touch() -> None:
     ).docked
 
 
-def test_contact_is_where_the_plane_of_the_port_is_crossed() -> None:
+def test_contact_is_where_the_plane_of_the_port_is_crossed():
     out, inside = replace(REST, axial_m=0.01), replace(REST, axial_m=-0.01)
     assert touches_port(out, inside)
     assert not touches_port(inside, out)
@@ -224,7 +217,7 @@ def test_contact_is_where_the_plane_of_the_port_is_crossed() -> None:
     assert not touches_port(inside, inside)
 
 
-def test_hold_points_wait_for_a_go() -> None:
+def test_hold_points_wait_for_a_go():
     points = HoldPoints(60.0)
     assert [p.axial_m for p in points.points] == [50.0, 20.0, 10.0, 5.0]
     at = replace(REST, axial_m=50.5)
@@ -238,7 +231,7 @@ def test_hold_points_wait_for_a_go() -> None:
     assert points.next.axial_m == 20.0
 
 
-def test_a_point_that_was_flown_past_is_passed() -> None:
+def test_a_point_that_was_flown_past_is_passed():
     points = HoldPoints(25.0)
     assert points.watch(replace(REST, axial_m=19.5)) is None
     passed = points.watch(replace(REST, axial_m=15.0))
@@ -254,7 +247,7 @@ def test_a_point_that_was_flown_past_is_passed() -> None:
     assert len([p for p in points.points if p.decision == "open"]) == 3
 
 
-def test_a_point_is_passed_on_the_axis_alone() -> None:
+def test_a_point_is_passed_on_the_axis_alone():
     points = HoldPoints(60.0)
     off_axis = replace(REST, axial_m=1.7, right_m=17.0)
     assert points.watch(off_axis) is None
@@ -270,12 +263,7 @@ def test_a_point_is_passed_on_the_axis_alone() -> None:
     assert [p.axial_m for p in points.points] == [5.0]
 
 
-def test_presets_say_whose_they_are() -> None:
-    assert set(PRESETS) == {"two-tenths", "idss"}
-    assert all(p.source and p.title for p in PRESETS.values())
-
-
-def test_the_display_draws_the_port_where_the_camera_sees_it() -> None:
+def test_the_display_draws_the_port_where_the_camera_sees_it():
     plan = plan_of("iss-orbit-limb")
     flight, port = plan.flight, docking_port(plan.target, plan.flight)
     f = docking_figures(flight.chaser(30.0), flight.attitude(30.0), port)
@@ -287,16 +275,14 @@ def test_the_display_draws_the_port_where_the_camera_sees_it() -> None:
     np.testing.assert_allclose(f.in_camera_m(rim), scene.camera_from_target.apply(in_target), atol=1e-6)
 
 
-def test_where_the_docking_point_is_aimed_at() -> None:
+def test_where_the_docking_point_is_aimed_at():
     assert replace(REST, closing_m_s=-0.1).aimed_at_m is None
     moving = replace(REST, closing_m_s=0.5, right_m=0.3, right_m_s=-0.01, down_m_s=0.02)
     assert moving.aimed_at_m == pytest.approx((0.1, 0.4))
 
 
 @pytest.mark.parametrize(("closing_m_s", "away_m_s"), [(0.5, 0.15), (1.2, 0.36), (0.02, 0.01)])
-def test_a_touch_that_is_no_docking_sends_a_share_of_the_closing_speed_back(
-    closing_m_s: float, away_m_s: float
-) -> None:
+def test_a_touch_that_is_no_docking_sends_a_share_of_the_closing_speed_back(closing_m_s, away_m_s):
     """Three tenths of it, and a centimetre a second at least; what goes along the surface goes on."""
     plan = plan_of("tango-flyaround")
     watch = Docking(plan.target, plan.flight, None)

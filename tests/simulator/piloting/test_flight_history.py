@@ -1,10 +1,7 @@
 """The timeline of a flight: any place of it again, playing, flying on from there, the future that was left."""
 
-from __future__ import annotations
-
 import pickle
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,11 +17,11 @@ from tests.harness.pilot import TICK_S, fly
 
 
 @pytest.fixture
-def session() -> FlightSession:
+def session():
     return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def chaser(t_s: float) -> ChaserState:
+def chaser(t_s):
     return ChaserState(
         t_s=t_s,
         position_eci_m=(10.0 + t_s, np.sin(t_s), 3.0),
@@ -33,7 +30,7 @@ def chaser(t_s: float) -> ChaserState:
     )
 
 
-def test_an_hour_takes_a_few_megabytes_and_any_place_of_it_a_moment() -> None:
+def test_an_hour_takes_a_few_megabytes_and_any_place_of_it_a_moment():
     timeline = Timeline()
     # controls that change at every sample, as while a turn key is held
     for k in range(36_001):
@@ -50,7 +47,7 @@ def test_an_hour_takes_a_few_megabytes_and_any_place_of_it_a_moment() -> None:
     assert np.median(took) < 0.01
 
 
-def test_a_place_is_what_was_flown_to_the_last_bit(session: FlightSession) -> None:
+def test_a_place_is_what_was_flown_to_the_last_bit(session):
     fly(session, 1.0)
     fly(session, 1.0, "forward", "yaw-left")
     was = session.t_s, session.craft.steered, pickle.dumps(session.craft.controls()), session.scene()
@@ -68,7 +65,7 @@ def test_a_place_is_what_was_flown_to_the_last_bit(session: FlightSession) -> No
     assert session.scene().t_s == pytest.approx(0.5)
 
 
-def test_playing_shows_what_was_flown_and_stops_at_its_end(session: FlightSession) -> None:
+def test_playing_shows_what_was_flown_and_stops_at_its_end(session):
     fly(session, 1.0, "forward")
     fly(session, 1.0)
     end = session.scene()
@@ -90,7 +87,7 @@ def test_playing_shows_what_was_flown_and_stops_at_its_end(session: FlightSessio
     assert session.scene() == end
 
 
-def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session: FlightSession) -> None:
+def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session):
     fly(session, 1.0, "forward")
     fly(session, 2.0)
     end = session.scene()
@@ -110,7 +107,7 @@ def test_steering_flies_on_from_the_place_and_the_old_future_comes_back(session:
     assert session.scene() == other
 
 
-def test_a_command_that_changes_who_flies_takes_the_flight_up(session: FlightSession) -> None:
+def test_a_command_that_changes_who_flies_takes_the_flight_up(session):
     fly(session, 2.0)
     session.look_back.seek(1.0)
     session.order(Stop())
@@ -120,7 +117,7 @@ def test_a_command_that_changes_who_flies_takes_the_flight_up(session: FlightSes
     assert session.t_s == pytest.approx(1.5)
 
 
-def test_flying_on_without_a_key_flies_the_same_again(session: FlightSession) -> None:
+def test_flying_on_without_a_key_flies_the_same_again(session):
     fly(session, 1.0, "forward", "yaw-left")
     fly(session, 2.0)
     end = session.scene()
@@ -130,7 +127,7 @@ def test_flying_on_without_a_key_flies_the_same_again(session: FlightSession) ->
     assert session.scene() == end
 
 
-def test_a_restart_is_a_future_that_was_left(session: FlightSession) -> None:
+def test_a_restart_is_a_future_that_was_left(session):
     fly(session, 1.0, "forward")
     end = session.scene()
     session.restart()
@@ -141,7 +138,7 @@ def test_a_restart_is_a_future_that_was_left(session: FlightSession) -> None:
     assert session.scene() == end
 
 
-def test_the_recording_follows(tmp_path: Path) -> None:
+def test_the_recording_follows(tmp_path):
     recorder = FlightRecorder()
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     recorder.keep_in(tmp_path, session.plan.scenario)
@@ -156,7 +153,7 @@ def test_the_recording_follows(tmp_path: Path) -> None:
     assert recorder.close() is not None
 
 
-def test_nothing_to_look_back_at_and_no_future_left(session: FlightSession) -> None:
+def test_nothing_to_look_back_at_and_no_future_left(session):
     with pytest.raises(UserError, match="nothing was flown yet"):
         session.look_back.seek(0.0)
     fly(session, 1.0)
@@ -164,7 +161,7 @@ def test_nothing_to_look_back_at_and_no_future_left(session: FlightSession) -> N
         session.look_back.swap_future()
 
 
-def test_a_very_long_flight_is_kept_at_half_the_density(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_very_long_flight_is_kept_at_half_the_density(monkeypatch):
     monkeypatch.setattr("flyaround.simulator.piloting.flight_history.MAX_SAMPLES", 100)
     timeline = Timeline()
     t_s = 0.0
@@ -181,7 +178,7 @@ def test_a_very_long_flight_is_kept_at_half_the_density(monkeypatch: pytest.Monk
         assert place.controls == int(place.t_s)
 
 
-def test_bookmarks_are_in_order_and_bounded() -> None:
+def test_bookmarks_are_in_order_and_bounded():
     timeline = Timeline()
     for t_s in (3.0, 1.0, 2.0):
         timeline.bookmark(t_s, f"at {t_s}")

@@ -1,14 +1,11 @@
 """Guidance modes from where the chaser is, planned burns and jumps, each against the world's own propagation."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest
 
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.piloting.clock import JUMP_RATE
-from flyaround.simulator.piloting.guidance_modes import Guided
 from flyaround.simulator.piloting.guidance_orders import (
     ApproachVbar,
     Circumnavigate,
@@ -16,7 +13,6 @@ from flyaround.simulator.piloting.guidance_orders import (
     FlyGlideslope,
     FlySafeEllipse,
     FlyTo,
-    GuidanceOrder,
     KeepRange,
     KeepStation,
 )
@@ -31,7 +27,7 @@ from flyaround.simulator.world.guidance.free_flight import FreeDrift
 TICK_S = 0.05
 
 
-def session_at(position: tuple[float, float, float]) -> FlightSession:
+def session_at(position):
     scenario = msgspec.structs.replace(
         load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=position)
     )
@@ -40,14 +36,14 @@ def session_at(position: tuple[float, float, float]) -> FlightSession:
     return session
 
 
-def begin(session: FlightSession, order: GuidanceOrder) -> Guided:
+def begin(session, order):
     session.order(order)
     guided = session.craft.steering.guided
     assert guided is not None
     return guided
 
 
-def fly_to(session: FlightSession, t_s: float, rate: float = 50.0) -> None:
+def fly_to(session, t_s, rate=50.0):
     session.clock.set_rate(rate)
     while session.t_s < t_s - 1e-6:
         session.step(PilotCommand(), TICK_S)
@@ -61,7 +57,7 @@ def fly_to(session: FlightSession, t_s: float, rate: float = 50.0) -> None:
         (FlyGlideslope(8.0), tuple(8.0 * np.array([2.0, 15.0, -1.0]) / 230**0.5)),
     ],
 )
-def test_a_path_is_flown_to_its_end(order: GuidanceOrder, end: tuple[float, float, float]) -> None:
+def test_a_path_is_flown_to_its_end(order, end):
     session = session_at((2.0, 15.0, -1.0))
     begin(session, order)
     fly_to(session, 450.0, 100.0)
@@ -70,7 +66,7 @@ def test_a_path_is_flown_to_its_end(order: GuidanceOrder, end: tuple[float, floa
     assert np.linalg.norm(v) < 2e-3
 
 
-def test_a_fly_around_goes_through_where_the_chaser_is() -> None:
+def test_a_fly_around_goes_through_where_the_chaser_is():
     session = session_at((2.0, 15.0, -3.0))
     start = session.craft.state_lvlh()
     order = FlyAround(period_s=400.0)
@@ -81,7 +77,7 @@ def test_a_fly_around_goes_through_where_the_chaser_is() -> None:
     np.testing.assert_allclose(session.craft.state_lvlh()[0], start[0], atol=0.3)
 
 
-def test_a_natural_circumnavigation_needs_no_thrust_once_it_is_begun() -> None:
+def test_a_natural_circumnavigation_needs_no_thrust_once_it_is_begun():
     session = session_at((5.0, 12.0, 0.0))
     guided = begin(session, Circumnavigate())
     start = session.craft.state_lvlh()[0]
@@ -100,7 +96,7 @@ def test_a_natural_circumnavigation_needs_no_thrust_once_it_is_begun() -> None:
     assert min(turned) > 6.0
 
 
-def test_a_safe_ellipse_keeps_clear_of_the_velocity_axis() -> None:
+def test_a_safe_ellipse_keeps_clear_of_the_velocity_axis():
     session = session_at((5.0, 12.0, 0.0))
     guided = begin(session, FlySafeEllipse())
     fly_to(session, guided.coasts_from_s + 1.0)
@@ -112,7 +108,7 @@ def test_a_safe_ellipse_keeps_clear_of_the_velocity_axis() -> None:
     assert min(clear) > 0.9 * np.hypot(5.0, 6.0)
 
 
-def test_range_keeping_turns_back() -> None:
+def test_range_keeping_turns_back():
     session = session_at((0.0, 15.0, 0.0))
     begin(session, KeepRange(10.0, 20.0))
     ranges = []
@@ -135,7 +131,7 @@ def test_range_keeping_turns_back() -> None:
         KeepRange(15.0, 16.0),
     ],
 )
-def test_what_leads_into_the_target_or_nowhere_is_refused(order: GuidanceOrder) -> None:
+def test_what_leads_into_the_target_or_nowhere_is_refused(order):
     state = session_at((2.0, 15.0, -1.0)).craft.state_lvlh()
     with pytest.raises(UserError):
         order.mode(state, 2.0)
@@ -144,7 +140,7 @@ def test_what_leads_into_the_target_or_nowhere_is_refused(order: GuidanceOrder) 
 # --- planned burns
 
 
-def test_a_planned_burn_is_flown_on_time_and_to_where_it_was_foretold() -> None:
+def test_a_planned_burn_is_flown_on_time_and_to_where_it_was_foretold():
     session = session_at((0.0, 50.0, 0.0))
     steering = session.craft.steering
     steering.burns = steering.burns.with_burn(burn_of(100.0, 0.02, -0.05, 0.01), 0.0)
@@ -163,7 +159,7 @@ def test_a_planned_burn_is_flown_on_time_and_to_where_it_was_foretold() -> None:
     np.testing.assert_allclose(session.craft.state_lvlh()[0], late, atol=0.2)
 
 
-def test_burns_that_cannot_be_flown_are_refused() -> None:
+def test_burns_that_cannot_be_flown_are_refused():
     plan = BurnPlan().with_burn(burn_of(100.0, 0.0, 1.0, 0.0), 0.0)
     assert plan.burns[0].duration_s == pytest.approx(1.0 / BURN_M_S2)
     for wrong in (
@@ -189,7 +185,7 @@ def test_burns_that_cannot_be_flown_are_refused() -> None:
 # --- jumps
 
 
-def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
+def test_events_of_the_sky_are_where_the_worlds_own_figures_change():
     session = FlightSession.of(load_scenario("tango-eclipse-pass"))
     flight = session.flight
     flight = longer_flight(session.plan, flight, (search_s(flight) + 10.0,), guided=True)
@@ -206,7 +202,7 @@ def test_events_of_the_sky_are_where_the_worlds_own_figures_change() -> None:
     assert abs(sun_height(flight, line)) < 1e-4
 
 
-def test_a_jump_ends_at_its_moment_at_1x_and_goes_on() -> None:
+def test_a_jump_ends_at_its_moment_at_1x_and_goes_on():
     session = session_at((0.0, 100.0, 0.0))
     session.clock.set_rate(5.0)
     when = session.jump_to_event("terminator")
@@ -222,7 +218,7 @@ def test_a_jump_ends_at_its_moment_at_1x_and_goes_on() -> None:
     assert session.clock.rate == 2.0
 
 
-def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it() -> None:
+def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it():
     session = FlightSession.of(load_scenario("tango-vbar-approach"))
     whole = longer_flight(session.plan, session.flight, (1900.0,), guided=True)
     session.craft.take_over()
@@ -241,7 +237,7 @@ def test_a_steered_flight_goes_on_without_its_guidance_and_comes_back_to_it() ->
     )
 
 
-def test_an_orbit_without_eclipse_says_so() -> None:
+def test_an_orbit_without_eclipse_says_so():
     session = FlightSession.of(load_scenario("tango-night"))
     scenario = msgspec.structs.replace(session.plan.scenario, epoch_utc="2026-06-21T00:00:00Z")
     orbit = msgspec.structs.replace(scenario.orbit, raan_deg=180.0, inclination_deg=98.2, altitude_km=1400.0)
@@ -254,7 +250,7 @@ def test_an_orbit_without_eclipse_says_so() -> None:
         assert session.flight.state(when + 0.5).sun_visible_fraction < 1.0
 
 
-def test_a_hold_point_is_jumped_to_by_the_autopilot_alone() -> None:
+def test_a_hold_point_is_jumped_to_by_the_autopilot_alone():
     session = session_at((0.0, 30.0, 0.0))
     with pytest.raises(UserError, match="engage the autopilot"):
         session.jump_to_hold_point()

@@ -1,7 +1,5 @@
 """The operator's session without a window: clock, rates, steering, restart, what is asked to be drawn."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -35,22 +33,22 @@ from tests.harness.turned_clock import TurnedClock
 
 
 @pytest.fixture
-def session() -> FlightSession:
+def session():
     return FlightSession.of(load_scenario("tango-flyaround"))
 
 
-def off_boresight_deg(session: FlightSession) -> float:
+def off_boresight_deg(session):
     world = session.craft.world
     x, y, z = -matrix_from_quat(world.q_camera_from_eci_wxyz) @ np.array(world.relative_eci_m)
     return float(np.degrees(np.arctan2(np.hypot(x, y), z)))
 
 
-def camera_velocity(session: FlightSession) -> np.ndarray:
+def camera_velocity(session):
     chaser = session.craft.chaser
     return matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.velocity_eci_m_s)
 
 
-def test_pause_freezes_time_and_the_picture(session: FlightSession) -> None:
+def test_pause_freezes_time_and_the_picture(session):
     fly(session, 1.0)
     session.clock.toggle_pause()
     before = session.scene()
@@ -62,13 +60,13 @@ def test_pause_freezes_time_and_the_picture(session: FlightSession) -> None:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_simulated_time_runs_at_the_rate(session: FlightSession, rate: float) -> None:
+def test_simulated_time_runs_at_the_rate(session, rate):
     session.clock.set_rate(rate)
     fly(session, 2.0)
     assert session.t_s == pytest.approx(2.0 * rate, abs=1.01 * STEP_S * rate)
 
 
-def test_faster_and_slower_stop_at_the_ends(session: FlightSession) -> None:
+def test_faster_and_slower_stop_at_the_ends(session):
     for _ in range(20):
         session.clock.shift_rate(1)
     assert session.clock.rate == RATES[-1]
@@ -77,12 +75,12 @@ def test_faster_and_slower_stop_at_the_ends(session: FlightSession) -> None:
     assert session.clock.rate == RATES[0]
 
 
-def test_a_rate_that_is_not_offered_is_refused(session: FlightSession) -> None:
+def test_a_rate_that_is_not_offered_is_refused(session):
     with pytest.raises(ValueError, match="not one of"):
         session.clock.set_rate(3.0)
 
 
-def test_one_frame_advances_once_and_stays_paused(session: FlightSession) -> None:
+def test_one_frame_advances_once_and_stays_paused(session):
     session.step_frame()
     assert session.clock.paused
     assert session.t_s == pytest.approx(FRAME_STEP_S)
@@ -90,14 +88,14 @@ def test_one_frame_advances_once_and_stays_paused(session: FlightSession) -> Non
     assert session.t_s == pytest.approx(FRAME_STEP_S)
 
 
-def test_guidance_is_the_scenarios_own_flight(session: FlightSession) -> None:
+def test_guidance_is_the_scenarios_own_flight(session):
     fly(session, 3.0)
     expected = session.plan.flight.state(session.t_s)
     assert session.craft.mode == "guidance"
     assert session.craft.world == expected
 
 
-def test_the_first_key_takes_over_without_a_jump(session: FlightSession) -> None:
+def test_the_first_key_takes_over_without_a_jump(session):
     fly(session, 2.0)
     before = session.craft.chaser
     session.clock.toggle_pause()
@@ -107,7 +105,7 @@ def test_the_first_key_takes_over_without_a_jump(session: FlightSession) -> None
 
 
 @pytest.mark.parametrize("action", list(THRUST))
-def test_a_thrust_key_accelerates_along_its_camera_axis(session: FlightSession, action: str) -> None:
+def test_a_thrust_key_accelerates_along_its_camera_axis(session, action):
     coasting = FlightSession.of(session.plan.scenario)
     for one in (session, coasting):
         one.craft.take_over()
@@ -122,7 +120,7 @@ def test_a_thrust_key_accelerates_along_its_camera_axis(session: FlightSession, 
 
 
 @pytest.mark.parametrize("action", list(TURN))
-def test_a_turn_key_turns_the_camera_about_its_axis(session: FlightSession, action: str) -> None:
+def test_a_turn_key_turns_the_camera_about_its_axis(session, action):
     session.craft.take_over()
     session.craft.set_attitude("hold")
     assert not session.craft.tracking
@@ -140,9 +138,7 @@ def test_a_turn_key_turns_the_camera_about_its_axis(session: FlightSession, acti
         ("pitch-down", 1, -1),
     ],
 )
-def test_the_target_moves_the_other_way_in_the_picture(
-    session: FlightSession, action: str, axis: int, sign: int
-) -> None:
+def test_the_target_moves_the_other_way_in_the_picture(session, action, axis, sign):
     before = np.array(session.scene().t_camera_from_target_m)
     fly(session, 1.5, action)
     moved = np.array(session.scene().t_camera_from_target_m) - before
@@ -153,7 +149,7 @@ def test_the_target_moves_the_other_way_in_the_picture(
     assert abs(moved[1 - axis]) < 0.1
 
 
-def test_coarse_key_is_five_times_as_strong(session: FlightSession) -> None:
+def test_coarse_key_is_five_times_as_strong(session):
     other = FlightSession.of(session.plan.scenario)
     for one in (session, other):
         one.craft.take_over()
@@ -167,7 +163,7 @@ def test_coarse_key_is_five_times_as_strong(session: FlightSession) -> None:
     assert ratio == pytest.approx(COARSE_GAIN, rel=0.05)
 
 
-def test_stop_brings_the_chaser_to_rest_in_lvlh(session: FlightSession) -> None:
+def test_stop_brings_the_chaser_to_rest_in_lvlh(session):
     speed = np.linalg.norm(session.craft.world.velocity_lvlh_m_s)
     session.order(Stop())
     fly(session, float(speed) / BRAKE_M_S2 + 1.0)
@@ -175,13 +171,13 @@ def test_stop_brings_the_chaser_to_rest_in_lvlh(session: FlightSession) -> None:
     assert np.linalg.norm(session.craft.world.velocity_lvlh_m_s) < 3e-4
 
 
-def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session: FlightSession) -> None:
+def test_tracking_keeps_the_target_in_the_middle_while_thrusting(session):
     fly(session, 4.0, "right")
     assert session.craft.tracking
     assert off_boresight_deg(session) < 0.1
 
 
-def test_tracking_brings_a_lost_target_back(session: FlightSession) -> None:
+def test_tracking_brings_a_lost_target_back(session):
     fly(session, 2.0, "yaw-right")
     assert off_boresight_deg(session) > 2.0
     session.order(Centre())
@@ -189,7 +185,7 @@ def test_tracking_brings_a_lost_target_back(session: FlightSession) -> None:
     assert off_boresight_deg(session) < 0.1
 
 
-def test_the_rate_changes_no_faster_than_the_slew(session: FlightSession) -> None:
+def test_the_rate_changes_no_faster_than_the_slew(session):
     session.craft.take_over()
     session.craft.set_attitude("hold")
     before = np.array(session.craft.chaser.omega_camera_rad_s)
@@ -198,7 +194,7 @@ def test_the_rate_changes_no_faster_than_the_slew(session: FlightSession) -> Non
     assert change == pytest.approx(SLEW_RAD_S2 * STEP_S, rel=1e-6)
 
 
-def test_restart_gives_the_first_picture_again(session: FlightSession) -> None:
+def test_restart_gives_the_first_picture_again(session):
     first = session.scene()
     fly(session, 2.0, "forward", "roll-left")
     session.restart()
@@ -207,14 +203,14 @@ def test_restart_gives_the_first_picture_again(session: FlightSession) -> None:
     assert len(session.look_back.trail.points) == 1
 
 
-def test_reset_puts_the_chaser_back_and_keeps_steering(session: FlightSession) -> None:
+def test_reset_puts_the_chaser_back_and_keeps_steering(session):
     fly(session, 3.0, "back")
     session.order(FollowGuidance(steered=True))
     assert session.craft.mode == "steer"
     assert session.craft.world == session.flight.state(session.t_s)
 
 
-def test_the_flight_goes_on_past_the_scenarios_end(session: FlightSession) -> None:
+def test_the_flight_goes_on_past_the_scenarios_end(session):
     down = session.flight.pointing
     session.clock.set_rate(100.0)
     early = session.craft.world.r_target_eci_m
@@ -225,7 +221,7 @@ def test_the_flight_goes_on_past_the_scenarios_end(session: FlightSession) -> No
     np.testing.assert_allclose(session.craft.world.r_target_eci_m, early, atol=1e-6)
 
 
-def guarded_session(radius_m: float) -> FlightSession:
+def guarded_session(radius_m):
     scenario = load_scenario("tango-flyaround")
     thrusters = Thrusters()
     chaser = msgspec.structs.replace(
@@ -234,7 +230,7 @@ def guarded_session(radius_m: float) -> FlightSession:
     return FlightSession.of(msgspec.structs.replace(scenario, chaser=chaser))
 
 
-def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
+def test_keep_out_sphere_stops_an_operator_who_pushes_on():
     session = guarded_session(7.0)
     session.order(Centre())
     ranges, guarded = [], False
@@ -250,7 +246,7 @@ def test_keep_out_sphere_stops_an_operator_who_pushes_on() -> None:
     assert free.craft.world.range_m < 7.0
 
 
-def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
+def test_a_flight_is_on_disk_while_it_is_flown(tmp_path):
     clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
@@ -275,7 +271,7 @@ def test_a_flight_is_on_disk_while_it_is_flown(tmp_path: Path) -> None:
     assert load_scenario(tmp_path / "flown" / "replay.toml").duration_s == recorder.end_s
 
 
-def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
+def test_a_restart_begins_another_recording(tmp_path):
     clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
@@ -290,13 +286,13 @@ def test_a_restart_begins_another_recording(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_recording_is_not_written_over(tmp_path: Path) -> None:
+def test_a_recording_is_not_written_over(tmp_path):
     (tmp_path / "flight.npz").write_bytes(b"an earlier one")
     with pytest.raises(UserError, match="is not empty; name a new one with --record"):
         FlightRecorder().keep_in(tmp_path, load_scenario("tango-flyaround"))
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> None:
+def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path):
     full = Path("/dev/full")
     if not full.exists():
         pytest.skip("no /dev/full")
@@ -315,7 +311,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_flight(tmp_path: Path) -> No
     assert load_scenario(replay).duration_s == recorder.end_s
 
 
-def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path: Path) -> None:
+def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_path):
     clock = TurnedClock()
     recorder = FlightRecorder(clock)
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
@@ -329,7 +325,7 @@ def test_a_recording_whose_folder_is_gone_is_told_and_made_again_at_the_end(tmp_
     assert load_scenario(replay).duration_s == recorder.end_s
 
 
-def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path: Path) -> None:
+def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path):
     with small_disk(tmp_path / "disk", 40) as disk:
         recorder = FlightRecorder()
         session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
@@ -345,7 +341,7 @@ def test_a_disk_that_stays_full_leaves_no_half_flight(tmp_path: Path) -> None:
         assert Recording.read(disk / "flown" / "flight.csv").duration_s > 0.5
 
 
-def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
+def test_lines_that_are_no_flight_are_refused(tmp_path):
     path = tmp_path / "flight.csv"
     for text in ("", "t_s,x\n0.0,1.0\n", csv_header() + "0.0,1.0\n", csv_header()):
         path.write_text(text)
@@ -353,7 +349,7 @@ def test_lines_that_are_no_flight_are_refused(tmp_path: Path) -> None:
             Recording.read(path)
 
 
-def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path: Path) -> None:
+def test_a_steered_flight_is_replayed_bit_for_bit(tmp_path):
     recorder = FlightRecorder()
     session = FlightSession.of(load_scenario("tango-flyaround"), recorder=recorder)
     fly(session, 1.0)

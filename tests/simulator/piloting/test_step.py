@@ -1,13 +1,11 @@
 """Flights by `FlightSession.step` alone: an approach in closed loop, and a recorded flight that replays to the bit."""
 
-from __future__ import annotations
-
-import subprocess
 import sys
 
 import msgspec
 import numpy as np
 import pytest
+from programs import completed
 
 import flyaround as fa
 from flyaround.simulator.errors import UserError
@@ -23,7 +21,6 @@ from flyaround.simulator.piloting.orders import (
     Stop,
 )
 from flyaround.simulator.piloting.planned_burns import burn_of
-from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.world.guidance.free_flight import FreeDrift
 
 START_LVLH_M, GOAL_LVLH_M = (2.0, 30.0, -1.0), np.array([0.0, 15.0, 0.0])
@@ -32,13 +29,13 @@ GAIN_1_S2, DAMPING_1_S, WHOLE_M_S2 = 0.002, 0.08, 0.05
 TICK_S, END_S = 0.5, 200.0
 
 
-def beside() -> Scenario:
+def beside():
     return msgspec.structs.replace(
         fa.load_scenario("tango-flyaround"), chaser=FreeDrift(position_lvlh_m=START_LVLH_M)
     )
 
 
-def approach_command(state: fa.FlightState) -> fa.PilotCommand:
+def approach_command(state):
     """Proportional and derivative control along LVLH axes: up, along the flight, and to the left of it."""
     p, v = np.array(state.world.position_lvlh_m), np.array(state.world.velocity_lvlh_m_s)
     radial, along, cross = np.clip((GAIN_1_S2 * (GOAL_LVLH_M - p) - DAMPING_1_S * v) / WHOLE_M_S2, -1.0, 1.0)
@@ -46,7 +43,7 @@ def approach_command(state: fa.FlightState) -> fa.PilotCommand:
 
 
 @pytest.fixture(scope="module")
-def approach() -> tuple[list[fa.FlightState], list[fa.PilotCommand]]:
+def approach():
     session = fa.FlightSession.of(beside())
     commands = [fa.PilotCommand(orders=(Control(axes="lvlh", attitude="target"),))]
     states = [session.step(commands[0], TICK_S)]
@@ -57,8 +54,8 @@ def approach() -> tuple[list[fa.FlightState], list[fa.PilotCommand]]:
 
 
 def test_an_approach_is_flown_by_step_alone(
-    approach: tuple[list[fa.FlightState], list[fa.PilotCommand]],
-) -> None:
+    approach,
+):
     states, _ = approach
     end = states[-1]
     assert end.mode == "steer"
@@ -70,8 +67,8 @@ def test_an_approach_is_flown_by_step_alone(
 
 
 def test_recorded_commands_replay_to_the_bit(
-    approach: tuple[list[fa.FlightState], list[fa.PilotCommand]],
-) -> None:
+    approach,
+):
     states, commands = (recorded[:100] for recorded in approach)
     again = fa.FlightSession.of(beside())
     for before, command in zip(states, commands, strict=True):
@@ -79,7 +76,7 @@ def test_recorded_commands_replay_to_the_bit(
         assert (after.chaser, after.propellant, after.news) == (before.chaser, before.propellant, before.news)
 
 
-def test_orders_are_carried_out_once_and_answered() -> None:
+def test_orders_are_carried_out_once_and_answered():
     session = fa.FlightSession.of(beside())
     state = session.step(fa.PilotCommand(orders=(PlanBurn(burn_of(5.0, 0.0, -0.05, 0.0)),)), TICK_S)
     assert state.news == (("note", "a burn of 0.05 m/s is planned at T+5.0 s"),)
@@ -104,12 +101,12 @@ def test_orders_are_carried_out_once_and_answered() -> None:
         {"switches": frozenset({"sideways"})},
     ],
 )
-def test_a_demand_out_of_its_range_is_refused(wrong: dict[str, object]) -> None:
+def test_a_demand_out_of_its_range_is_refused(wrong):
     with pytest.raises(ValueError, match="demand"):
         fa.PilotCommand(**wrong)
 
 
-def test_an_order_that_cannot_be_carried_out_is_refused() -> None:
+def test_an_order_that_cannot_be_carried_out_is_refused():
     session = fa.FlightSession.of(beside())
     with pytest.raises(UserError, match="no go at H1"):
         session.step(fa.PilotCommand(orders=(Go(),)), TICK_S)
@@ -117,10 +114,10 @@ def test_an_order_that_cannot_be_carried_out_is_refused() -> None:
         session.step(fa.PilotCommand(orders=(JudgeBy("mine"),)), TICK_S)
 
 
-def test_flying_imports_nothing_of_the_console() -> None:
+def test_flying_imports_nothing_of_the_console():
     code = (
         "import sys, flyaround as fa; fa.FlightSession, fa.PilotCommand; "
         "print([m for m in sys.modules if 'flyaround.gui' in m or m == 'moderngl'])"
     )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    printed = completed(sys.executable, "-c", code, check=True)
     assert printed.stdout.strip() == "[]"

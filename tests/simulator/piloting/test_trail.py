@@ -1,11 +1,9 @@
 """The trail of a long flight: thinned, in order, cut where the flight goes another way."""
 
-from __future__ import annotations
-
 from flyaround.simulator.piloting.look_back import MAX_TRAIL_POINTS, TRAIL_EVERY_S, Trail
 
 
-def test_a_long_flight_is_thinned_and_stays_whole() -> None:
+def test_a_long_flight_is_thinned_and_stays_whole():
     trail, t_s, end_s = Trail(), 0.0, 3 * MAX_TRAIL_POINTS * TRAIL_EVERY_S
     while t_s < end_s:
         if trail.wants(t_s):
@@ -18,7 +16,7 @@ def test_a_long_flight_is_thinned_and_stays_whole() -> None:
     assert at[-1] > end_s - 8 * TRAIL_EVERY_S
 
 
-def test_what_is_later_is_forgotten_and_replaced() -> None:
+def test_what_is_later_is_forgotten_and_replaced():
     trail = Trail()
     for t_s in range(10):
         trail.add(float(t_s), (float(t_s), 0.0, 0.0))

@@ -2,12 +2,12 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.simulator.runtime.cache import cache_folder
 
@@ -38,14 +38,7 @@ print(json.dumps([hashlib.sha256(radiance.tobytes()).hexdigest(), read]))
 
 def picture(folder):
     """A frame's hash, and the cache's files that were asked for; by a program of its own, which remembers nothing."""
-    done = subprocess.run(
-        [sys.executable, "-c", PICTURE],
-        env={**os.environ, "FLYAROUND_CACHE_DIR": str(folder)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=200,
-    )
+    done = completed(sys.executable, "-c", PICTURE, env={**os.environ, "FLYAROUND_CACHE_DIR": str(folder)})
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr, done.stderr
     told, read = json.loads(done.stdout.splitlines()[-1])

@@ -1,12 +1,9 @@
 """Pages of reports: text is escaped wherever it comes from, and a page is one well-formed document."""
 
-from __future__ import annotations
-
 import base64
 import re
 from html import escape
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +21,7 @@ HOSTILE = "<script>alert('\"&')</script>"
 class Reader(HTMLParser):
     """Text and open elements of a document."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__()
         self.open: list[str] = []
         self.seen: list[str] = []
@@ -42,7 +39,7 @@ class Reader(HTMLParser):
         self.text += data
 
 
-def read(html: str) -> Reader:
+def read(html):
     reader = Reader()
     reader.feed(html)
     reader.close()
@@ -51,24 +48,24 @@ def read(html: str) -> Reader:
 
 
 @given(st.text(alphabet=st.characters(exclude_categories=("C",))))
-def test_any_text_comes_out_as_it_went_in(text: str) -> None:
+def test_any_text_comes_out_as_it_went_in(text):
     assert read(element("p", text)).text == text
     (found,) = re.findall(r'title="([^"]*)"', element("p", title=text))
     assert not set(found) & set("<>\"'")
 
 
-def test_markup_is_not_escaped_twice() -> None:
+def test_markup_is_not_escaped_twice():
     assert element("b", element("i", "a < b")) == "<b><i>a &lt; b</i></b>"
     assert markup("a", None, ["b", (1, Markup("<br>"))]) == "ab1<br>"
 
 
-def test_attributes_have_the_names_of_html() -> None:
+def test_attributes_have_the_names_of_html():
     found = element("text", class_="x", text_anchor="end", hidden=True, id=None, open=False)
     assert found == '<text class="x" text-anchor="end" hidden></text>'
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_page_of_every_piece_is_well_formed_and_harmless(tmp_path: Path, *, dark: bool) -> None:
+def test_a_page_of_every_piece_is_well_formed_and_harmless(tmp_path, *, dark):
     page = Page(HOSTILE, dark=dark, width_px=900)
     page.add(note(HOSTILE), link("a.csv"), key_figures([(HOSTILE, HOSTILE), (3, "wrong")], bad=["wrong"]))
     page.section(HOSTILE, table((HOSTILE, "b"), [(HOSTILE, 1.5)]))
@@ -81,7 +78,7 @@ def test_a_page_of_every_piece_is_well_formed_and_harmless(tmp_path: Path, *, da
     assert ('class="dark"' in text) is dark
 
 
-def test_a_plot_is_carried_in_the_page() -> None:
+def test_a_plot_is_carried_in_the_page():
     figure, (ax,) = figure_with_axes(1, 1, 2.0)
     ax.plot([0, 1], [0, 1])
     data = png(figure)
@@ -91,11 +88,11 @@ def test_a_plot_is_carried_in_the_page() -> None:
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (8, 8, 3)])
-def test_pictures_are_jpeg_files(shape: tuple[int, ...]) -> None:
+def test_pictures_are_jpeg_files(shape):
     assert jpeg(np.full(shape, 90, np.uint8)).startswith(b"\xff\xd8")
 
 
-def test_a_folding_table_becomes_cards_where_its_words_do_not_fit() -> None:
+def test_a_folding_table_becomes_cards_where_its_words_do_not_fit():
     page = Page("t")
     page.add_folding_table(("name", HOSTILE), [(HOSTILE, element("b", 1.5)), ("few", "")])
     page.add_folding_table(("name", *"abcdefgh"), [("few", *["a-very-long-word 0.00611"] * 8)])

@@ -2,13 +2,13 @@
 
 import errno
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.simulator.runtime import cache
 from flyaround.simulator.runtime.cache import (
@@ -139,9 +139,7 @@ assert len(cached_array("small", lambda: np.arange(5.0))) == 5
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
 def test_a_disk_that_fills_up_halfway_leaves_no_halves(folder):
-    done = subprocess.run(
-        [sys.executable, "-c", FULL], capture_output=True, text=True, check=True, timeout=100
-    )
+    done = completed(sys.executable, "-c", FULL, check=True)
     assert done.stderr.count("cannot keep") == 1
     assert {path.name for path in folder.rglob("*") if path.is_file()} == {"small.npy"}
 

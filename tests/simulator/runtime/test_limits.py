@@ -1,12 +1,10 @@
 """Limits of the shell that a command cannot live with are said before a library meets them."""
 
-from __future__ import annotations
-
 import resource
-import subprocess
 import sys
 
 import pytest
+from programs import completed
 
 from flyaround.simulator.errors import machine_sentence
 from flyaround.simulator.runtime.limits import LEAST_FILES, limits_problem
@@ -26,12 +24,12 @@ GB = 2**30
     ],
 )
 def test_low_limits_are_said(
-    monkeypatch: pytest.MonkeyPatch,
-    name: str,
-    limit: int,
-    drawing: bool,  # noqa: FBT001 - a case
-    words: str | None,
-) -> None:
+    monkeypatch,
+    name,
+    limit,
+    drawing,
+    words,
+):
     given = {getattr(resource, name): limit}
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (given.get(kind, resource.RLIM_INFINITY),) * 2)
     problem = limits_problem(drawing=drawing)
@@ -40,9 +38,9 @@ def test_low_limits_are_said(
 
 
 @pytest.mark.parametrize("limits", [("-n", "24"), ("-v", "1048576"), ("-v", "524288")])
-def test_a_command_under_a_low_limit_ends_in_one_sentence(limits: tuple[str, str]) -> None:
+def test_a_command_under_a_low_limit_ends_in_one_sentence(limits):
     command = f"ulimit {' '.join(limits)}; exec {sys.executable} -m flyaround render tango-flyaround -o x.png"
-    ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, timeout=120)
+    ended = completed("bash", "-c", command)
     assert ended.returncode == 2
     assert ended.stderr.startswith("flyaround: this shell allows")
     assert ended.stderr.strip().count("\n") == 0
@@ -59,9 +57,9 @@ def test_a_command_under_a_low_limit_ends_in_one_sentence(limits: tuple[str, str
         (ConnectionRefusedError(111, "Connection refused"), "Connection refused"),
     ],
 )
-def test_what_a_machine_refuses_is_one_sentence(error: Exception, words: str) -> None:
+def test_what_a_machine_refuses_is_one_sentence(error, words):
     assert words in str(machine_sentence(error))
 
 
-def test_a_bug_stays_one() -> None:
+def test_a_bug_stays_one():
     assert machine_sentence(KeyError("x")) is None

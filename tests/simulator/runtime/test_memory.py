@@ -1,12 +1,12 @@
 """Freed images stay with the process: the next ones cost no page faults; what is made of a craft goes with it."""
 
 import gc
-import subprocess
 import sys
 import weakref
 
 import numpy as np
 import pytest
+from programs import completed
 
 from flyaround.simulator.runtime.memory import cached_per_object
 
@@ -27,8 +27,8 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
-def _faults(how: str) -> int:
-    run = subprocess.run([sys.executable, "-c", FAULTS, how], capture_output=True, text=True, check=True)
+def _faults(how):
+    run = completed(sys.executable, "-c", FAULTS, how, check=True)
     return int(run.stdout)
 
 

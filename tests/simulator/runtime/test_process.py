@@ -16,17 +16,16 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.loop import OpenRenderer
 from flyaround.simulator.runtime import worker
 from flyaround.simulator.runtime.worker import WorkerProcess
-from flyaround.simulator.targets.model import Target
 
 pytestmark = pytest.mark.gl
 
 
-def draw(renderer, scene, *, target: Target, scale: float = 1.0):
+def draw(renderer, scene, *, target, scale=1.0):
     image = renderer.render(scene, target).radiance
     return scene.frame_index, image * np.float32(scale)
 
 
-def fail(renderer, scene, *, how: str):
+def fail(renderer, scene, *, how):
     if how == "user":
         raise UserError("the lens cap is on; take it off")
     if how == "die":
@@ -84,7 +83,7 @@ def test_a_renderer_that_cannot_start_says_why(draw_kit, target):
             process.result()
 
 
-def hold(renderer, scene, *, until: str):
+def hold(renderer, scene, *, until):
     """Draw nothing, for as long as a file is there; the first result is large enough for shared memory."""
     if not until:
         return os.getpid(), np.zeros(1 << 20, np.uint8)
@@ -93,7 +92,7 @@ def hold(renderer, scene, *, until: str):
     return None
 
 
-def gone(pid: int) -> bool:
+def gone(pid):
     """Whether a process has ended, or is a zombie that somebody has still to ask for."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
@@ -101,7 +100,7 @@ def gone(pid: int) -> bool:
         return True
 
 
-def wait_until(condition) -> bool:
+def wait_until(condition):
     deadline = time.monotonic() + 60.0
     while not condition():
         if time.monotonic() > deadline:
@@ -115,7 +114,7 @@ class Opens:
 
     info = "open"
 
-    def __init__(self, lasts_s: float):
+    def __init__(self, lasts_s):
         self.lasts_s = lasts_s
 
     def __call__(self):

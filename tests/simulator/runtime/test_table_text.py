@@ -1,7 +1,5 @@
 """No cell of a table is a formula, and each text comes back as it was."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.simulator.runtime.table_text import table_text, text_of_table

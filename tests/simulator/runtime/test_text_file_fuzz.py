@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 import time
 from importlib.resources import files
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mutations import changed_json, changed_text
+from programs import completed
 
 from flyaround.simulator.camera.lens.files import parse_camera, read_camera_file
 from flyaround.simulator.dataset.card import (
@@ -168,13 +168,7 @@ print((peak_bytes() - before) >> 20)
 
 
 def test_what_was_made_to_fill_memory_or_stack_is_refused(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", BOMBS, tmp_path, HARNESS],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=200,
-    )
+    done = completed(sys.executable, "-c", BOMBS, tmp_path, HARNESS)
     assert done.returncode == 0, done.stdout[-200:] + done.stderr[-2000:]
     assert int(done.stdout.split()[-1]) < 700
 

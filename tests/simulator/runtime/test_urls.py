@@ -1,7 +1,5 @@
 """URLs are printed without what lets strangers in."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.simulator.runtime.urls import without_secrets
@@ -22,5 +20,5 @@ from flyaround.simulator.runtime.urls import without_secrets
         ("memory://set", "memory://set"),
     ],
 )
-def test_secrets_are_not_printed(text: str, shown: str) -> None:
+def test_secrets_are_not_printed(text, shown):
     assert without_secrets(text) == shown

@@ -1,11 +1,8 @@
 """Scenario files: every built-in one flies, and says what its title says."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from importlib.resources import files
-from pathlib import Path
 
 import jsonschema
 import msgspec
@@ -24,7 +21,6 @@ from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scene.environments import ENVIRONMENTS, Environment, environment_section
 from flyaround.simulator.targets.model import MassProperties, Target
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
-from flyaround.simulator.world.flight.world_state import WorldState
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 BOX = Target(
@@ -54,7 +50,7 @@ PICTURED = {
 """Chosen for their light: the Sun always behind the camera."""
 
 
-def test_the_scenarios_are_there() -> None:
+def test_the_scenarios_are_there():
     flown = {
         "tango-vbar-approach",
         "tango-glideslope-to-docking",
@@ -66,7 +62,7 @@ def test_the_scenarios_are_there() -> None:
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_every_built_in_scenario_flies(name: str) -> None:
+def test_every_built_in_scenario_flies(name):
     scenario = load_scenario(name)
     assert scenario.name == name
     assert scenario.title
@@ -84,7 +80,7 @@ def test_every_built_in_scenario_flies(name: str) -> None:
             assert state.sun_visible_fraction == 1.0
 
 
-def test_eclipse_pass_goes_in_and_out() -> None:
+def test_eclipse_pass_goes_in_and_out():
     scenario = load_scenario("tango-eclipse-pass")
     flight = fly(scenario, BOX)
     light = [flight.state(float(t)).sun_visible_fraction for t in np.linspace(0, scenario.duration_s, 50)]
@@ -92,7 +88,7 @@ def test_eclipse_pass_goes_in_and_out() -> None:
     assert min(light) == 0.0
 
 
-def test_approaches_are_not_aborted() -> None:
+def test_approaches_are_not_aborted():
     for name, end_m in (("tango-vbar-approach", 5.0), ("tango-glideslope-to-docking", 2.0)):
         flight = fly(load_scenario(name), BOX)
         assert flight.controlled is not None
@@ -100,14 +96,14 @@ def test_approaches_are_not_aborted() -> None:
         assert flight.state(flight.duration_s).range_m == pytest.approx(end_m, abs=0.05)
 
 
-def phase_deg(state: WorldState) -> float:
+def phase_deg(state):
     """Angle at the target between the Sun and the camera."""
     sun = np.array(state.r_sun_eci_m) - state.r_target_eci_m
     cosine = np.array(state.relative_eci_m) @ sun / (state.range_m * np.linalg.norm(sun))
     return float(np.degrees(np.arccos(cosine)))
 
 
-def ground_elevations_deg(name: str, t_s: float) -> np.ndarray:
+def ground_elevations_deg(name, t_s):
     """Sun elevation where lines of sight through a grid of pixels meet the Earth, NaN for space."""
     scenario = load_scenario(name)
     camera, state = scenario.camera_model, fly(scenario, BOX).state(t_s)
@@ -127,27 +123,27 @@ def ground_elevations_deg(name: str, t_s: float) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["tango-earth-10m", "tango-earth-10m-1024", "tango-close-3m"])
 @pytest.mark.parametrize("t_s", [0.0, 60.0])
-def test_lit_earth_fills_the_frame(name: str, t_s: float) -> None:
+def test_lit_earth_fills_the_frame(name, t_s):
     elevation = ground_elevations_deg(name, t_s)
     assert np.all(elevation > 30)
 
 
-def test_space_fills_the_frame() -> None:
+def test_space_fills_the_frame():
     assert np.all(np.isnan(ground_elevations_deg("tango-space-10m", 30.0)))
 
 
-def test_night_fills_the_frame() -> None:
+def test_night_fills_the_frame():
     # astronomical night
     assert np.all(ground_elevations_deg("tango-night", 30.0) < -18)
 
 
-def test_limb_crosses_the_frame_at_the_terminator() -> None:
+def test_limb_crosses_the_frame_at_the_terminator():
     elevation = ground_elevations_deg("tango-limb", 30.0)
     assert 0.3 < np.mean(np.isnan(elevation)) < 0.7
     assert np.nanmin(elevation) < 0 < np.nanmax(elevation)
 
 
-def test_flyaround_passes_earth_limb_and_space() -> None:
+def test_flyaround_passes_earth_limb_and_space():
     share = {t: float(np.mean(np.isnan(ground_elevations_deg("tango-flyaround", t)))) for t in (0, 30, 60)}
     assert share[0] == 0
     assert 0.2 < share[30] < 0.8
@@ -158,7 +154,7 @@ def test_flyaround_passes_earth_limb_and_space() -> None:
     assert np.nanmax(elevation) > 5
 
 
-def test_a_file_stands_for_itself(tmp_path: Path) -> None:
+def test_a_file_stands_for_itself(tmp_path):
     scenario = load_scenario(write(tmp_path, GOOD))
     assert scenario.name == "mine"
     assert scenario.camera_model == load_camera("speed")
@@ -168,12 +164,12 @@ def test_a_file_stands_for_itself(tmp_path: Path) -> None:
     assert msgspec.convert(msgspec.to_builtins(scenario), Scenario) == scenario
 
 
-def test_sections_follow_what_they_describe() -> None:
+def test_sections_follow_what_they_describe():
     presets = msgspec.inspect.type_info(SensorSection).fields
     assert next(f.type.values for f in presets if f.name == "preset") == tuple(sorted(list_sensor_presets()))
 
 
-def test_sensor_overrides_and_camera_tables(tmp_path: Path) -> None:
+def test_sensor_overrides_and_camera_tables(tmp_path):
     text = GOOD.replace('preset = "speed"', 'preset = "thesis"\nblur_sigma_px = 0.5').replace(
         'camera = "speed"',
         "camera = { width_px = 640, height_px = 480, fx_px = 900, fy_px = 900, cx_px = 320, cy_px = 240 }",
@@ -184,7 +180,7 @@ def test_sensor_overrides_and_camera_tables(tmp_path: Path) -> None:
     assert scenario.camera_model.width_px == 640
 
 
-def test_camera_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
+def test_camera_file_is_found_beside_the_scenario(tmp_path):
     content = json.loads(files("flyaround.assets").joinpath("cameras", "paper.json").read_text())
     (tmp_path / "lens.json").write_text(json.dumps({**content, "name": ""}), encoding="utf-8")
     scenario = load_scenario(write(tmp_path, GOOD.replace('"speed"', '"lens.json"', 1)))
@@ -192,7 +188,7 @@ def test_camera_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
     assert scenario.camera.name == "lens"
 
 
-def test_attitude_by_quaternion_and_by_angles_agree(tmp_path: Path) -> None:
+def test_attitude_by_quaternion_and_by_angles_agree(tmp_path):
     # yaw 90 deg: the target's x axis lies along the frame's y axis
     half = 2**-0.5
     states = []
@@ -203,7 +199,7 @@ def test_attitude_by_quaternion_and_by_angles_agree(tmp_path: Path) -> None:
     assert np.allclose(matrix_from_quat(states[0].q_eci_from_target_wxyz) @ [1, 0, 0], [0, 1, 0])
 
 
-def test_state_orbit_flies(tmp_path: Path) -> None:
+def test_state_orbit_flies(tmp_path):
     text = GOOD.replace(
         'kind = "elements"\naltitude_km = 700.0',
         'kind = "state"\nr_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 1.0, 7.5]',
@@ -213,7 +209,7 @@ def test_state_orbit_flies(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["drift", "circumnavigation", "vbar", "rbar", "flyaround"])
-def test_every_mode_is_reached_from_a_file(mode: str, tmp_path: Path) -> None:
+def test_every_mode_is_reached_from_a_file(mode, tmp_path):
     keys = {
         "drift": "position_lvlh_m = [0, -10, 0]",
         "circumnavigation": "radial_m = 10",
@@ -234,7 +230,7 @@ def test_every_mode_is_reached_from_a_file(mode: str, tmp_path: Path) -> None:
         assert first.range_m == pytest.approx(10)
 
 
-def test_schema_accepts_the_built_in_files_and_refuses_a_stranger() -> None:
+def test_schema_accepts_the_built_in_files_and_refuses_a_stranger():
     validator = jsonschema.Draft202012Validator(all_schemas()["scenario"])
     validator.check_schema(all_schemas()["scenario"])
     for name in list_scenarios():
@@ -245,7 +241,7 @@ def test_schema_accepts_the_built_in_files_and_refuses_a_stranger() -> None:
         validator.validate({**raw, "surprise": 1})
 
 
-def test_cameras() -> None:
+def test_cameras():
     assert {"speed", "square-1024", "paper"} <= set(list_cameras())
     speed = load_camera("speed")
     assert (speed.width_px, speed.height_px, speed.cx_px, speed.cy_px) == (1920, 1200, 960, 600)
@@ -254,7 +250,7 @@ def test_cameras() -> None:
     assert (square.fx_px, square.cx_px) == (speed.fx_px, 511.5)
 
 
-def test_frame_times() -> None:
+def test_frame_times():
     assert frame_times(60, 4).tolist() == [0, 20, 40, 60]
     assert frame_times(60, 1).tolist() == [0]
     assert frame_times(60, 3, 10).tolist() == [0, 10, 20]
@@ -267,8 +263,8 @@ def test_frame_times() -> None:
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
-def test_named_environments_and_what_the_file_says_over_them(name: str, tmp_path: Path) -> None:
-    def environment_of(lines: str) -> Environment:
+def test_named_environments_and_what_the_file_says_over_them(name, tmp_path):
+    def environment_of(lines):
         text = GOOD.replace("stars = true", lines)
         return load_scenario(write(tmp_path, text)).environment.layers()
 

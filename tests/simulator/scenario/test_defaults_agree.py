@@ -1,7 +1,5 @@
 """What is not said in a file is what a program that says nothing gets."""
 
-from __future__ import annotations
-
 import msgspec
 import pytest
 
@@ -10,12 +8,12 @@ from flyaround.simulator.camera.sections import OpticsSection
 from flyaround.simulator.scene.environments import Environment
 
 
-def test_everything_that_is_drawn_is_drawn_unless_said_otherwise() -> None:
+def test_everything_that_is_drawn_is_drawn_unless_said_otherwise():
     off = {f.name for f in msgspec.structs.fields(Environment) if f.default is False}
     assert off == {"undifferentiated"}
     assert Environment().atmosphere_thickness_km == 100.0
 
 
-def test_diffraction_is_that_of_green_light_unless_said_otherwise() -> None:
+def test_diffraction_is_that_of_green_light_unless_said_otherwise():
     assert OpticsSection().wavelength_nm == 550.0
     assert pytest.approx(550e-9) == Optics().wavelength_m

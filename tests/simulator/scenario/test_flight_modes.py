@@ -1,9 +1,5 @@
 """Every way to move and turn, from a scenario file: it flies, and what contradicts itself is one sentence."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +7,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.flight import fly
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.world.flight.flight import Flight
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from flyaround.simulator.world.messages.aem import write_aem
 from flyaround.simulator.world.time.instant import Instant
@@ -39,17 +34,17 @@ POINT = (
 BURN = '[[burns]]\ncraft = "{craft}"\nstart_s = {start}\ndelta_v_lvlh_m_s = [0.0, 0.1, 0.0]\n'
 
 
-def written(folder: Path, text: str) -> Path:
+def written(folder, text):
     path = folder / "mine.toml"
     path.write_text(HEAD + text)
     return path
 
 
-def flown(folder: Path, text: str) -> Flight:
+def flown(folder, text):
     return fly(load_scenario(written(folder, text)), TANGO)
 
 
-def test_safe_ellipse_and_steered_fly(tmp_path: Path) -> None:
+def test_safe_ellipse_and_steered_fly(tmp_path):
     x, y, z = flown(tmp_path, ELLIPSE).state(0.0).position_lvlh_m
     assert (x, y, z) == pytest.approx((9.0, 0.0, 0.0), abs=1e-9)
     steered = flown(tmp_path, STEERED)
@@ -60,7 +55,7 @@ def test_safe_ellipse_and_steered_fly(tmp_path: Path) -> None:
     assert np.hypot(seen[0], seen[1]) < 1e-9
 
 
-def test_motions_of_the_target(tmp_path: Path) -> None:
+def test_motions_of_the_target(tmp_path):
     sun = flown(tmp_path, HOLD + POINT + 'second_at = "cross_track"\n').state(20.0)
     to_sun = np.subtract(sun.r_sun_eci_m, sun.r_target_eci_m)
     axis = matrix_from_quat(sun.q_eci_from_target_wxyz)[:, 2]
@@ -72,7 +67,7 @@ def test_motions_of_the_target(tmp_path: Path) -> None:
     assert np.allclose(in_lvlh[0], in_lvlh[1], atol=1e-9)
 
 
-def test_attitude_file_is_followed(tmp_path: Path) -> None:
+def test_attitude_file_is_followed(tmp_path):
     start = Instant.from_utc("2026-03-21T09:59:00Z")
     times = np.arange(0.0, 181.0, 10.0)
     q = [quat_from_rotvec([0.0, 0.0, 0.02 * t + 1e-4 * t * t]) for t in times]
@@ -89,7 +84,7 @@ def test_attitude_file_is_followed(tmp_path: Path) -> None:
     assert longer.state(250.0).omega_target_rad_s == pytest.approx(flight.state(40.0).omega_target_rad_s)
 
 
-def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path: Path) -> None:
+def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path):
     flight = flown(tmp_path, DRIFT + BURN.format(craft="target", start=5.0))
     gain = np.subtract(flight.state(5.0).velocity_lvlh_m_s, flight.state(4.999).velocity_lvlh_m_s)
     assert gain == pytest.approx((0.0, -0.1, 0.0), abs=1e-4)
@@ -133,6 +128,6 @@ def test_burn_of_the_target_is_seen_from_the_chaser(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_contradictions_are_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+def test_contradictions_are_one_sentence(tmp_path, text, sentence):
     with pytest.raises(UserError, match=sentence):
         load_scenario(written(tmp_path, text))

@@ -1,7 +1,5 @@
 """A scene of a plan with the target at a pose of one's own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -9,11 +7,11 @@ import flyaround as fa
 
 
 @pytest.fixture(scope="module")
-def plan() -> fa.Plan:
+def plan():
     return fa.plan_flight(fa.load_scenario("tango-space-10m"), n=2)
 
 
-def test_the_pose_is_the_one_given_and_the_rest_is_the_frames(plan: fa.Plan) -> None:
+def test_the_pose_is_the_one_given_and_the_rest_is_the_frames(plan):
     q, t = np.array([-0.3, 0.8, 0.4, -0.3]), (0.4, -0.2, 8.0)
     scene, own = fa.scene_at(plan, q, t, frame=1), plan.scene(1)
     assert scene.t_camera_from_target_m == t
@@ -43,8 +41,6 @@ def test_the_pose_is_the_one_given_and_the_rest_is_the_frames(plan: fa.Plan) -> 
         ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), "0 m away"),
     ],
 )
-def test_what_is_no_pose_is_said(
-    plan: fa.Plan, q: tuple[float, ...], t: tuple[float, ...], says: str
-) -> None:
+def test_what_is_no_pose_is_said(plan, q, t, says):
     with pytest.raises(fa.UserError, match=says):
         fa.scene_at(plan, q, t)

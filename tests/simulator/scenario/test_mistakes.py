@@ -1,9 +1,6 @@
 """Mistakes in scenario and camera files: each is one sentence that says what is wrong, where and what is allowed."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 from scenario_text import GOOD, write
@@ -23,7 +20,7 @@ from flyaround.simulator.scenario.load import load_scenario
         ("x", ["fx_px", "cx_px"], []),
     ],
 )
-def test_a_name_is_suggested_only_where_it_is_near(name: str, known: list[str], meant: list[str]) -> None:
+def test_a_name_is_suggested_only_where_it_is_near(name, known, meant):
     assert near_names(name, known) == meant
 
 
@@ -88,7 +85,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("old", "new", "words"), MISTAKES, ids=[m[1][:40] or f"no {m[0]}" for m in MISTAKES])
-def test_a_mistake_is_one_sentence(old: str, new: str, words: list[str], tmp_path: Path) -> None:
+def test_a_mistake_is_one_sentence(old, new, words, tmp_path):
     assert old in GOOD
     path = write(tmp_path, GOOD.replace(old, new, 1))
     with pytest.raises(UserError) as caught:
@@ -111,7 +108,7 @@ def test_a_mistake_is_one_sentence(old: str, new: str, words: list[str], tmp_pat
         ("r_eci_km = [7000, 0, 0]\nv_eci_km_s = [0, 5, 0]", ["[orbit]", "lowest point", "at least 100 km"]),
     ],
 )
-def test_an_impossible_state_is_refused(orbit: str, words: list[str], tmp_path: Path) -> None:
+def test_an_impossible_state_is_refused(orbit, words, tmp_path):
     text = GOOD.replace('kind = "elements"\naltitude_km = 700.0', f'kind = "state"\n{orbit}')
     with pytest.raises(UserError) as caught:
         load_scenario(write(tmp_path, text))
@@ -127,7 +124,7 @@ def test_an_impossible_state_is_refused(orbit: str, words: list[str], tmp_path: 
         ("no/such.toml", ["'no/such.toml'", "TOML file"]),
     ],
 )
-def test_unknown_scenario(name: str, words: list[str]) -> None:
+def test_unknown_scenario(name, words):
     with pytest.raises(UserError) as caught:
         load_scenario(name)
     for word in words:
@@ -145,7 +142,7 @@ def test_unknown_scenario(name: str, words: list[str]) -> None:
         ),
     ],
 )
-def test_mistakes_about_thrusters(section: str, sentence: str, tmp_path: Path) -> None:
+def test_mistakes_about_thrusters(section, sentence, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(
         'epoch_utc = 2026-08-20T09:30:00Z\nduration_s = 5.0\norbit = {kind = "elements", altitude_km = 700.0}\n'

@@ -1,7 +1,5 @@
 """Orbit files of users: followed between their lines, read in their varieties, or named for what they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,7 @@ MU_KM = 398600.4418
 R0, V0 = np.array([6800.0, 300.0, -200.0]), np.array([-0.2, 5.1, 5.6])
 
 
-def checked(line: str) -> str:
+def checked(line):
     """A line of elements with its checksum."""
     return line[:-1] + str(sum(int(c) if c.isdigit() else c == "-" for c in line[:-1]) % 10)
 
@@ -41,10 +39,10 @@ duration_s = {duration}
 HOLD = 'mode = "hold"\nposition_lvlh_m = [0.0, -9.0, 0.0]'
 
 
-def truth(times_s: np.ndarray) -> np.ndarray:
+def truth(times_s):
     """States [km], [km/s] of a body about a round Earth, by another integrator than ours."""
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
+    def rate(_, y):
         return np.concatenate([y[3:], -MU_KM * y[:3] / np.linalg.norm(y[:3]) ** 3])
 
     order = np.argsort(times_s)
@@ -61,7 +59,7 @@ def truth(times_s: np.ndarray) -> np.ndarray:
     return out
 
 
-def oem(times_s: np.ndarray, *, meta: str = "", frame: str = "GCRF", states: np.ndarray | None = None) -> str:
+def oem(times_s, *, meta="", frame="GCRF", states=None):
     states = truth(times_s) if states is None else states
     rows = "\n".join(
         f"{EPOCH.plus(float(t)).iso()[:-1]} " + " ".join(f"{x:.12f}" for x in y)
@@ -75,7 +73,7 @@ def oem(times_s: np.ndarray, *, meta: str = "", frame: str = "GCRF", states: np.
     )
 
 
-def scenario(folder: Path, *, orbit: str, chaser: str = HOLD, duration: float = 1800.0) -> Path:
+def scenario(folder, *, orbit, chaser=HOLD, duration=1800.0):
     path = folder / "s.toml"
     path.write_text(
         SCENARIO.format(epoch="2026-03-20T12:00:00Z", duration=duration, orbit=orbit, chaser=chaser)
@@ -93,9 +91,7 @@ def scenario(folder: Path, *, orbit: str, chaser: str = HOLD, duration: float = 
         ("INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 1\n", 1.0, 1.5, 2e-3),
     ],
 )
-def test_a_file_is_followed_by_the_interpolation_it_names(
-    meta: str, step_s: float, r_m: float, v_m_s: float
-) -> None:
+def test_a_file_is_followed_by_the_interpolation_it_names(meta, step_s, r_m, v_m_s):
     """Against a dense ephemeris of an independent integrator, at the ends too."""
     found = read_orbit_file(
         oem(np.arange(-600.0, 1800.0 + step_s, step_s), meta=meta).encode(), "a.oem", EPOCH
@@ -111,7 +107,7 @@ def test_a_file_is_followed_by_the_interpolation_it_names(
         assert np.linalg.norm(a - pull) < 0.01
 
 
-def test_linear_interpolation_is_linear() -> None:
+def test_linear_interpolation_is_linear():
     """A chord lies some kilometres inside the arc of a minute."""
     text = oem(np.array([0.0, 60.0, 120.0]), meta="INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 1\n")
     found = read_orbit_file(text.encode(), "a.oem", EPOCH)
@@ -121,7 +117,7 @@ def test_linear_interpolation_is_linear() -> None:
     assert np.allclose(found(15.0)[1], 0.75 * y[0, 3:] + 0.25 * y[1, 3:], rtol=0, atol=1e-6)
 
 
-def test_a_flight_follows_its_file_and_its_truth_is_consistent(tmp_path: Path) -> None:
+def test_a_flight_follows_its_file_and_its_truth_is_consistent(tmp_path):
     """The target where the file has it after half an hour, and rates that are slopes of places."""
     (tmp_path / "a.oem").write_text(oem(np.arange(-600.0, 2401.0, 60.0)))
     flight = plan_flight(load_scenario(scenario(tmp_path, orbit='kind = "oem"\nfile = "a.oem"')), n=2).flight
@@ -141,7 +137,7 @@ def test_a_flight_follows_its_file_and_its_truth_is_consistent(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("spacing_s", [5.0, 7.0 / 3.0])
-def test_a_flight_written_and_followed_is_the_same_flight(tmp_path: Path, spacing_s: float) -> None:
+def test_a_flight_written_and_followed_is_the_same_flight(tmp_path, spacing_s):
     """Both craft by their files, to the millimetre, and the range between them too."""
     plan = plan_flight(load_scenario("tango-flyaround"), every_s=spacing_s)
     for name, text in flight_messages(plan.flight, plan.times_s, aem=False).items():
@@ -159,7 +155,7 @@ def test_a_flight_written_and_followed_is_the_same_flight(tmp_path: Path, spacin
         assert np.allclose(now.relative_eci_m_s, was.relative_eci_m_s, rtol=0, atol=2e-3)
 
 
-def burnt_oem() -> str:
+def burnt_oem():
     """Two segments: at 600 s a burn of 1 m/s along the velocity, as an operator writes it."""
     early = truth(np.arange(0.0, 601.0, 60.0))
     late = truth(np.arange(600.0, 1801.0, 60.0))
@@ -172,7 +168,7 @@ def burnt_oem() -> str:
     return first + second[second.index("META_START") :]
 
 
-def test_segments_meet_at_a_burn_and_nothing_is_interpolated_across_it(tmp_path: Path) -> None:
+def test_segments_meet_at_a_burn_and_nothing_is_interpolated_across_it(tmp_path):
     (tmp_path / "a.oem").write_text(burnt_oem())
     orbit = 'kind = "oem"\nfile = "a.oem"'
     flight = plan_flight(load_scenario(scenario(tmp_path, orbit=orbit)), n=2).flight
@@ -188,7 +184,7 @@ def test_segments_meet_at_a_burn_and_nothing_is_interpolated_across_it(tmp_path:
         plan_flight(load_scenario(scenario(tmp_path, orbit=orbit, chaser=drifting)), n=2)
 
 
-def test_free_flight_beside_a_followed_target_is_that_beside_a_propagated_one(tmp_path: Path) -> None:
+def test_free_flight_beside_a_followed_target_is_that_beside_a_propagated_one(tmp_path):
     """What is not in the scenario's forces acts on both craft: half an hour apart by millimetres, not by metres."""
     (tmp_path / "a.oem").write_text(oem(np.arange(0.0, 1801.0, 60.0)))
     chaser = 'mode = "drift"\nposition_lvlh_m = [3.0, -20.0, 1.0]\n[forces]\ngravity_degree = 0'
@@ -200,7 +196,7 @@ def test_free_flight_beside_a_followed_target_is_that_beside_a_propagated_one(tm
     assert np.allclose(ends[0], ends[1], rtol=0, atol=0.05)
 
 
-def test_epochs_outside_the_useable_span_are_refused(tmp_path: Path) -> None:
+def test_epochs_outside_the_useable_span_are_refused(tmp_path):
     meta = "USEABLE_START_TIME = 2026-03-20T12:01:00\nUSEABLE_STOP_TIME = 2026-03-20T12:20:00\n"
     (tmp_path / "a.oem").write_text(oem(np.arange(0.0, 1801.0, 60.0), meta=meta))
     with pytest.raises(UserError, match=r"covers 2026-03-20T12:01:00.* to 2026-03-20T12:20:00"):
@@ -208,13 +204,13 @@ def test_epochs_outside_the_useable_span_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("report", ["oem_bom/bom", "oem_repeated_epoch/rep", "oem_xml/iss_style"])
-def test_reported_ephemerides_are_the_same_orbit(report: str) -> None:
+def test_reported_ephemerides_are_the_same_orbit(report):
     state = plan_flight(load_scenario(REPORTS / f"{report}.toml"), n=1).flight.state(0.0)
     assert np.allclose(state.r_target_eci_m, [-4261180.0, -4657605.6, 2514794.8], rtol=0, atol=0.1)
     assert np.allclose(state.v_target_eci_m_s, [2333.702, -5012.155, -5304.352], rtol=0, atol=1e-2)
 
 
-def test_reported_elements_and_states_are_read() -> None:
+def test_reported_elements_and_states_are_read():
     mean = plan_flight(load_scenario(REPORTS / "orbit_other_files/omm.toml"), n=1).flight.state(0.0)
     lines = state_from_tle(*TLE, Instant.from_utc("2020-06-01T12:05:00Z"))
     assert np.allclose(mean.r_target_eci_m, lines[0], rtol=0, atol=20.0)
@@ -233,7 +229,7 @@ def test_reported_elements_and_states_are_read() -> None:
         ),
     ],
 )
-def test_reported_files_that_are_refused(report: str, sentence: str) -> None:
+def test_reported_files_that_are_refused(report, sentence):
     with pytest.raises(UserError, match=sentence):
         load_scenario(REPORTS / f"{report}.toml")
 
@@ -271,7 +267,7 @@ GOOD = oem(np.arange(-60.0, 121.0, 60.0))
         (b"hello\n", "is no orbit file that is known"),
     ],
 )
-def test_a_file_that_is_not_read_is_named(data: bytes, sentence: str) -> None:
+def test_a_file_that_is_not_read_is_named(data, sentence):
     with pytest.raises(UserError, match=sentence) as caught:
         read_orbit_file(data, "a.oem", EPOCH)
     assert "\n" not in str(caught.value)
@@ -287,14 +283,14 @@ def test_a_file_that_is_not_read_is_named(data: bytes, sentence: str) -> None:
         GOOD.replace("CENTER_NAME = EARTH", "CENTER_NAME = Earth"),
     ],
 )
-def test_harmless_varieties_of_a_file_are_the_same_ephemeris(changed: str) -> None:
+def test_harmless_varieties_of_a_file_are_the_same_ephemeris(changed):
     found, plain = (read_orbit_file(t.encode(), "a.oem", EPOCH) for t in (changed, GOOD))
     assert not isinstance(found, tuple)
     assert not isinstance(plain, tuple)
     assert np.array_equal(found(30.0), plain(30.0))
 
 
-def test_fortran_exponents_are_numbers() -> None:
+def test_fortran_exponents_are_numbers():
     rows = GOOD.splitlines()
     words = rows[-1].split()
     rows[-1] = " ".join([words[0], *(f"{float(w):.15e}".replace("e", "D") for w in words[1:])])
@@ -315,7 +311,7 @@ def test_fortran_exponents_are_numbers() -> None:
         ),
     ],
 )
-def test_values_that_are_no_orbit_are_refused(change: object, sentence: str) -> None:
+def test_values_that_are_no_orbit_are_refused(change, sentence):
     times = np.arange(-60.0, 121.0, 60.0)
     with pytest.raises(UserError, match=sentence):
         read_orbit_file(oem(times, states=change(truth(times))).encode(), "a.oem", EPOCH)  # type: ignore[operator]
@@ -326,13 +322,13 @@ TLE_EPOCH = Instant.from_utc("2020-06-01T12:05:00Z")
 
 @pytest.mark.parametrize("name", ["", "ISS (ZARYA)\n", "0 ISS (ZARYA)\n", "# from a web page\n\n"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "   \n"])
-def test_varieties_of_element_files(name: str, end: str) -> None:
+def test_varieties_of_element_files(name, end):
     found = read_orbit_file((name + end.join([*TLE, ""])).encode(), "a.tle", TLE_EPOCH)
     assert isinstance(found, tuple)
     assert np.array_equal(found[0], state_from_tle(*TLE, TLE_EPOCH)[0])
 
 
-def test_several_satellites_are_chosen_by_name_or_number() -> None:
+def test_several_satellites_are_chosen_by_name_or_number():
     other = [checked(line.replace("25544", "T0042")) for line in TLE]
     text = "\n".join(["ISS", *TLE, "0 MINE", *other, ""]).encode()
     with pytest.raises(UserError, match=r"has 2 sets of elements: choose one by key orbit.satellite"):
@@ -370,7 +366,7 @@ OMM = {
 }
 
 
-def test_mean_elements_are_the_same_in_every_form() -> None:
+def test_mean_elements_are_the_same_in_every_form():
     fixed = {"CENTER_NAME": "EARTH", "REF_FRAME": "TEME", "TIME_SYSTEM": "UTC", "MEAN_ELEMENT_THEORY": "SGP4"}
     whole = {**fixed, **OMM}
     kvn = "CCSDS_OMM_VERS = 2.0\nORIGINATOR = X\n" + "\n".join(f"{k} = {v}" for k, v in whole.items())
@@ -405,7 +401,7 @@ EPOCH = 2026-03-20T12:00:00
 """
 
 
-def test_an_opm_has_a_state_or_elements_or_both(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_opm_has_a_state_or_elements_or_both(caplog):
     axes = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
     cartesian = "\n".join(
         f"{k} = {v} [{'km/s' if 'DOT' in k else 'km'}]" for k, v in zip(axes, [*R0, *V0], strict=True)
@@ -434,7 +430,7 @@ def test_an_opm_has_a_state_or_elements_or_both(caplog: pytest.LogCaptureFixture
     assert "manoeuvres (write them as [[burns]]), a covariance, mass and areas" in caplog.text
 
 
-def test_burns_and_thrusters_do_not_go_with_followed_craft(tmp_path: Path) -> None:
+def test_burns_and_thrusters_do_not_go_with_followed_craft(tmp_path):
     (tmp_path / "a.oem").write_text(oem(np.arange(0.0, 1801.0, 60.0)))
     orbit = 'kind = "oem"\nfile = "a.oem"'
     burn = '\n[[burns]]\ncraft = "target"\nstart_s = 1.0\ndelta_v_lvlh_m_s = [0.0, 1.0, 0.0]'

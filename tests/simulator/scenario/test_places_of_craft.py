@@ -1,9 +1,5 @@
 """No craft flies below the surface, beyond its body's reach or nowhere; its mass is one."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from scenario_text import write
 
@@ -62,9 +58,7 @@ STOP = "".join(
         ),
     ],
 )
-def test_a_craft_that_is_nowhere_is_refused(
-    orbit: str, chaser: str, duration: float, sentence: str, tmp_path: Path
-) -> None:
+def test_a_craft_that_is_nowhere_is_refused(orbit, chaser, duration, sentence, tmp_path):
     path = write(tmp_path, BASE.format(orbit=orbit, chaser=chaser, duration=float(duration)))
     with pytest.raises(UserError, match=sentence):
         plan_flight(load_scenario(path), n=2)
@@ -85,7 +79,7 @@ THRUSTERS = HOLD + "\n[chaser.thrusters]\n"
         (KEEPING + "[forces.chaser]\nmass_kg = 7.0", 7.0),
     ],
 )
-def test_a_chaser_has_one_mass(chaser: str, mass_kg: float, tmp_path: Path) -> None:
+def test_a_chaser_has_one_mass(chaser, mass_kg, tmp_path):
     """What thrusters push, the console burns from and air slows is the same."""
     scenario = load_scenario(write(tmp_path, BASE.format(orbit=LOW, chaser=chaser, duration=10.0)))
     assert scenario.chaser_thrusters.mass_kg == mass_kg
@@ -93,11 +87,11 @@ def test_a_chaser_has_one_mass(chaser: str, mass_kg: float, tmp_path: Path) -> N
     assert acting is None or acting.mass_kg == mass_kg
 
 
-def test_two_masses_of_a_chaser_are_refused(tmp_path: Path) -> None:
+def test_two_masses_of_a_chaser_are_refused(tmp_path):
     chaser = THRUSTERS + "mass_kg = 300.0\n[forces.chaser]\nmass_kg = 1000.0"
     with pytest.raises(UserError, match=r"chaser.thrusters.mass_kg is 300 and forces.chaser.mass_kg 1000"):
         load_scenario(write(tmp_path, BASE.format(orbit=LOW, chaser=chaser, duration=10.0)))
 
 
-def test_the_built_in_flight_past_the_limb_has_one_mass() -> None:
+def test_the_built_in_flight_past_the_limb_has_one_mass():
     assert load_scenario("iss-orbit-limb").chaser_thrusters.mass_kg == 1000.0

@@ -1,7 +1,5 @@
 """Faults as a section of a scenario: the same keys as in a file, which takes their place."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 
@@ -14,7 +12,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.faults import Delay, Disconnect, Faults, StuckPixels
 from flyaround.simulator.scenario.load import load_scenario
-from flyaround.simulator.scenario.scenario import Scenario
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "faulty_flight.toml"
 
@@ -68,8 +65,3 @@ def test_a_file_takes_the_place_of_the_section(tmp_path, monkeypatch):
                 ["hil", "host", str(EXAMPLE), "-n", "2", *([] if given is None else ["--faults", str(given)])]
             )
     assert taken == [load_scenario(EXAMPLE).faults, Faults(line=(Delay(delay_ms=5.0),)), Faults()]
-
-
-def test_the_schema_of_scenarios_has_the_section():
-    schema = msgspec.json.schema(Scenario)
-    assert "faults" in schema["$defs"]["Scenario"]["properties"]

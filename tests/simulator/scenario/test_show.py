@@ -1,10 +1,7 @@
 """A built-in scenario printed to start from: it flies as it did, and what it offers to add is right."""
 
-from __future__ import annotations
-
 import re
 import tomllib
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -19,14 +16,14 @@ _KEY = re.compile(r"# (\w+ = )(?!\.\.\.)(.*?) +# ")
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_it_loads_again_as_the_same_scenario(name: str, tmp_path: Path) -> None:
+def test_it_loads_again_as_the_same_scenario(name, tmp_path):
     path = tmp_path / f"{name}.toml"
     path.write_text(show_scenario(name))
     assert load_scenario(path) == load_scenario(name)
 
 
 @pytest.mark.parametrize("name", list_scenarios())
-def test_the_values_of_keys_that_are_offered_are_those_they_have_anyway(name: str, tmp_path: Path) -> None:
+def test_the_values_of_keys_that_are_offered_are_those_they_have_anyway(name, tmp_path):
     path = tmp_path / f"{name}.toml"
     # within the sections that the scenario has: comments with a value become keys
     lines, offered = [], False
@@ -40,7 +37,7 @@ def test_the_values_of_keys_that_are_offered_are_those_they_have_anyway(name: st
     assert changed == built_in
 
 
-def test_sections_that_are_offered_have_the_types_of_the_file() -> None:
+def test_sections_that_are_offered_have_the_types_of_the_file():
     text = show_scenario("tango-flyaround")
     shown = re.sub(r"^# (\[+[\w.]+\]+|\w+ = (?!\.\.\.).*)$", r"\1", text, flags=re.MULTILINE)
     raw = tomllib.loads(shown)
@@ -63,7 +60,7 @@ def test_sections_that_are_offered_have_the_types_of_the_file() -> None:
     assert scenario.chaser.thrusters is not None
 
 
-def test_every_section_and_every_mode_is_named() -> None:
+def test_every_section_and_every_mode_is_named():
     text = show_scenario("tango-flyaround")
     for section in (
         "sensor",
@@ -82,14 +79,12 @@ def test_every_section_and_every_mode_is_named() -> None:
     assert max(len(line) for line in text.splitlines()) <= 120
 
 
-def test_what_is_no_built_in_scenario_is_said() -> None:
+def test_what_is_no_built_in_scenario_is_said():
     with pytest.raises(UserError, match="tango-flyaround"):
         show_scenario("tango-flyaruond")
 
 
-def test_the_list_says_how_to_start_one_of_ones_own(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_list_says_how_to_start_one_of_ones_own(tmp_path, capsys):
     assert run(["scenarios"]) == 0
     assert "flyaround scenarios --show tango-flyaround > mine.toml" in capsys.readouterr().out
     assert run(["scenarios", "--show", "tango-limb"]) == 0

@@ -178,7 +178,7 @@ def test_ozone_takes_what_was_published_of_each_band():
     assert blue / green == pytest.approx(0.09, abs=0.02)
 
 
-def higher_orders(tau: float, mu_sun: float, layers: int = 40, nodes: int = 10) -> float:
+def higher_orders(tau, mu_sun, layers=40, nodes=10):
     """Light of all orders but the first over the first's, at the zenith from black ground; Rayleigh, plane-parallel.
 
     Successive orders of scattering; the zenith sees the azimuth's mean of the phase function only.

@@ -1,7 +1,5 @@
 """A scene some time from mid-exposure: both craft fall as they do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from flyaround.simulator.world.orbit.propagation import propagate
 
 
 @pytest.mark.parametrize("dt_s", [-2.0, 0.5, 2.0])
-def test_both_craft_fall_freely(dt_s: float) -> None:
+def test_both_craft_fall_freely(dt_s):
     """To second order in two seconds: the third is 1.3e-6 of the radius cubed in n dt, 12 mm; half the fall is 17 m."""
     scene = plan_recipe("eval-earth", 3, seed=5).scene(2)
     then = propagated_scene(scene, dt_s)

@@ -1,7 +1,5 @@
 """Sunlight past the Earth's limb: the disc's strips, the air that it passes, and the shadow that is left."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ AU_M = 149_597_870_700.0
 RADIUS_M = 6_371_000.0
 
 
-def test_a_craft_goes_through_half_light_into_the_shadow() -> None:
+def test_a_craft_goes_through_half_light_into_the_shadow():
     sun = np.array([AU_M, 0.0, 0.0])
     behind = 2.5e6
     assert sunlight_past_earth(np.array([7e6, 0.0, 0.0]), sun, "mono") == pytest.approx(1.0)
@@ -39,14 +37,14 @@ def test_a_craft_goes_through_half_light_into_the_shadow() -> None:
     assert half < 15e3
 
 
-def test_bent_light_is_spread_and_neither_lost_nor_made() -> None:
+def test_bent_light_is_spread_and_neither_lost_nor_made():
     """What enters between two heights lands between two others, however far behind: its sum is the same.
 
     The air bends the lower rays more, which dims the penumbra; 3e5 m behind the limb there is hardly any of that.
     """
     heights = np.linspace(-120e3, 200e3, 641)
 
-    def landed(behind: float) -> float:
+    def landed(behind):
         sun = np.array([AU_M, 0.0, 0.0])
         air_radius = earth_atmosphere("mono").radius_m
         places = np.stack([np.full_like(heights, -behind), np.zeros_like(heights), heights + air_radius], 1)

@@ -1,10 +1,7 @@
 """Targets by name: the built-in ones and their levels of detail."""
 
-from __future__ import annotations
-
 import time
 from importlib import resources
-from pathlib import Path
 
 import pytest
 
@@ -15,16 +12,14 @@ from flyaround.simulator.targets.model import DETAILS, level_name, split_level
 ASSETS = resources.files("flyaround.assets")
 
 
-def test_unknown_name_offers_the_nearest() -> None:
+def test_unknown_name_offers_the_nearest():
     with pytest.raises(UserError, match=r"unknown target 'tengo': name one of tango"):
         load_target("tengo")
     assert list_targets() == built_in_targets()
 
 
 @pytest.mark.parametrize("name", ["tango", "envisat@medium", "dragon", "calibration-board@low"])
-def test_a_built_in_target_is_read_fast_and_without_a_cache(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_built_in_target_is_read_fast_and_without_a_cache(name, tmp_path, monkeypatch):
     monkeypatch.setenv("FLYAROUND_CACHE_DIR", str(tmp_path))
     spent = []
     for _ in range(3):
@@ -36,7 +31,7 @@ def test_a_built_in_target_is_read_fast_and_without_a_cache(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_damaged_built_in_target_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_built_in_target_is_one_sentence(tmp_path, monkeypatch):
     assert "tango" in built_in_targets()
     file = tmp_path / "targets" / f"tango{SUFFIX}"
     file.parent.mkdir()
@@ -52,14 +47,14 @@ def test_a_damaged_built_in_target_is_one_sentence(tmp_path: Path, monkeypatch: 
         packed[at] ^= 1
 
 
-def test_names_of_levels() -> None:
+def test_names_of_levels():
     for level in DETAILS:
         assert split_level(level_name("tango", level)) == ("tango", level)
     assert split_level("a@b@low") == ("a@b", "low")
     assert split_level("tango@high") == ("tango@high", "full")
 
 
-def test_a_level_is_asked_for_by_argument_or_name_and_recorded() -> None:
+def test_a_level_is_asked_for_by_argument_or_name_and_recorded():
     low = load_target("tango", "low")
     assert low.name == "tango@low"
     assert load_target(low.name).sha256 == low.sha256

@@ -6,7 +6,6 @@ import json
 import struct
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -23,23 +22,23 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.targets.glb.read import load_glb
 from flyaround.simulator.targets.glb.write import write_glb
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.targets.model import MassProperties, Target
+from flyaround.simulator.targets.model import MassProperties
 from flyaround.simulator.targets.records import TargetRecord
 
 
 @pytest.fixture(scope="module")
-def tango() -> Target:
+def tango():
     return load_target("tango")
 
 
 @pytest.fixture(scope="module")
-def glb(tango: Target, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def glb(tango, tmp_path_factory):
     path = tmp_path_factory.mktemp("targets") / "tango.glb"
     write_glb(tango, path)
     return path
 
 
-def test_round_trip_is_bit_exact(tmp_path: Path) -> None:
+def test_round_trip_is_bit_exact(tmp_path):
     for target in map(load_target, ("tango", "tango-mli", "tianzhou")):
         path = tmp_path / f"{target.name}.glb"
         write_glb(target, path)
@@ -58,13 +57,13 @@ def test_round_trip_is_bit_exact(tmp_path: Path) -> None:
                 assert x.tobytes() == y.tobytes()
 
 
-def test_writing_twice_gives_the_same_bytes(tango: Target, glb: Path, tmp_path: Path) -> None:
+def test_writing_twice_gives_the_same_bytes(tango, glb, tmp_path):
     write_glb(tango, tmp_path / "again.glb")
     assert (tmp_path / "again.glb").read_bytes() == glb.read_bytes()
     assert [p.name for p in tmp_path.iterdir()] == ["again.glb"]
 
 
-def test_trimesh_sees_the_same_bounds_and_parts(tango: Target, glb: Path) -> None:
+def test_trimesh_sees_the_same_bounds_and_parts(tango, glb):
     scene = trimesh.load_scene(glb)
     everything = np.concatenate([p.positions_m for p in tango.parts])
     lo, hi = everything.min(axis=0), everything.max(axis=0)
@@ -79,7 +78,7 @@ def test_trimesh_sees_the_same_bounds_and_parts(tango: Target, glb: Path) -> Non
         assert geometry.visual.material.roughnessFactor == pytest.approx(material.roughness)
 
 
-def test_pygltflib_sees_materials_and_extras(tango: Target, glb: Path) -> None:
+def test_pygltflib_sees_materials_and_extras(tango, glb):
     document = pygltflib.GLTF2().load(str(glb))
     by_name = {m.name: m for m in document.materials}
     for m in tango.materials:
@@ -96,7 +95,7 @@ def test_pygltflib_sees_materials_and_extras(tango: Target, glb: Path) -> None:
     jsonschema.Draft202012Validator(schema).validate(extras)
 
 
-def test_textures_go_out_and_come_back(tmp_path: Path) -> None:
+def test_textures_go_out_and_come_back(tmp_path):
     board = load_target("calibration-board")
     path = tmp_path / "board.glb"
     write_glb(board, path)
@@ -119,18 +118,18 @@ def test_textures_go_out_and_come_back(tmp_path: Path) -> None:
     assert (paper, ink) == (255, 54)
 
 
-def no_coordinates(document: dict[str, Any]) -> None:
+def no_coordinates(document):
     mesh = next(m for m in document["meshes"] if m["name"] == "squares_light")
     del mesh["primitives"][0]["attributes"]["TEXCOORD_0"]
 
 
-def other_picture(document: dict[str, Any]) -> None:
+def other_picture(document):
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     view["byteOffset"] += 4
     view["byteLength"] -= 4
 
 
-def shorter_picture(document: dict[str, Any]) -> None:
+def shorter_picture(document):
     document["bufferViews"][document["images"][0]["bufferView"]]["byteLength"] -= 4
 
 
@@ -145,9 +144,7 @@ def shorter_picture(document: dict[str, Any]) -> None:
         (shorter_picture, "does not match its own hash"),
     ],
 )
-def test_damaged_textures_are_refused(
-    damage: Callable[[dict[str, Any]], None], message: str, tmp_path: Path
-) -> None:
+def test_damaged_textures_are_refused(damage, message, tmp_path):
     path = tmp_path / "board.glb"
     write_glb(load_target("calibration-board"), path)
     document, blob = split_glb(path)
@@ -156,7 +153,7 @@ def test_damaged_textures_are_refused(
         load_glb(join_glb(path, document, blob))
 
 
-def test_a_keypoint_off_the_mesh_is_named(tango: Target, tmp_path: Path) -> None:
+def test_a_keypoint_off_the_mesh_is_named(tango, tmp_path):
     first, *others = tango.keypoints
     x, y, z = first.position_m
     millimetres = replace(first, position_m=(1000 * x, 1000 * y, 1000 * z))
@@ -167,7 +164,7 @@ def test_a_keypoint_off_the_mesh_is_named(tango: Target, tmp_path: Path) -> None
         load_glb(tmp_path / "off.glb")
 
 
-def test_hash_depends_on_what_is_seen_and_not_on_notes(tango: Target, tmp_path: Path) -> None:
+def test_hash_depends_on_what_is_seen_and_not_on_notes(tango, tmp_path):
     write_glb(replace(tango, notes="another note"), tmp_path / "noted.glb")
     assert load_glb(tmp_path / "noted.glb").sha256 == tango.sha256
     white, *others = tango.materials
@@ -176,9 +173,7 @@ def test_hash_depends_on_what_is_seen_and_not_on_notes(tango: Target, tmp_path: 
         load_glb(tmp_path / "rough.glb")
 
 
-def overwrite(
-    document: dict[str, Any], blob: bytes, part: str, field: str, data: bytes, at: int = 0
-) -> bytes:
+def overwrite(document, blob, part, field, data, at=0):
     """The binary chunk with bytes of one accessor replaced."""
     mesh = next(m for m in document["meshes"] if m["name"] == part)["primitives"][0]
     number = mesh["indices"] if field == "indices" else mesh["attributes"][field]
@@ -186,73 +181,73 @@ def overwrite(
     return blob[:start] + data + blob[start + len(data) :]
 
 
-def moved_keypoint(document: dict[str, Any], blob: bytes) -> bytes:
+def moved_keypoint(document, blob):
     document["scenes"][0]["extras"]["flyaround"]["keypoints"][0]["position_m"][0] += 1e-9
     return blob
 
 
-def nan_vertex(document: dict[str, Any], blob: bytes) -> bytes:
+def nan_vertex(document, blob):
     return overwrite(document, blob, "bar", "POSITION", struct.pack("<f", float("nan")), 24)
 
 
-def moved_vertex(document: dict[str, Any], blob: bytes) -> bytes:
+def moved_vertex(document, blob):
     return overwrite(document, blob, "plate_white", "POSITION", struct.pack("<f", 0.1931))
 
 
-def no_normals(document: dict[str, Any], blob: bytes) -> bytes:
+def no_normals(document, blob):
     for mesh in document["meshes"]:
         del mesh["primitives"][0]["attributes"]["NORMAL"]
     return blob
 
 
-def zero_normals(document: dict[str, Any], blob: bytes) -> bytes:
+def zero_normals(document, blob):
     return overwrite(document, blob, "rod", "NORMAL", bytes(12))
 
 
-def inverted_face(document: dict[str, Any], blob: bytes) -> bytes:
+def inverted_face(document, blob):
     return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 2, 1, 0))
 
 
-def degenerate_face(document: dict[str, Any], blob: bytes) -> bytes:
+def degenerate_face(document, blob):
     return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 0, 0, 1))
 
 
-def index_out_of_range(document: dict[str, Any], blob: bytes) -> bytes:
+def index_out_of_range(document, blob):
     return overwrite(document, blob, "plate_white", "indices", struct.pack("<3I", 0, 1, 4_000_000))
 
 
-def no_extras(document: dict[str, Any], blob: bytes) -> bytes:
+def no_extras(document, blob):
     del document["scenes"][0]["extras"]
     return blob
 
 
-def another_version(document: dict[str, Any], blob: bytes) -> bytes:
+def another_version(document, blob):
     document["scenes"][0]["extras"]["flyaround"]["version"] = 9
     return blob
 
 
-def heavy_on_one_axis(document: dict[str, Any], blob: bytes) -> bytes:
+def heavy_on_one_axis(document, blob):
     document["scenes"][0]["extras"]["flyaround"]["mass"]["inertia_kg_m2"][2][2] = 99.0
     return blob
 
 
-def twin_keypoints(document: dict[str, Any], blob: bytes) -> bytes:
+def twin_keypoints(document, blob):
     points = document["scenes"][0]["extras"]["flyaround"]["keypoints"]
     points[1]["name"] = points[0]["name"]
     return blob
 
 
-def nan_keypoint(document: dict[str, Any], blob: bytes) -> bytes:
+def nan_keypoint(document, blob):
     document["scenes"][0]["extras"]["flyaround"]["keypoints"][0]["position_m"][0] = float("nan")
     return blob
 
 
-def missing_accessor(document: dict[str, Any], blob: bytes) -> bytes:
+def missing_accessor(document, blob):
     document["accessors"] = document["accessors"][:3]
     return blob
 
 
-def short_binary(_document: dict[str, Any], blob: bytes) -> bytes:
+def short_binary(_document, blob):
     return blob[: len(blob) // 2]
 
 
@@ -276,9 +271,7 @@ DAMAGE: dict[Callable[[dict[str, Any], bytes], bytes], str] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE, ids=lambda d: d.__name__)
-def test_damaged_file_is_refused_in_one_sentence(
-    damage: Callable[[dict[str, Any], bytes], bytes], glb: Path, tmp_path: Path
-) -> None:
+def test_damaged_file_is_refused_in_one_sentence(damage, glb, tmp_path):
     document, blob = split_glb(glb)
     blob = damage(document, blob)
     path = join_glb(tmp_path / "bad.glb", document, blob)
@@ -290,14 +283,14 @@ def test_damaged_file_is_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("keep", [3, 11, 16, 500, 200_000])
-def test_truncated_file_is_refused(keep: int, glb: Path, tmp_path: Path) -> None:
+def test_truncated_file_is_refused(keep, glb, tmp_path):
     path = tmp_path / "short.glb"
     path.write_bytes(glb.read_bytes()[:keep])
     with pytest.raises(UserError, match=r"cut short|not a binary glTF"):
         load_glb(path)
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
+def test_other_files_are_refused(tmp_path):
     stl = tmp_path / "part.glb"
     stl.write_bytes(b"solid part\nendsolid part\n")
     with pytest.raises(UserError, match="not a binary glTF file"):
@@ -310,19 +303,19 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         load_glb(plain)
 
 
-def test_impossible_mass_is_refused_at_writing_time_of_a_reader(tango: Target, tmp_path: Path) -> None:
+def test_impossible_mass_is_refused_at_writing_time_of_a_reader(tango, tmp_path):
     mass = MassProperties(mass_kg=-1.0, com_m=(0, 0, 0), inertia_kg_m2=tango.mass.inertia_kg_m2)
     write_glb(replace(tango, mass=mass), tmp_path / "light.glb")
     with pytest.raises(UserError, match="mass_kg"):
         load_glb(tmp_path / "light.glb")
 
 
-def test_unwritable_folder_is_one_sentence(tango: Target, tmp_path: Path) -> None:
+def test_unwritable_folder_is_one_sentence(tango, tmp_path):
     with pytest.raises(UserError, match="cannot write"):
         write_glb(tango, tmp_path / "missing" / "tango.glb")
 
 
-def test_board_file_validates_and_holds_the_labels(tango: Target, tmp_path: Path) -> None:
+def test_board_file_validates_and_holds_the_labels(tango, tmp_path):
     path = tmp_path / "tango.board.json"
     write_board_model(tango, path)
     board = json.loads(path.read_text())

@@ -1,7 +1,5 @@
 """The world against independent programs, whose raw outputs and generators lie beside this file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import erfa
@@ -20,19 +18,19 @@ SKYFIELD = np.genfromtxt(HERE / "skyfield.csv", delimiter=",", skip_header=1)
 BASILISK = np.genfromtxt(HERE / "basilisk.csv", delimiter=",", skip_header=1)
 
 
-def arcsec(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def arcsec(a, b):
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.degrees(np.arctan2(sine, np.sum(a * b, axis=-1))) * 3600
 
 
-def test_sun_and_moon_agree_with_de421() -> None:
+def test_sun_and_moon_agree_with_de421():
     """Skyfield 1.55 with DE421, 2000 to 2050."""
     jd = SKYFIELD[:, 0]
     assert arcsec(sun_eci_m(jd, 0 * jd), SKYFIELD[:, 2:5]).max() < 0.05
     assert arcsec(moon_eci_m(jd, 0 * jd), SKYFIELD[:, 5:8]).max() < 15.0
 
 
-def test_earth_is_turned_as_in_skyfield() -> None:
+def test_earth_is_turned_as_in_skyfield():
     """By its own IAU 2000A series, where both have measured UT1; no polar motion there, 0.6 arcsec here."""
     for row in SKYFIELD[SKYFIELD[:, 0] < 2460000.0]:
         t = Instant(float(row[0]), 0.0)
@@ -42,7 +40,7 @@ def test_earth_is_turned_as_in_skyfield() -> None:
         assert arcsec(R_itrs_from_eci(t), theirs).max() < 0.8
 
 
-def test_a_day_agrees_with_basilisk() -> None:
+def test_a_day_agrees_with_basilisk():
     """EGM96 20x20 + Sun + Moon at 600 km: 1 m after a day; 1 mm between the two over an orbit."""
     epoch = Instant.from_utc("2025-03-21T06:00:00Z")
     forces = EarthForces(

@@ -1,7 +1,5 @@
 """The world against published values and analytic solutions, each with its source and tolerance."""
 
-from __future__ import annotations
-
 import erfa
 import numpy as np
 import pytest
@@ -24,7 +22,7 @@ from flyaround.simulator.world.time.instant import Instant
 @pytest.mark.parametrize(
     "utc", ["1999-01-04T03:00:00Z", "2010-07-01T00:00:00Z", "2026-03-20T12:00:00Z", "2044-10-13T18:30:00Z"]
 )
-def test_sun_agrees_with_the_almanac(utc: str) -> None:
+def test_sun_agrees_with_the_almanac(utc):
     """Astronomical Almanac, section C: low-precision formulas, 0.01 deg between 1950 and 2050."""
     t = Instant.from_utc(utc)
     n = t.tt1 - 2451545.0 + t.tt2
@@ -46,7 +44,7 @@ def test_sun_agrees_with_the_almanac(utc: str) -> None:
     assert np.linalg.norm(sun) / AU_M == pytest.approx(distance_au, abs=3e-4)
 
 
-def test_sun_is_aberrated() -> None:
+def test_sun_is_aberrated():
     """The apparent Sun trails the geometric one by 20.5 arcsec (constant of aberration, IAU 1976)."""
     tt1, tt2 = 2461120.0, 0.25
     heliocentric, _ = erfa.epv00(tt1, tt2)
@@ -61,13 +59,13 @@ def test_sun_is_aberrated() -> None:
     )
 
 
-def test_ephemerides_take_many_times_at_once() -> None:
+def test_ephemerides_take_many_times_at_once():
     tt2 = np.array([0.0, 0.5, 1.0])
     for body in (sun_eci_m, moon_eci_m):
         assert np.allclose(body(2461120.0, tt2)[1], body(2461120.0, 0.5), rtol=1e-15)
 
 
-def test_moon_agrees_with_meeus() -> None:
+def test_moon_agrees_with_meeus():
     """Meeus (1998), Astronomical Algorithms, example 47.a: 1992 April 12, 0h TD."""
     tt1, tt2 = 2448724.5, 0.0
     moon = erfa.ecm06(tt1, tt2) @ moon_eci_m(tt1, tt2)
@@ -79,7 +77,7 @@ def test_moon_agrees_with_meeus() -> None:
     assert np.linalg.norm(moon) == pytest.approx(368_409.7e3, abs=2e3)
 
 
-def test_earth_orientation_agrees_with_vallado() -> None:
+def test_earth_orientation_agrees_with_vallado():
     """Vallado (2013), example 3-14, UT1 and pole of the day included; 0.5 m are 0.01 arcsec."""
     t = Instant.from_utc("2004-04-06T07:51:28.386009Z")
     gcrs = np.array([5102.5089579, 6123.0114007, 6378.1369282]) * 1e3
@@ -91,7 +89,7 @@ def test_earth_orientation_agrees_with_vallado() -> None:
     assert ((ut1 - utc) + (ut1_part - utc_part)) * 86400 == pytest.approx(-0.4399619, abs=3e-5)
 
 
-def test_node_regresses_at_the_secular_rate() -> None:
+def test_node_regresses_at_the_secular_rate():
     """Vallado (2013), eq. 9-38: -3/2 n J2 (R/p)^2 cos i, to first order in J2 (1e-3)."""
     i = np.radians(98.2)
     a = EARTH_RADIUS_M + 700e3
@@ -114,7 +112,7 @@ def test_node_regresses_at_the_secular_rate() -> None:
     assert np.degrees(rate) * 86400 == pytest.approx(360 / 365.2422, rel=0.02)
 
 
-def test_axisymmetric_tumble_is_a_regular_precession() -> None:
+def test_axisymmetric_tumble_is_a_regular_precession():
     """Wertz (1978), sec. 16.2: the rate cones about the axis at (J3 - J1)/J1 w3, the body about L."""
     J1, J3 = 2.5, 3.9
     w = np.array([0.03, 0.0, 0.02])

@@ -11,9 +11,8 @@ import pytest
 import trimesh
 
 from flyaround.hil.board_model.write import labels_alone
-from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.targets.library import built_in_targets, load_target
-from flyaround.simulator.targets.model import DETAILS, Detail, Part, Target
+from flyaround.simulator.targets.model import DETAILS
 
 Extents = tuple[float | None, float | None, float | None]
 
@@ -94,24 +93,24 @@ load = functools.cache(load_target)
 
 
 @pytest.fixture(params=EXPECTED)
-def craft(request) -> Target:
+def craft(request):
     return load(request.param, "full")
 
 
-def joined(part: Part) -> trimesh.Trimesh:
+def joined(part):
     mesh = trimesh.Trimesh(part.positions_m.astype(float), part.triangles, process=False)
     mesh.merge_vertices(merge_norm=True, merge_tex=True)
     return mesh
 
 
-def vertices(target: Target, prefix: str = "") -> FloatArray:
+def vertices(target, prefix=""):
     return np.concatenate([p.positions_m for p in target.parts if p.name.startswith(prefix)]).astype(float)
 
 
 class Surface:
     """Triangles of a craft with the boxes about them."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target):
         corners = np.concatenate([p.positions_m.astype(float)[p.triangles] for p in target.parts])
         self.corners, self.low, self.high = (
             corners,
@@ -119,14 +118,14 @@ class Surface:
             corners.max(axis=1).T.copy(),
         )
 
-    def near(self, low: FloatArray, high: FloatArray) -> FloatArray:
+    def near(self, low, high):
         """Triangles (K, 3, 3) whose box meets the one between two corners."""
         kept = np.flatnonzero((self.low[0] < high[0]) & (self.high[0] > low[0]))
         for axis in (1, 2):
             kept = kept[(self.low[axis][kept] < high[axis]) & (self.high[axis][kept] > low[axis])]
         return self.corners[kept]
 
-    def distance(self, points: FloatArray, reach_m: float) -> FloatArray:
+    def distance(self, points, reach_m):
         """Distance of points (K, 3) to the nearest triangle, by barycentric clamping; at most ``reach_m``."""
         best = np.full(len(points), reach_m)
         for k, q in enumerate(points):
@@ -137,13 +136,13 @@ class Surface:
         return best
 
 
-def test_every_craft_is_listed() -> None:
+def test_every_craft_is_listed():
     assert built_in_targets() == tuple(EXPECTED)
 
 
 @pytest.mark.parametrize("detail", DETAILS)
 @pytest.mark.parametrize("name", EXPECTED)
-def test_parts_are_closed_outward_and_shaded_as_wound(name: str, detail: Detail) -> None:
+def test_parts_are_closed_outward_and_shaded_as_wound(name, detail):
     # smoothing spans 32 degrees; a ring of eight facets adds half a facet of 45 degrees, a rod of four facets at
     # low detail turns its smoothed normals by 45 degrees
     widest = 56 if name in ROUND else 40 if detail == "full" else 46
@@ -163,7 +162,7 @@ def test_parts_are_closed_outward_and_shaded_as_wound(name: str, detail: Detail)
         assert lean.min() > np.cos(np.deg2rad(widest)), part.name
 
 
-def test_size_is_the_public_one(craft: Target) -> None:
+def test_size_is_the_public_one(craft):
     for prefix, extents in EXPECTED[craft.name].extents_m.items():
         size = np.ptp(vertices(craft, prefix), axis=0)
         for k, expected in enumerate(extents):
@@ -171,7 +170,7 @@ def test_size_is_the_public_one(craft: Target) -> None:
                 assert size[k] == pytest.approx(expected, rel=0.02), (prefix, "xyz"[k])
 
 
-def test_triangles_names_and_materials(craft: Target) -> None:
+def test_triangles_names_and_materials(craft):
     low, high = EXPECTED[craft.name].triangles
     assert low <= sum(len(p.triangles) for p in craft.parts) <= high
     names = [p.name for p in craft.parts]
@@ -184,7 +183,7 @@ def test_triangles_names_and_materials(craft: Target) -> None:
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_levels_differ_in_geometry_alone(name: str) -> None:
+def test_levels_differ_in_geometry_alone(name):
     full, medium, low = (load(name, d) for d in DETAILS)
     counts = [sum(len(p.triangles) for p in t.parts) for t in (full, medium, low)]
     for coarse in (medium, low):
@@ -206,7 +205,7 @@ def test_levels_differ_in_geometry_alone(name: str) -> None:
 
 @pytest.mark.parametrize("detail", DETAILS)
 @pytest.mark.parametrize("name", EXPECTED)
-def test_every_keypoint_lies_on_the_mesh(name: str, detail: Detail) -> None:
+def test_every_keypoint_lies_on_the_mesh(name, detail):
     target = load(name, "full" if name == "soyuz-ms" else detail)  # its coarse levels have no mast
     points = np.array([k.position_m for k in target.keypoints])
     away = Surface(target).distance(points, 0.1)
@@ -218,7 +217,7 @@ def test_every_keypoint_lies_on_the_mesh(name: str, detail: Detail) -> None:
         assert (np.ptp(points, axis=0) / np.ptp(vertices(target), axis=0)).min() > 0.5
 
 
-def test_wireframe_lies_on_the_mesh(craft: Target) -> None:
+def test_wireframe_lies_on_the_mesh(craft):
     surface = Surface(craft)
     names = [e.name for e in craft.wireframe]
     assert len(set(names)) == len(names)
@@ -239,7 +238,7 @@ def test_wireframe_lies_on_the_mesh(craft: Target) -> None:
 
 
 @pytest.mark.parametrize("name", ROUND)
-def test_both_faces_of_an_edge_are_on_the_mesh(name: str) -> None:
+def test_both_faces_of_an_edge_are_on_the_mesh(name):
     target = load(name, "full")
     surface = Surface(target)
     wrong = []
@@ -257,7 +256,7 @@ def test_both_faces_of_an_edge_are_on_the_mesh(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROUND)
-def test_docking_and_grasp_frames(name: str) -> None:
+def test_docking_and_grasp_frames(name):
     target = load(name, "full")
     origin, axis = target.frames["docking"]
     assert axis == (0.0, 0.0, 1.0)
@@ -270,7 +269,7 @@ def test_docking_and_grasp_frames(name: str) -> None:
     assert Surface(target).distance(np.array([np.add(grasp, 0.5 * np.array(out))]), 0.02) == 0.02
 
 
-def test_mass_is_that_of_a_possible_body(craft: Target) -> None:
+def test_mass_is_that_of_a_possible_body(craft):
     low, high = EXPECTED[craft.name].mass_kg
     assert low - 1e-9 <= craft.mass.mass_kg <= high
     inertia = np.array(craft.mass.inertia_kg_m2)
@@ -286,7 +285,7 @@ def test_mass_is_that_of_a_possible_body(craft: Target) -> None:
     assert moments[2] < craft.mass.mass_kg * reach**2
 
 
-def test_occluders_are_few_closed_and_within_the_mesh(craft: Target) -> None:
+def test_occluders_are_few_closed_and_within_the_mesh(craft):
     o = craft.occluders
     assert len(o.triangles) <= 400
     mesh = trimesh.Trimesh(o.vertices_m, o.triangles, process=False)
@@ -297,7 +296,7 @@ def test_occluders_are_few_closed_and_within_the_mesh(craft: Target) -> None:
     assert (o.vertices_m.max(axis=0) <= everything.max(axis=0) + 1e-3).all()
 
 
-def test_keypoints_are_not_swallowed_by_occluders(craft: Target) -> None:
+def test_keypoints_are_not_swallowed_by_occluders(craft):
     """A point inside a closed body could never be seen: those of the labels lie on or outside all of them."""
     o = craft.occluders
     for body in trimesh.Trimesh(o.vertices_m, o.triangles, process=False).split():
@@ -310,6 +309,6 @@ def test_keypoints_are_not_swallowed_by_occluders(craft: Target) -> None:
                 assert offset.max() > -2e-3, k.name
 
 
-def test_board_file_is_small(craft: Target) -> None:
+def test_board_file_is_small(craft):
     # read by a small board at start: a tenth of a second at most
     assert len(msgspec.json.encode(labels_alone(craft))) < 200_000

@@ -1,16 +1,12 @@
 """Figures of single craft: Tango's keypoints, Dragon's height, solar wings, Envisat's panels, the chessboard."""
 
-from __future__ import annotations
-
 import functools
 
 import cv2
 import numpy as np
 import pytest
 
-from flyaround.simulator.runtime.arrays import FloatArray
 from flyaround.simulator.targets.library import load_target
-from flyaround.simulator.targets.model import Target
 from tools.craft.dragon.crew import dragon_pieces
 from tools.craft.level import Level
 
@@ -33,18 +29,18 @@ load = functools.cache(load_target)
 
 
 @pytest.fixture(scope="module")
-def tango() -> Target:
+def tango():
     return load("tango")
 
 
-def test_speed_keypoints_come_first_and_to_the_digit(tango: Target) -> None:
+def test_speed_keypoints_come_first_and_to_the_digit(tango):
     first = {k.name: k.position_m for k in tango.keypoints[:11]}
     assert list(first) == list(SPEED)
     for name, position in SPEED.items():
         assert np.abs(np.subtract(first[name], position)).max() < 1e-9
 
 
-def test_quarter_turns_nearly_map_the_craft_onto_itself(tango: Target) -> None:
+def test_quarter_turns_nearly_map_the_craft_onto_itself(tango):
     corners = np.array([SPEED[n] for n in list(SPEED)[:4]])
     for w, x, y, z in tango.symmetry:
         assert w * w + x * x + y * y + z * z == pytest.approx(1)
@@ -56,7 +52,7 @@ def test_quarter_turns_nearly_map_the_craft_onto_itself(tango: Target) -> None:
         assert gap.max() < 0.022
 
 
-def test_crew_dragon_with_closed_nose_is_as_high_as_published() -> None:
+def test_crew_dragon_with_closed_nose_is_as_high_as_published():
     z = np.concatenate([p.mesh.positions_m[:, 2] for p in dragon_pieces(Level(), nose_closed=True)])
     assert np.ptp(z) == pytest.approx(8.1, rel=0.005)
     trunk = next(p for p in load("dragon").parts if p.name == "trunk_tube")
@@ -67,14 +63,14 @@ def test_crew_dragon_with_closed_nose_is_as_high_as_published() -> None:
     assert np.ptp(azimuth) == pytest.approx(180, abs=12)
 
 
-def test_envisat_turns_as_published() -> None:
+def test_envisat_turns_as_published():
     mass = load("envisat").mass
     # debris-removal studies quote 7,828 kg, x = -3.9 m and 17,000, 125,000, 129,000 kg m2
     assert mass.com_m[0] == pytest.approx(-3.9, abs=0.15)
     assert np.diag(mass.inertia_kg_m2) == pytest.approx([17_000, 125_000, 129_000], rel=0.13)
 
 
-def test_thesis_and_speed_are_never_mixed() -> None:
+def test_thesis_and_speed_are_never_mixed():
     thesis = {k.name: k.position_m for k in load("tango-thesis").keypoints}
     speed = {k.name: k.position_m for k in load("tango").keypoints}
     shared = set(thesis) & set(speed)
@@ -85,11 +81,11 @@ def test_thesis_and_speed_are_never_mixed() -> None:
     assert lengths == pytest.approx([0.204] * 4)
 
 
-def test_opencv_reads_the_board_in_the_order_of_its_keypoints() -> None:
+def test_opencv_reads_the_board_in_the_order_of_its_keypoints():
     board = load("chessboard")
     scale, shift = 2000.0, (620.0, 500.0)  # px per metre, upright and face on: y of the image runs down
 
-    def pixel(points: FloatArray) -> FloatArray:
+    def pixel(points):
         return points[..., :2] * (scale, -scale) + shift
 
     image = np.full((1000, 1240), 60, np.uint8)

@@ -1,9 +1,6 @@
 """The tool that holds a target's outline against a picture of the craft."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -12,11 +9,8 @@ import pytest
 from flyaround.simulator.targets.library import load_target
 from tools.validation.outline import SIDES, fit_outline, main
 
-if TYPE_CHECKING:
-    from pathlib import Path
 
-
-def _outline(target, side: str, focal_px: float, range_m: float) -> np.ndarray:
+def _outline(target, side, focal_px, range_m):
     """The craft's filled outline by one pass over its triangles, turned by 3 and 2 degrees off the side."""
     turn = cv2.Rodrigues(np.array([0.05, -0.035, 0.02]))[0]
     image = np.zeros((375, 600), np.uint8)
@@ -29,7 +23,7 @@ def _outline(target, side: str, focal_px: float, range_m: float) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_own_outline_is_found_and_a_missing_antenna_costs_overlap() -> None:
+def test_own_outline_is_found_and_a_missing_antenna_costs_overlap():
     target = load_target("tango", "low")
     own = fit_outline(_outline(target, "+y", 2200.0, 6.9), target, "+y")
     assert own.overlap > 0.985
@@ -38,7 +32,7 @@ def test_own_outline_is_found_and_a_missing_antenna_costs_overlap() -> None:
     assert fit_outline(_outline(target, "+y", 2200.0, 6.9), bare, "+y").overlap < own.overlap - 0.015
 
 
-def test_what_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_read_is_named(tmp_path, capsys):
     assert main([str(tmp_path / "none.png")]) == 2
     assert "cannot read picture" in capsys.readouterr().out
     dark, polygons = tmp_path / "dark.png", tmp_path / "outline.json"

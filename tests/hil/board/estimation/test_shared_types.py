@@ -1,10 +1,6 @@
 """Camera, quaternions, vectors and the board model, on inputs whose answer is known."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +13,7 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 from tests.harness.box_model import box_model
 
 
-def test_quaternions_and_matrices_are_inverse() -> None:
+def test_quaternions_and_matrices_are_inverse():
     q = quat.normalise(np.random.default_rng(0).normal(size=(200, 4)))
     assert quat.angle_rad(quat.from_matrix(quat.matrix(q)), q).max() < 1e-6
     v = np.array([0.0, 0.0, np.pi / 2])
@@ -34,7 +30,7 @@ def test_quaternions_and_matrices_are_inverse() -> None:
         {"occluders": {"vertices_m": [[0, 0, 0]], "triangles": [[0, 1, 2]]}},
     ],
 )
-def test_a_bad_model_is_refused_with_a_reason(tmp_path: Path, change: dict[str, Any]) -> None:
+def test_a_bad_model_is_refused_with_a_reason(tmp_path, change):
     path = tmp_path / "model.json"
     path.write_text(json.dumps({**box_model(), **change}))
     with pytest.raises(BoardModelError, match="board model"):
@@ -47,7 +43,7 @@ def test_a_bad_model_is_refused_with_a_reason(tmp_path: Path, change: dict[str, 
     ("model", "coefficients"),
     [("brown_conrady", (-0.22, 0.5, -7e-4, -2e-4, -0.13)), ("kannala_brandt", (-0.01, 0.02, -0.01, 0.002))],
 )
-def test_distortion_is_opencvs_and_undone(model: str, coefficients: tuple[float, ...]) -> None:
+def test_distortion_is_opencvs_and_undone(model, coefficients):
     camera = CameraIntrinsics(640, 480, 800.0, 810.0, 320.0, 240.0, model, coefficients)
     points = np.random.default_rng(1).uniform([-0.3, -0.2, 1], [0.3, 0.2, 1], (50, 3))
     K = np.array([[800.0, 0, 320], [0, 810, 240], [0, 0, 1]])

@@ -1,7 +1,5 @@
 """Accuracy of a published method on fixed frames, from the picture to the pose."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drawn_craft import CAMERA, Craft, sampled_pose
@@ -16,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 # measured 9 and 11 of 12; the bounds leave room for another OpenCV
 @pytest.mark.parametrize(("method", "least"), [("svd-2018", 7), ("svd-thesis", 9)])
-def test_a_published_method_finds_its_share_of_fixed_frames(method: str, least: int) -> None:
+def test_a_published_method_finds_its_share_of_fixed_frames(method, least):
     craft = Craft()
     estimator = make_estimator(craft.model(), CAMERA, method)
     right = wrong = 0

@@ -1,14 +1,13 @@
 """The published method stands alone: few lines, numpy and OpenCV, nothing of the other method, nothing compiled."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json
-import subprocess
 import sys
 import tokenize
 from pathlib import Path
+
+from programs import completed
 
 MOST_LINES = 2300
 LAYOUT = {
@@ -34,7 +33,7 @@ print(json.dumps({
 """
 
 
-def code_lines(text: str) -> int:
+def code_lines(text):
     """Lines that hold a token other than a comment or a docstring."""
     docstrings: set[int] = set()
     for node in ast.walk(ast.parse(text)):
@@ -53,8 +52,8 @@ def code_lines(text: str) -> int:
     return len(found - docstrings)
 
 
-def test_the_published_method_imports_little_and_nothing_of_the_other() -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
+def test_the_published_method_imports_little_and_nothing_of_the_other():
+    done = completed(sys.executable, "-c", PROGRAM, check=True)
     found = json.loads(done.stdout)
     assert found["others"] == []
     names = set(found["project"])

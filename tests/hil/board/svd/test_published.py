@@ -1,7 +1,5 @@
 """The published methods' own stages on inputs whose answer is known."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
@@ -29,7 +27,7 @@ from flyaround.hil.board.svd.refinement import (
     reprojection,
 )
 from flyaround.hil.board.svd.region_of_interest import Region, grown_region
-from flyaround.hil.board.svd.settings import SOLVERS, SVD_2018, SVD_THESIS, PublishedConfig
+from flyaround.hil.board.svd.settings import SOLVERS, SVD_2018, SVD_THESIS
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 from flyaround.hil.board.svd.wireframe_groups import model_point_groups
 from tests.harness.box_model import box_model
@@ -41,13 +39,11 @@ FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 NORMALS = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 
 
-def edge(
-    a: np.ndarray, b: np.ndarray, normals: list[tuple[int, ...]], radius: float = 0.0
-) -> dict[str, object]:
+def edge(a, b, normals, radius=0.0):
     return {"name": "e", "a_m": a.tolist(), "b_m": b.tolist(), "normals": normals, "radius_m": radius}
 
 
-def box(*more: dict[str, object]) -> BoardModel:
+def box(*more):
     """A box of 1.0 x 0.8 x 0.3 m, and more edges."""
     record = box_model(tuple(HALF))
     return BoardModel.from_dict(record | {"wireframe": [*record["wireframe"], *more]})
@@ -57,7 +53,7 @@ MODEL = box(edge(np.array([0.5, 0.4, 0.15]), np.array([0.75, 0.6, 0.15]), [], 0.
 Q, T = quat.normalise(np.array([0.8, 0.45, -0.35, 0.2])), np.array([0.15, -0.1, 4.0])
 
 
-def test_the_wireframe_of_a_box_has_its_groups() -> None:
+def test_the_wireframe_of_a_box_has_its_groups():
     groups = model_point_groups(MODEL)
     # six faces, each from its four corners in two senses
     assert groups.of("closed_tetrad").shape == (6 * 8, 4, 3)
@@ -68,7 +64,7 @@ def test_the_wireframe_of_a_box_has_its_groups() -> None:
     assert groups.of("antenna").shape == (2, 2, 3)
 
 
-def test_a_drawn_face_and_rod_are_grouped() -> None:
+def test_a_drawn_face_and_rod_are_grouped():
     quad = np.array([[100.0, 100], [300, 120], [290, 260], [110, 250]])
     sides = [np.concatenate([quad[k], quad[(k + 1) % 4]]) for k in range(4)]
     rod = [np.array([320.0, 100, 400, 60]), np.array([322.0, 106, 402, 66])]
@@ -85,7 +81,7 @@ def test_a_drawn_face_and_rod_are_grouped() -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_every_solver_gives_the_pose_of_exact_points(solver: str) -> None:
+def test_every_solver_gives_the_pose_of_exact_points(solver):
     plane = solver == "ippe"
     points = CORNERS[[0, 2, 6, 4]] if plane else CORNERS[[0, 3, 5, 6, 1, 7]]
     if solver in ("p3p", "ap3p"):
@@ -96,7 +92,7 @@ def test_every_solver_gives_the_pose_of_exact_points(solver: str) -> None:
     assert errors.min() < 2e-3
 
 
-def test_three_points_of_a_batch_give_the_truth_and_what_opencv_finds() -> None:
+def test_three_points_of_a_batch_give_the_truth_and_what_opencv_finds():
     rng = np.random.default_rng(5)
     q = quat.normalise(rng.normal(size=(300, 4)))
     t = np.stack([rng.uniform(-2, 2, 300), rng.uniform(-2, 2, 300), rng.uniform(3, 20, 300)], axis=-1)
@@ -117,14 +113,14 @@ def test_three_points_of_a_batch_give_the_truth_and_what_opencv_finds() -> None:
         assert all(quat.angle_rad(turned[of == k], turn).min() < 1e-5 for turn in other_q)
 
 
-def test_three_points_on_one_line_have_no_pose() -> None:
+def test_three_points_on_one_line_have_no_pose():
     line = np.array([[0.0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]]) @ quat.matrix(Q).T
     rays = ((line + T)[:, :2] / (line + T)[:, 2:])[None]
     assert len(three_point_poses(line[None], rays)[2]) == 0
     assert three_point_poses(np.zeros((0, 3, 3)), np.zeros((0, 3, 2)))[0].shape == (0, 4)
 
 
-def test_refinement_on_corners_returns_to_the_truth() -> None:
+def test_refinement_on_corners_returns_to_the_truth():
     corners = model_corners(MODEL)
     region = Region(150, 90, 520, 380, "test")
     image = corner_map(CAMERA.pixels(corners.points_m @ quat.matrix(Q).T + T), region)
@@ -139,7 +135,7 @@ def test_refinement_on_corners_returns_to_the_truth() -> None:
     assert np.linalg.eigvalsh(covariance[0]).min() > 0
 
 
-def drawn(shape: str, noise: float = 6.0) -> np.ndarray:
+def drawn(shape, noise=6.0):
     image = np.zeros((480, 640), np.float32)
     if shape == "square":
         cv2.fillPoly(image, [np.array([[200, 150], [420, 170], [400, 330], [190, 300]])], 150)
@@ -151,7 +147,7 @@ def drawn(shape: str, noise: float = 6.0) -> np.ndarray:
     ).astype(np.float32)
 
 
-def test_both_streams_find_the_sides_and_harris_the_corners() -> None:
+def test_both_streams_find_the_sides_and_harris_the_corners():
     image = drawn("square")
     wge = eliminate_weak_gradients(image, blur_px=1.5)
     region = Region(180, 140, 430, 340, "test")
@@ -170,7 +166,7 @@ def test_both_streams_find_the_sides_and_harris_the_corners() -> None:
     assert streams.region.x0 < region.x0
 
 
-def test_a_line_that_leaves_the_region_keeps_its_end_and_one_outside_is_dropped() -> None:
+def test_a_line_that_leaves_the_region_keeps_its_end_and_one_outside_is_dropped():
     image = drawn("square")
     cv2.line(image, (60, 60), (60, 400), 200, 3)
     # the square's right side lies 30 px beyond this region: its middle is outside, the long sides' middles inside
@@ -181,7 +177,7 @@ def test_a_line_that_leaves_the_region_keeps_its_end_and_one_outside_is_dropped(
     assert np.abs(ends[:, 0] - 60).min() > 50
 
 
-def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream() -> None:
+def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream():
     image = drawn("square") * 0.3
     image[200:215, 450:520] = 255
     streams = find_streams(
@@ -193,7 +189,7 @@ def test_a_saturated_part_does_not_hide_the_rest_from_the_sobel_stream() -> None
 
 
 @pytest.mark.parametrize("config", [SVD_2018, SVD_THESIS])
-def test_exact_lines_give_the_pose(config: PublishedConfig) -> None:
+def test_exact_lines_give_the_pose(config):
     """Everything after the streams, on the outline of a box that is drawn without error."""
     seen = [f for f, n in enumerate(NORMALS) if (quat.matrix(Q) @ n) @ (quat.matrix(Q) @ (n * HALF) + T) < 0]
     sides = {tuple(sorted((FACES[f][k], FACES[f][(k + 1) % 4]))) for f in seen for k in range(4)}
@@ -215,14 +211,14 @@ def test_exact_lines_give_the_pose(config: PublishedConfig) -> None:
     assert np.linalg.norm(result.t_camera_from_target_m - T) < 0.05
 
 
-def test_an_ellipse_is_found_by_its_hough_transform() -> None:
+def test_an_ellipse_is_found_by_its_hough_transform():
     found = hough_ellipses(sobel_edges(drawn("ellipse")), (0.0, 0.0), 280.0)
     e = found[0]
     assert (e.u, e.v, e.a, e.b) == pytest.approx((320, 240, 120, 70), abs=2.5)
     assert np.degrees(e.angle_rad) % 180 == pytest.approx(25, abs=2)
 
 
-def test_a_circle_seen_as_an_ellipse_gives_its_pose() -> None:
+def test_a_circle_seen_as_an_ellipse_gives_its_pose():
     s = np.arange(48) * (2 * np.pi / 48)
     ring = np.stack([0.6 * np.cos(s), 0.6 * np.sin(s), np.full(48, 0.3)], axis=-1)
     model = box(*(edge(ring[k], ring[(k + 1) % 48], [(0, 0, 1), (1, 0, 0)]) for k in range(48)))
@@ -239,12 +235,6 @@ def test_a_circle_seen_as_an_ellipse_gives_its_pose() -> None:
     assert np.degrees(quat.angle_rad(q[near], Q).min()) < 8
 
 
-def test_methods_differ_in_what_the_papers_say() -> None:
-    assert (SVD_2018.solver, SVD_2018.ransac, SVD_2018.top, SVD_2018.roi_growth) == ("epnp", False, 5, 0.0)
-    assert (SVD_THESIS.solver, SVD_THESIS.ransac, SVD_THESIS.roi_growth) == ("p3p", True, 0.05)
-    assert SVD_THESIS.least_component > 0 == SVD_2018.least_component
-
-
 @pytest.mark.parametrize(
     ("method", "solver", "streams", "word"),
     [
@@ -254,8 +244,6 @@ def test_methods_differ_in_what_the_papers_say() -> None:
         ("svd-2018", None, ["wge", "x"], "unknown stream"),
     ],
 )
-def test_unknown_choices_are_refused(
-    method: str, solver: str | None, streams: list[str] | None, word: str
-) -> None:
+def test_unknown_choices_are_refused(method, solver, streams, word):
     with pytest.raises(BoardModelError, match=word):
         make_estimator(MODEL, CAMERA, method, solver, streams)

@@ -1,7 +1,5 @@
 """Stages of the published method on inputs whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from flyaround.hil.board.svd.segment_merging import merge_segments
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients, exponential_threshold
 
 
-def test_threshold_of_an_exponential_is_4605_times_its_mean() -> None:
+def test_threshold_of_an_exponential_is_4605_times_its_mean():
     x = np.random.default_rng(2).exponential(0.02, 400_000)
     counts = np.histogram(x, 100, (0, 1))[0]
     threshold = exponential_threshold(counts, 0.99)
@@ -18,7 +16,7 @@ def test_threshold_of_an_exponential_is_4605_times_its_mean() -> None:
     assert (x > threshold).mean() == pytest.approx(0.01, abs=0.003)
 
 
-def test_weak_gradients_vanish_and_the_outline_stays() -> None:
+def test_weak_gradients_vanish_and_the_outline_stays():
     image = np.random.default_rng(3).normal(20, 3, (120, 160)).astype(np.float32)
     image[40:80, 50:110] += 150
     strong = eliminate_weak_gradients(image).strong
@@ -28,7 +26,7 @@ def test_weak_gradients_vanish_and_the_outline_stays() -> None:
     assert marginal_interval(np.ones(1000), 0.025, 0.975) == pytest.approx((24, 974), abs=1)
 
 
-def test_broken_and_doubled_segments_become_one_line() -> None:
+def test_broken_and_doubled_segments_become_one_line():
     pieces = [[10, 10, 50, 30], [56, 33, 90, 50], [12, 11.5, 60, 35.2], [10, 100, 90, 100]]
     merged = merge_segments(np.array(pieces, float), 150.0)
     assert len(merged) == 2

@@ -1,7 +1,5 @@
 """A board that reads the camera and says its poses to it: each picture sent has one row, with the truth beside."""
 
-from __future__ import annotations
-
 import threading
 import time
 
@@ -39,7 +37,7 @@ class Knowing:
     pause_s = 0.0
     looked = False
 
-    def __init__(self, camera) -> None:
+    def __init__(self, camera):
         assert camera["fx_px"] == 200.0  # as the host said
 
     def estimate(self, image):

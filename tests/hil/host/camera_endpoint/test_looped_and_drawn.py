@@ -40,10 +40,10 @@ def test_drawn_scenes_take_exposure_and_gain():
 class CountingProducer:
     """Draws nothing, and remembers of what."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.scenes = []
 
-    def submit(self, request) -> None:
+    def submit(self, request):
         self.scenes.append(request.scene)
 
     def result(self):

@@ -42,7 +42,7 @@ OWN = """<?xml version="1.0"?>
 """
 
 
-def zipped(*texts: str) -> bytes:
+def zipped(*texts):
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
         for k, text in enumerate(texts):

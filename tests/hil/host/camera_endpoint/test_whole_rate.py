@@ -20,6 +20,7 @@ from camera_kit import (
     need_aravis,
     other_namespace,
 )
+from programs import completed
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +56,7 @@ def test_aravis_camera_test_has_no_failed_frame():
     line = f"arv-camera-test-0.8 -n {ADDRESS} -f 30 -w 1024 -h 1024 --duration 6".split()
     with camera(images((1024, 1024)), config((1024, 1024))):
         for _ in range(2):  # started, stopped, started again
-            done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+            done = completed(*line, timeout=60, check=True)
             said = dict(row.split("=") for row in done.stdout.splitlines() if row.startswith("n_"))
             counts = {name.strip(): int(value) for name, value in said.items()}
             assert counts["n_completed_buffers"] > 150
@@ -101,7 +102,7 @@ def test_from_another_network_namespace():
                 "A.update_device_list(); print([A.get_device_address(k) for k in range(A.get_n_devices())])"
             )
             line = [*into, SYSTEM_PYTHON, "-c", found]
-            done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+            done = completed(*line, timeout=60, check=True)
             assert "10.213.7.1" in done.stdout  # by broadcast
         with camera(pictures, config(interface=interface, address=None, allowed=("10.213.7.3",))) as notes:
             assert "error" in aravis("grab", "1", address="10.213.7.1", prefix=into)
@@ -130,27 +131,12 @@ def test_a_dissector_finds_nothing_malformed(tmp_path):
 
     def count(expression, *more):
         line = ["tshark", "-r", str(file), *more, "-Y", expression]
-        done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+        done = completed(*line, timeout=60, check=True)
         return len(done.stdout.splitlines())
 
     # the stream goes to a port of the client's choosing
-    ports = subprocess.run(
-        [
-            "tshark",
-            "-r",
-            str(file),
-            "-Y",
-            f"ip.src=={ADDRESS} and udp.srcport!=3956",
-            "-T",
-            "fields",
-            "-e",
-            "udp.dstport",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    ).stdout.split()
+    line = ["tshark", "-r", file, "-Y", f"ip.src=={ADDRESS} and udp.srcport!=3956", "-T", "fields"]
+    ports = completed(*line, "-e", "udp.dstport", timeout=60, check=True).stdout.split()
     stream = [f"-dudp.port=={port},gvsp" for port in sorted(set(ports))]
     assert count("gvcp") > 50
     assert count("gvsp", *stream) > 40

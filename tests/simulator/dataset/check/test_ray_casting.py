@@ -1,7 +1,5 @@
 """The check's rays: which pixels are sampled, and what of a triangle that reaches behind the camera is met."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +13,7 @@ from flyaround.simulator.world.frames.pose import Pose
 
 
 @pytest.mark.parametrize("rolling", [False, True])
-def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling: bool) -> None:
+def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling):
     mask = np.zeros((400, 400), np.uint8)
     mask[50:350, 50:350] = 255
     parts = np.where(mask > 0, 1, 0).astype(np.uint16)
@@ -34,7 +32,7 @@ def test_every_part_is_asked_about_once_though_it_be_a_pixel(*, rolling: bool) -
     assert sample_pixels(truth, 0 * mask, {}, sampler).shape == (0, 2)
 
 
-def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera() -> None:
+def test_rays_meet_what_is_ahead_of_a_triangle_that_reaches_behind_the_camera():
     target = load_target("cubesat-1u")
     q = [0.24645180188688268, -0.7264408647937025, -0.0040488810846959185, -0.6415050941858904]
     pose = Pose.of("camera", "target", q, [-0.006135, -0.019346, 0.216728])

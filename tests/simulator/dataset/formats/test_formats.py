@@ -408,16 +408,6 @@ def test_what_a_format_cannot_hold_is_refused_before_anything_is_drawn(tmp_path,
     assert "three whole numbers" in told("--split", "0:0:0")
 
 
-def test_a_library_that_is_not_there_is_named(everything, tmp_path, capsys, monkeypatch):
-    import sys
-
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    out = tmp_path / "out"
-    assert run(["convert", str(everything), "-o", str(out), "--format", "parquet"]) == 2
-    assert "pip install 'flyaround[formats]'" in capsys.readouterr().err
-    assert not out.exists()
-
-
 def test_conversions_that_mean_nothing_are_told(everything, tmp_path, capsys):
     full = tmp_path / "full"
     full.mkdir()

@@ -1,7 +1,5 @@
 """A store that cannot be used is refused in one sentence that repeats no password."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.simulator.dataset.storage.url_store import UrlStore
@@ -9,9 +7,9 @@ from flyaround.simulator.errors import UserError
 
 
 @pytest.mark.parametrize("scheme", ["ftp", "http", "https", "sftp", "foo", "webhdfs"])
-def test_a_closed_port_is_one_sentence_without_the_password(scheme: str) -> None:
+def test_a_closed_port_is_one_sentence_without_the_password(scheme):
 
-    def use() -> None:
+    def use():
         store = UrlStore(f"{scheme}://user:secret@127.0.0.1:1/set?token=hidden")
         store.write([("a.txt", b"a")])  # some connect as late as here
 
@@ -24,5 +22,5 @@ def test_a_closed_port_is_one_sentence_without_the_password(scheme: str) -> None
     assert "\n" not in sentence
 
 
-def test_a_title_has_no_secret() -> None:
+def test_a_title_has_no_secret():
     assert UrlStore("memory://user:secret@set/a").title == "memory://***@set/a"

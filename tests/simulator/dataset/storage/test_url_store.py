@@ -11,7 +11,7 @@ from flyaround.simulator.dataset.storage.manifest import (
     read_manifest,
     sort_manifest,
 )
-from flyaround.simulator.dataset.storage.url_store import UrlStore, is_url
+from flyaround.simulator.dataset.storage.url_store import UrlStore
 from flyaround.simulator.errors import UserError
 
 fsspec = pytest.importorskip("fsspec")
@@ -20,11 +20,6 @@ fsspec = pytest.importorskip("fsspec")
 @pytest.fixture
 def url():
     return f"memory://{uuid.uuid4()}/set"
-
-
-def test_what_is_a_url():
-    assert is_url("s3://bucket/set")
-    assert not is_url("data/set")
 
 
 def test_files_come_and_go(url):

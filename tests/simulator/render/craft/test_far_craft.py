@@ -12,7 +12,7 @@ pytestmark = pytest.mark.gl
 WIDTH_PX, FINER, FOCAL_PX = 32, 10, 820.0
 
 
-def camera(finer: int) -> Camera:
+def camera(finer):
     """The middle of a longer camera's image, on so many times as many pixels each way."""
     middle = (WIDTH_PX * finer - 1) / 2
     return Camera(

@@ -1,7 +1,5 @@
 """What the craft hides of the Sun and the Moon behind it, and outlines that differ by more than a pixel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import msgspec

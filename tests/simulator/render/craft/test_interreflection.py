@@ -1,8 +1,9 @@
 """Light between a craft's parts, per frame: the same bytes with any number of threads."""
 
 import os
-import subprocess
 import sys
+
+from programs import completed
 
 _PRODUCTS = """
 import hashlib, numpy as np
@@ -18,12 +19,8 @@ for made in (product_in_blocks(a, b), _weighted(a[0, :5], b[:5])):
 def test_products_do_not_depend_on_the_number_of_threads():
     # of one library's call for all columns they do: columns at its threads' borders are rounded otherwise
     hashes = {
-        subprocess.run(
-            [sys.executable, "-c", _PRODUCTS],
-            env=os.environ | {"OPENBLAS_NUM_THREADS": threads},
-            capture_output=True,
-            text=True,
-            check=True,
+        completed(
+            sys.executable, "-c", _PRODUCTS, env=os.environ | {"OPENBLAS_NUM_THREADS": threads}, check=True
         ).stdout
         for threads in ("1", "2")
     }

@@ -15,6 +15,7 @@ from flyaround.simulator.render.gl.fences import Fences, draw_to, flush
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from tests.harness.programs import completed
 
 pytestmark = pytest.mark.gl
 
@@ -49,7 +50,7 @@ def test_a_thread_held_up_while_it_tells_that_it_is_done_corrupts_nothing(render
     subprocess.run([compiler, "-shared", "-fPIC", str(source), "-o", str(library), "-ldl"], check=True)
     environment = {**os.environ, "LD_PRELOAD": str(library), "LP_NUM_THREADS": "2"}
     command = [sys.executable, "-X", "faulthandler", "-m", "tests.simulator.render.gl.test_fences"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
+    done = completed(*command, env=environment)
     # without `Fences`: -6 or -11, "corrupted double-linked list", within six pictures in eight runs of eight
     assert done.returncode == 0, f"{done.returncode} after {done.stdout!r}: {done.stderr}"
     assert done.stdout == "".join(f"{k} " for k in range(PICTURES)) + "drawn"

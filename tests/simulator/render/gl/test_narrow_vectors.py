@@ -1,7 +1,6 @@
 """A processor without AVX draws with vectors of 128 bits: the same picture as one with 256, to float32's rounding."""
 
 import os
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ import pytest
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
+from tests.harness.programs import completed
 
 pytestmark = pytest.mark.gl
 
@@ -39,7 +39,7 @@ def test_vectors_of_128_bits_draw_the_same_picture(renderer, tmp_path):
     path = tmp_path / "narrow.npy"
     environment = {**os.environ, "LP_NATIVE_VECTOR_WIDTH": "128"}
     command = [sys.executable, "-m", "tests.simulator.render.gl.test_narrow_vectors", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, env=environment)
+    done = completed(*command, env=environment)
     assert done.returncode == 0, done.stderr
     assert "128 bits" in done.stdout
     narrow, wide = np.load(path), _draw(renderer)

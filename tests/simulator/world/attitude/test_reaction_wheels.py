@@ -1,14 +1,12 @@
 """Reaction wheels: tracking, conservation of momentum, the limits of torque and of momentum."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest
 
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
-from flyaround.simulator.world.attitude.reaction_wheels import Wheels, WheelTrack, fly_wheels
+from flyaround.simulator.world.attitude.reaction_wheels import Wheels, fly_wheels
 from flyaround.simulator.world.frames.rotation import (
     matrix_from_quat,
     quat_conjugate,
@@ -19,16 +17,16 @@ from flyaround.simulator.world.frames.rotation import (
 J = (12.0, 18.0, 25.0)
 
 
-def resting(_t: float) -> tuple[np.ndarray, np.ndarray]:
+def resting(_t):
     return np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
 
 
-def total_momentum(track: WheelTrack, k: int) -> np.ndarray:
+def total_momentum(track, k):
     body = np.array(J) * track.omega_rad_s[k] + track.momentum_nms[k]
     return matrix_from_quat(track.q_eci_from_camera_wxyz[k]) @ body
 
 
-def test_small_error_dies_as_the_second_order_system_it_is() -> None:
+def test_small_error_dies_as_the_second_order_system_it_is():
     wheels = Wheels(
         inertia_kg_m2=J,
         torque_nm=10.0,
@@ -45,7 +43,7 @@ def test_small_error_dies_as_the_second_order_system_it_is() -> None:
     assert np.max(np.abs(track.error_rad - np.abs(exact))) < 5e-6
 
 
-def test_wheels_and_body_keep_their_momentum() -> None:
+def test_wheels_and_body_keep_their_momentum():
     wheels = Wheels(
         inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_deg=np.degrees((0.4, -0.8, 0.6))
     )
@@ -55,7 +53,7 @@ def test_wheels_and_body_keep_their_momentum() -> None:
     assert track.error_rad[-1] < 1e-3
 
 
-def test_a_slew_takes_the_time_its_torque_needs() -> None:
+def test_a_slew_takes_the_time_its_torque_needs():
     """Rest to rest over an angle takes at least two root (angle J / torque)."""
     angle, torque = 1.0, 0.05
     wheels = Wheels(
@@ -73,7 +71,7 @@ def test_a_slew_takes_the_time_its_torque_needs() -> None:
     assert track.error_rad[early] == pytest.approx(angle - moved, abs=1e-6)
 
 
-def test_rate_is_the_derivative_between_the_periods() -> None:
+def test_rate_is_the_derivative_between_the_periods():
     wheels = Wheels(
         inertia_kg_m2=J, torque_nm=0.5, momentum_nms=20.0, start_error_deg=np.degrees((0.4, -0.8, 0.6))
     )
@@ -85,7 +83,7 @@ def test_rate_is_the_derivative_between_the_periods() -> None:
     assert rotation_angle_rad(quat_conjugate(quat_from_rotvec([0.4, -0.8, 0.6])), track(0.0)[0]) < 1e-12
 
 
-def test_camera_on_wheels_keeps_the_target_in_view() -> None:
+def test_camera_on_wheels_keeps_the_target_in_view():
     scenario = load_scenario("tango-flyaround")
     chaser = msgspec.structs.replace(scenario.chaser, wheels=Wheels(start_error_deg=(3.0, 0.0, 0.0)))
     plan = plan_flight(msgspec.structs.replace(scenario, chaser=chaser), n=2)
@@ -103,7 +101,7 @@ def test_camera_on_wheels_keeps_the_target_in_view() -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_wheel_is_as_full_one_way_as_the_other(axis: int, sign: int) -> None:
+def test_a_wheel_is_as_full_one_way_as_the_other(axis, sign):
     """A half turn to the right and one to the left: the wheel stops at its momentum, and the body at J^-1 of it."""
     error = np.zeros(3)
     error[axis] = sign * 1.5

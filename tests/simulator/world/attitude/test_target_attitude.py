@@ -34,7 +34,7 @@ Q0 = quat_from_rotvec([0.4, -0.9, 0.2])
 J = np.diag([2.5, 2.7, 3.9])
 
 
-def pointed(axis: tuple, at: str, second_axis: tuple, second_at: str) -> Attitude:
+def pointed(axis, at, second_axis, second_at):
     point = Point(axis=axis, at=at, second_axis=second_axis, second_at=second_at)
     return Attitude(motion="point", point=point)
 
@@ -51,7 +51,7 @@ MOTIONS: dict[str, Attitude] = {
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_rate_is_the_derivative_of_the_attitude(name: str) -> None:
+def test_rate_is_the_derivative_of_the_attitude(name):
     track, h = MOTIONS[name].track(Q0, J, AROUND), 0.005
     for t in (10.0, 1234.5, 2900.0):
         (before, _), (now, omega), (after, _) = (track(t + s) for s in (-h, 0.0, h))
@@ -60,7 +60,7 @@ def test_rate_is_the_derivative_of_the_attitude(name: str) -> None:
         assert np.allclose(omega, [spin[2, 1], spin[0, 2], spin[1, 0]], atol=2e-8, rtol=0)
 
 
-def test_axes_point_where_they_are_told() -> None:
+def test_axes_point_where_they_are_told():
     t = 1700.0
     r, v = ORBIT(t)
     R = matrix_from_quat(MOTIONS["nadir"].track(Q0, J, AROUND)(t)[0])
@@ -75,7 +75,7 @@ def test_axes_point_where_they_are_told() -> None:
     assert np.allclose(R[:, 0], p / np.linalg.norm(p), atol=1e-12)
 
 
-def test_at_rest_in_lvlh_and_among_the_stars() -> None:
+def test_at_rest_in_lvlh_and_among_the_stars():
     track = MOTIONS["lvlh"].track(Q0, J, AROUND)
     seen = [ORBIT.frame(t).R_eci_from_lvlh.T @ matrix_from_quat(track(t)[0]) for t in (0.0, 1500.0)]
     assert np.allclose(seen[0], seen[1], atol=1e-12)
@@ -83,14 +83,14 @@ def test_at_rest_in_lvlh_and_among_the_stars() -> None:
     assert np.array_equal(MOTIONS["eci"].track(Q0, J, AROUND)(2000.0)[0], Q0)
 
 
-def test_directions_that_run_together_are_refused() -> None:
+def test_directions_that_run_together_are_refused():
     # the along-track axis follows the velocity, nadir does not meet it; the zenith meets itself
     motion = pointed((0, 0, 1), "nadir", (1, 0, 0), "zenith")
     with pytest.raises(UserError, match="nadir and zenith run together 0 s after the start"):
         motion.track(Q0, J, AROUND)
 
 
-def history_text(every_s: float) -> tuple[str, Attitude]:
+def history_text(every_s):
     motion = MOTIONS["tumble"]
     track = motion.track(Q0, J, AROUND)
     times = np.arange(0.0, 601.0, every_s)
@@ -103,7 +103,7 @@ def history_text(every_s: float) -> tuple[str, Attitude]:
     return text, motion
 
 
-def test_history_of_a_file_is_followed_between_its_lines() -> None:
+def test_history_of_a_file_is_followed_between_its_lines():
     track = MOTIONS["tumble"].track(Q0, J, AROUND)
     errors = []
     for every in (4.0, 8.0):
@@ -120,7 +120,7 @@ def test_history_of_a_file_is_followed_between_its_lines() -> None:
     assert errors[1] / errors[0] > 8
 
 
-def test_history_that_does_not_cover_the_flight_or_has_a_gap_is_refused() -> None:
+def test_history_that_does_not_cover_the_flight_or_has_a_gap_is_refused():
     text, _ = history_text(4.0)
     with pytest.raises(UserError, match=r"covers 2026-03-20T12:00:00.*to 2026-03-20T12:20"):
         read_aem_history(text, "a.aem", EPOCH, 1200.0)
@@ -130,7 +130,7 @@ def test_history_that_does_not_cover_the_flight_or_has_a_gap_is_refused() -> Non
         read_aem_history("".join(lines[:first] + lines[first + 12 :]), "a.aem", EPOCH, 590.0)
 
 
-def test_magnetic_field_points_north_and_doubles_at_the_pole() -> None:
+def test_magnetic_field_points_north_and_doubles_at_the_pole():
     equator = magnetic_field_t(np.array([6371.2e3, 0, 0]), 2025.0)
     pole = magnetic_field_t(np.array([0, 0, 6371.2e3]), 2025.0)
     assert equator[2] == pytest.approx(29350e-9)
@@ -142,7 +142,7 @@ def test_magnetic_field_points_north_and_doubles_at_the_pole() -> None:
     assert abs(divergence) < 1e-8 * np.linalg.norm(magnetic_field_t(r, 2025.0)) / 1.0
 
 
-def test_residual_dipole_turns_like_a_compass_needle() -> None:
+def test_residual_dipole_turns_like_a_compass_needle():
     torque = torque_on(ORBIT, J, EPOCH, residual_dipole_a_m2=(0.0, 0.0, 1.0))
     assert torque is not None
     R = matrix_from_quat(Q0)
@@ -156,7 +156,7 @@ def test_residual_dipole_turns_like_a_compass_needle() -> None:
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_a_flight_goes_to_another_process(name: str) -> None:
+def test_a_flight_goes_to_another_process(name):
     track = MOTIONS[name].track(Q0, J, AROUND)
     again = pickle.loads(pickle.dumps(track))  # noqa: S301 - our own bytes
     assert np.array_equal(np.concatenate(again(123.4)), np.concatenate(track(123.4)))
@@ -166,7 +166,7 @@ def test_a_flight_goes_to_another_process(name: str) -> None:
     ("year", "gauss_nt"),
     [(2015.0, (-1501.77, 4795.99, -29441.46)), (2020.0, (-1451.37, 4653.35, -29403.41))],
 )
-def test_dipole_drifts_as_it_was_observed_to(year: float, gauss_nt: tuple[float, ...]) -> None:
+def test_dipole_drifts_as_it_was_observed_to(year, gauss_nt):
     """Definitive coefficients g11, h11, g10 of IGRF-14, of years that our field extrapolates to.
 
     The change of today is that of those years within 8 nT a year. Without any change h11 is off by 22 nT a year and
@@ -178,7 +178,7 @@ def test_dipole_drifts_as_it_was_observed_to(year: float, gauss_nt: tuple[float,
     assert np.allclose(found, gauss_nt, rtol=0, atol=8.0 * (2025.0 - year))
 
 
-def test_torque_of_a_dipole_is_that_of_its_year() -> None:
+def test_torque_of_a_dipole_is_that_of_its_year():
     """The field turns with the Earth and drifts with the years: a flight's is that of its epoch, on its orbit."""
     for epoch in (EPOCH, Instant.from_utc("2044-03-20T12:00:00Z")):
         torque = torque_on(ORBIT, J, epoch, residual_dipole_a_m2=(3.0, -1.0, 2.0))

@@ -1,7 +1,5 @@
 """Torques on the target: libration under the gravity gradient, spin-up by a constant torque, conservation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -11,7 +9,6 @@ from flyaround.simulator.world.attitude.torques import gravity_gradient_torque, 
 from flyaround.simulator.world.bodies.earth import EARTH
 from flyaround.simulator.world.bodies.moon import MOON
 from flyaround.simulator.world.constants import MU_EARTH_M3_S2
-from flyaround.simulator.world.ephemeris.body import Body
 from flyaround.simulator.world.frames.rotation import matrix_from_quat, quat_from_rotvec
 from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import propagate
@@ -25,7 +22,7 @@ ORBIT = propagate(np.array([A_M, 0, 0]), np.array([0, N * A_M, 0]), 20000.0, Gra
 J = np.diag([1.0, 4.0, 4.5])
 
 
-def test_pitch_libration_has_its_frequency() -> None:
+def test_pitch_libration_has_its_frequency():
     """Wertz (1978), eq. 18-44: n sqrt(3 (J1 - J3) / J2) for small pitch about the orbit normal."""
     small = 1e-3
     torque = torque_on(ORBIT, J, EPOCH, gravity_gradient=True)
@@ -37,7 +34,7 @@ def test_pitch_libration_has_its_frequency() -> None:
         assert -up[1] == pytest.approx(small * np.cos(w * t), abs=2e-6)
 
 
-def test_no_torque_along_a_principal_axis() -> None:
+def test_no_torque_along_a_principal_axis():
     r = np.array([A_M, 0.0, 0.0])
     assert not gravity_gradient_torque(r, np.eye(3), J).any()
     turned = matrix_from_quat(quat_from_rotvec([0, 0, np.pi / 4]))
@@ -45,14 +42,14 @@ def test_no_torque_along_a_principal_axis() -> None:
     assert gravity_gradient_torque(r, turned.T, J)[2] == pytest.approx(-1.5 * N**2 * 3.0)
 
 
-def test_constant_torque_spins_up() -> None:
+def test_constant_torque_spins_up():
     torque = torque_on(ORBIT, J, EPOCH, constant_nm=(0.0, 0.0, 0.009))
     _, rate = propagate_attitude([1, 0, 0, 0], [0, 0, 0], J, 100.0, torque)(100.0)
     assert np.allclose(rate, [0, 0, 0.2], atol=1e-9)
     assert torque_on(ORBIT, J, EPOCH) is None
 
 
-def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
+def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere():
     """Euler's equations in body axes (Wertz 1978, eq. 16-49), by other means than the momentum along ECI.
 
     The body starts far from ECI's axes and turns about none of its own: a torque taken as one along ECI is off by
@@ -61,7 +58,7 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
     q0 = quat_from_rotvec([1.1, -0.7, 1.6])
     rate, push = np.array([0.002, -0.003, 0.001]), np.array([2e-5, 3e-5, -1e-5])
 
-    def euler(_t: float, y: np.ndarray) -> np.ndarray:
+    def euler(_t, y):
         (w, x, y_, z), omega = y[:4], y[4:]
         turn = np.array([[-x, -y_, -z], [w, -z, y_], [z, w, -x], [-y_, x, w]])
         spin = np.linalg.solve(J, push - np.cross(omega, J @ omega))
@@ -79,7 +76,7 @@ def test_torque_acts_along_the_axes_of_a_body_that_points_anywhere() -> None:
 
 
 @pytest.mark.parametrize("body", [EARTH, MOON], ids=lambda body: body.name)
-def test_gravitys_gradient_is_that_of_the_body_that_is_circled(body: Body) -> None:
+def test_gravitys_gradient_is_that_of_the_body_that_is_circled(body):
     """A dumbbell's torque from the pull on each of its two ends."""
     r = np.array([2.1, -1.3, 0.7]) * body.radius_m
     end, mass = np.array([0.3, 0.8, -0.4]), 5.0

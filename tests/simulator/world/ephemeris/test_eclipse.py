@@ -1,9 +1,5 @@
 """Eclipse: full Sun, umbra, and a penumbra that fades evenly from one to the other, behind the Earth that is drawn."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import msgspec
 import numpy as np
 import pytest
@@ -23,18 +19,15 @@ from flyaround.simulator.world.ephemeris.ephemeris_table import EphemerisTable
 from flyaround.simulator.world.orbit.forces import EarthForces, Forces, Surface
 from flyaround.simulator.world.time.instant import Instant
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 SUN = np.array([AU_M, 0.0, 0.0])
 
 
-def along_the_shadow_edge(heights_m: np.ndarray) -> np.ndarray:
+def along_the_shadow_edge(heights_m):
     """Positions 2,000 km behind the Earth's terminator plane at these distances from the shadow's axis."""
     return np.stack([np.full_like(heights_m, -2e6), heights_m, np.zeros_like(heights_m)], axis=-1)
 
 
-def test_fraction_rises_from_umbra_to_sunlight() -> None:
+def test_fraction_rises_from_umbra_to_sunlight():
     heights = EARTH_RADIUS_M + np.linspace(-30e3, 30e3, 601)
     fraction = sun_visible_fraction(along_the_shadow_edge(heights), SUN)
     assert fraction[0] == 0.0
@@ -48,14 +41,14 @@ def test_fraction_rises_from_umbra_to_sunlight() -> None:
     assert heights[np.argmin(abs(fraction - 0.5))] == pytest.approx(EARTH_RADIUS_M, abs=200)
 
 
-def test_far_behind_the_umbra_the_eclipse_is_annular() -> None:
+def test_far_behind_the_umbra_the_eclipse_is_annular():
     distance = 3e9
     fraction = sun_visible_fraction([-distance, 0, 0], SUN)
     ratio = (EARTH_RADIUS_M / distance) / (SUN_RADIUS_M / (AU_M + distance))
     assert fraction == pytest.approx(1 - ratio**2, abs=1e-4)
 
 
-def test_area_agrees_with_counting_points_of_the_disc() -> None:
+def test_area_agrees_with_counting_points_of_the_disc():
     """The same overlap by casting rays from the spacecraft to points of the Sun's disc."""
     r = along_the_shadow_edge(np.array([EARTH_RADIUS_M - 4e3]))[0]
     rng = np.random.default_rng(1)
@@ -67,7 +60,7 @@ def test_area_agrees_with_counting_points_of_the_disc() -> None:
     assert sun_visible_fraction(r, SUN) == pytest.approx(np.mean(miss), abs=0.004)
 
 
-def seen_past_the_ellipsoid(r: np.ndarray, sun: np.ndarray, pole: np.ndarray, side: int = 240) -> float:
+def seen_past_the_ellipsoid(r, sun, pole, side=240):
     """Share of a square grid of the Sun's disc whose rays from ``r`` miss the WGS 84 ellipsoid about ``pole``."""
     to_sun = sun - r
     u = to_sun / np.linalg.norm(to_sun)
@@ -88,7 +81,7 @@ def seen_past_the_ellipsoid(r: np.ndarray, sun: np.ndarray, pole: np.ndarray, si
     return float(1 - hit.mean())
 
 
-def half_light_s(light_at: Callable[[float], float], start_s: float, end_s: float) -> float:
+def half_light_s(light_at, start_s, end_s):
     """When half of the disc is seen, between a lit and a dark moment in any order."""
     rising = light_at(end_s) > 0.5
     for _ in range(24):
@@ -102,13 +95,13 @@ def half_light_s(light_at: Callable[[float], float], start_s: float, end_s: floa
 
 @pytest.mark.parametrize("sun_dec_deg", [0.0, 23.4])
 @pytest.mark.parametrize("tilt_deg", [0.0, 0.15])
-def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg: float, tilt_deg: float) -> None:
+def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg, tilt_deg):
     dec, tilt = np.radians([sun_dec_deg, tilt_deg])
     sun = AU_M * np.array([np.cos(dec), 0.0, np.sin(dec)])
     pole = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     radius, speed = EARTH_RADIUS_M + 700e3, 7504.0
 
-    def place(t_s: float) -> np.ndarray:
+    def place(t_s):
         angle = speed * t_s / radius
         return radius * np.array([np.cos(angle), 0.0, np.sin(angle)])
 
@@ -133,7 +126,7 @@ def test_a_polar_orbit_goes_into_the_shadow_of_the_ellipsoid(sun_dec_deg: float,
         )
 
 
-def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
+def test_flight_light_pressure_and_drawn_earth_have_one_shadow():
     """In a polar orbit, where the Earth that is drawn (WGS 84 in ITRS) hides half of the Sun."""
     scenario = load_scenario("tango-eclipse-pass")
     orbit = msgspec.structs.replace(scenario.orbit, inclination_deg=90.0, raan_deg=178.0)
@@ -165,7 +158,7 @@ def test_flight_light_pressure_and_drawn_earth_have_one_shadow() -> None:
 
 
 @pytest.mark.parametrize("earth_height_m", [EARTH_RADIUS_M + 1.5e3, EARTH_RADIUS_M + 60e3])
-def test_what_earth_and_moon_hide_of_the_sun_is_added(earth_height_m: float) -> None:
+def test_what_earth_and_moon_hide_of_the_sun_is_added(earth_height_m):
     """The Earth's limb hides the disc from below, the Moon from above; against rays to points of the disc."""
     r = np.array([-2e6, earth_height_m, 0.0])
     to_sun = (SUN - r) / np.linalg.norm(SUN - r)
@@ -189,7 +182,7 @@ def test_what_earth_and_moon_hide_of_the_sun_is_added(earth_height_m: float) -> 
     assert found == pytest.approx(np.mean(~by_earth & ~by_moon), abs=0.005)
 
 
-def test_full_shade_of_either_body_is_full_shade() -> None:
+def test_full_shade_of_either_body_is_full_shade():
     """With nothing left by the Earth and a part hidden by the Moon too, the share is zero and not less."""
     r = np.array([-2e6, 0.0, 0.0])
     moon = r + 3.9e8 * np.array([np.cos(0.008), np.sin(0.008), 0.0])

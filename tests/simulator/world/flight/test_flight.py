@@ -9,12 +9,11 @@ import pytest
 from flyaround.simulator.camera.detector.sensor import Sensor
 from flyaround.simulator.camera.lens.camera_model import Camera
 from flyaround.simulator.scene.build import build_scene
-from flyaround.simulator.scene.state import SceneState, TargetRef
+from flyaround.simulator.scene.state import TargetRef
 from flyaround.simulator.world.attitude.pointing import Pointing
 from flyaround.simulator.world.attitude.target_attitude import Attitude
 from flyaround.simulator.world.flight.build import TargetStart, propagate_flight
 from flyaround.simulator.world.flight.export import fly_table
-from flyaround.simulator.world.flight.flight import Flight
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.free_flight import FreeDrift, NaturalCircumnavigation
@@ -33,7 +32,7 @@ MODES: list[Chaser] = [
 ]
 
 
-def flight(mode: Chaser, pointing: Pointing | None = None) -> Flight:
+def flight(mode, pointing=None):
     r, v = state_from_elements(
         Elements(semi_major_axis_m=7078e3, eccentricity=0.002, inclination_rad=1.714, raan_rad=0.3)
     )
@@ -52,7 +51,7 @@ def flight(mode: Chaser, pointing: Pointing | None = None) -> Flight:
     )
 
 
-def scene(f: Flight, t: float) -> SceneState:
+def scene(f, t):
     return build_scene(
         f.state(t),
         camera=CAMERA,
@@ -66,7 +65,7 @@ def scene(f: Flight, t: float) -> SceneState:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_centre_of_mass_is_at_the_principal_point(mode: Chaser) -> None:
+def test_centre_of_mass_is_at_the_principal_point(mode):
     f = flight(mode)
     for t in (0.0, 21.3, 60.0):
         s = scene(f, t)
@@ -75,7 +74,7 @@ def test_centre_of_mass_is_at_the_principal_point(mode: Chaser) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_label_agrees_with_positions_put_together_another_way(mode: Chaser) -> None:
+def test_label_agrees_with_positions_put_together_another_way(mode):
     s, w = scene(flight(mode), 33.0), flight(mode).state(33.0)
     R_eci_from_target = matrix_from_quat(w.q_eci_from_target_wxyz)
     point = np.array([0.3, -0.2, 0.4])
@@ -86,12 +85,12 @@ def test_label_agrees_with_positions_put_together_another_way(mode: Chaser) -> N
 
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda m: type(m).__name__)
-def test_rates_are_the_derivatives_of_the_states(mode: Chaser) -> None:
+def test_rates_are_the_derivatives_of_the_states(mode):
     turned = Pointing(right_deg=5.7, below_deg=-2.9, roll_deg=40.0)
     f, h = flight(mode, turned), 0.05
     before, now, after = (scene(f, 30.0 + s) for s in (-h, 0.0, h))
 
-    def rate(name: str) -> np.ndarray:
+    def rate(name):
         return (np.array(getattr(after, name)) - np.array(getattr(before, name))) / (2 * h)
 
     assert np.allclose(now.v_target_camera_m_s, rate("t_camera_from_target_m"), atol=2e-6, rtol=0)
@@ -108,7 +107,7 @@ def test_rates_are_the_derivatives_of_the_states(mode: Chaser) -> None:
     assert np.allclose(relative, [turn[2, 1], turn[0, 2], turn[1, 0]], atol=1e-5, rtol=0)
 
 
-def test_offset_puts_the_target_left_of_and_above_the_centre() -> None:
+def test_offset_puts_the_target_left_of_and_above_the_centre():
     f = flight(MODES[0], Pointing(right_deg=np.degrees(0.1), below_deg=np.degrees(0.05)))
     u, v = CAMERA.project(scene(f, 0.0).camera_from_target.apply(COM))
     assert u < 960
@@ -116,7 +115,7 @@ def test_offset_puts_the_target_left_of_and_above_the_centre() -> None:
     assert u == pytest.approx(960 - 3003.41 * np.tan(0.1) / np.cos(0.05), abs=0.01)
 
 
-def test_picture_is_down_side_to_the_earth_and_rolls_clockwise() -> None:
+def test_picture_is_down_side_to_the_earth_and_rolls_clockwise():
     level = scene(flight(MODES[0], Pointing(down="nadir")), 0.0)
     rolled = scene(flight(MODES[0], Pointing(down="nadir", roll_deg=90.0)), 0.0)
     # rolled clockwise by a quarter turn, the camera's right side points to the Earth
@@ -125,7 +124,7 @@ def test_picture_is_down_side_to_the_earth_and_rolls_clockwise() -> None:
         assert np.allclose(nadir[:2] / np.hypot(nadir[0], nadir[1]), to_the_earth, atol=1e-6)
 
 
-def test_looking_along_the_reference_still_gives_an_attitude() -> None:
+def test_looking_along_the_reference_still_gives_an_attitude():
     above = Hold(position_lvlh_m=(10.0, 0.0, 0.0))
     chosen, forced = flight(above), flight(above, Pointing(down="nadir"))
     assert chosen.pointing.down == "cross_track"
@@ -135,13 +134,13 @@ def test_looking_along_the_reference_still_gives_an_attitude() -> None:
         assert np.linalg.norm(s.omega_camera_rad_s) < 0.01
 
 
-def test_state_depends_on_the_inputs_alone() -> None:
+def test_state_depends_on_the_inputs_alone():
     first, second = flight(MODES[4]), flight(MODES[4])
     first.state(50.0)
     assert first.state(12.5) == second.state(12.5)
 
 
-def test_table_has_one_row_per_time() -> None:
+def test_table_has_one_row_per_time():
     rows = fly_table(flight(MODES[1]), [0.0, 30.0, 60.0])
     assert [row["t_s"] for row in rows] == [0, 30, 60]
     assert rows[1]["epoch_utc"] == "2026-03-20T12:00:30.000000Z"
@@ -152,7 +151,7 @@ def test_table_has_one_row_per_time() -> None:
 
 @pytest.mark.parametrize("guidance", MODES, ids=lambda m: type(m).__name__)
 @pytest.mark.parametrize("t_s", [-1.0, 61.0])
-def test_no_part_of_a_state_is_told_outside_the_flight(guidance: Chaser, t_s: float) -> None:
+def test_no_part_of_a_state_is_told_outside_the_flight(guidance, t_s):
     for told in (flight(guidance).chaser, flight(guidance).state):
         with pytest.raises(ValueError, match="outside the flight"):
             told(t_s)

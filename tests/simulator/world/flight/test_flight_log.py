@@ -1,7 +1,5 @@
 """A flight's phases, thrust, propellant and events: against the tracks they are told of, and in the table of `fly`."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -16,7 +14,6 @@ from flyaround.simulator.errors import UserError
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 from flyaround.simulator.world.flight.export import fly_table, summarise_flight
-from flyaround.simulator.world.flight.flight import Flight
 from flyaround.simulator.world.flight.log import FlightLog
 from flyaround.simulator.world.guidance.paths import VbarApproach, Waypoints
 
@@ -79,13 +76,13 @@ delta_v_lvlh_m_s = [0.0, 0.2, 0.0]
 )
 
 
-def _flight(tmp_path: Path, text: str) -> Flight:
+def _flight(tmp_path, text):
     path = tmp_path / "mine.toml"
     path.write_text(text)
     return plan_flight(load_scenario(path), n=1).flight
 
 
-def test_an_abort_is_in_the_table_and_in_the_summary(tmp_path: Path) -> None:
+def test_an_abort_is_in_the_table_and_in_the_summary(tmp_path):
     flight = _flight(tmp_path, ABORT)
     rows = fly_table(flight, np.arange(0.0, 301.0))
     summary = summarise_flight(flight, rows)
@@ -100,7 +97,7 @@ def test_an_abort_is_in_the_table_and_in_the_summary(tmp_path: Path) -> None:
     assert summary["min_range_m"] == min(row["range_m"] for row in rows)
 
 
-def test_thrust_mass_and_delta_v_agree_with_each_other(tmp_path: Path) -> None:
+def test_thrust_mass_and_delta_v_agree_with_each_other(tmp_path):
     flight = _flight(tmp_path, ABORT)
     rows = fly_table(flight, np.arange(0.0, 301.0))
     a = np.array([[row[f"thrust_acceleration_lvlh_{x}_m_s2"] for x in "xyz"] for row in rows], float)
@@ -119,7 +116,7 @@ def test_thrust_mass_and_delta_v_agree_with_each_other(tmp_path: Path) -> None:
     assert summary["delta_v_m_s"] == given[-1]
 
 
-def test_every_column_is_documented_and_no_other(tmp_path: Path) -> None:
+def test_every_column_is_documented_and_no_other(tmp_path):
     page = (Path(__file__).parents[4] / "docs" / "formats" / "states.md").read_text()
     documented = []
     for cell in re.findall(r"^\| (`.*?`) \|", page.split("| `phase` | |")[0], re.MULTILINE):
@@ -129,7 +126,7 @@ def test_every_column_is_documented_and_no_other(tmp_path: Path) -> None:
     assert list(fly_table(_flight(tmp_path, ABORT), [0.0])[0]) == documented
 
 
-def test_a_guard_that_overrules_is_told_where_it_does(tmp_path: Path) -> None:
+def test_a_guard_that_overrules_is_told_where_it_does(tmp_path):
     flight = _flight(tmp_path, STEERED)
     log = FlightLog(flight)
     assert [log.thrust_state(t).phase for t in (5.0, 12.0)] == ["coast", "commanded"]
@@ -140,7 +137,7 @@ def test_a_guard_that_overrules_is_told_where_it_does(tmp_path: Path) -> None:
     assert log.thrust_state(guarded[0].t_s).phase == "guarded"
 
 
-def test_burns_count_and_the_targets_are_not_the_chasers(tmp_path: Path) -> None:
+def test_burns_count_and_the_targets_are_not_the_chasers(tmp_path):
     flight = _flight(tmp_path, BURNS)
     log = FlightLog(flight)
     assert [log.thrust_state(t).delta_v_m_s for t in (5.0, 20.0, 50.0, 90.0)] == pytest.approx(
@@ -156,19 +153,19 @@ def test_burns_count_and_the_targets_are_not_the_chasers(tmp_path: Path) -> None
     ]
 
 
-def test_a_path_that_is_followed_exactly_has_no_budget() -> None:
+def test_a_path_that_is_followed_exactly_has_no_budget():
     flight = plan_flight(load_scenario("tango-flyaround"), n=1).flight
     row = fly_table(flight, [0.0])[0]
     assert (row["phase"], row["delta_v_m_s"], row["mass_kg"]) == ("flyaround", None, None)
 
 
-def test_the_targets_way_through_shadow_is_an_event() -> None:
+def test_the_targets_way_through_shadow_is_an_event():
     log = FlightLog(plan_flight(load_scenario("tango-flyaround"), n=1).flight)
     events = log.events((0.0, 1.0, 2.0, 3.0, 4.0), (1.0, 0.3, 0.0, 0.0, 0.2))
     assert [(e.t_s, e.kind) for e in events] == [(2.0, "shadow"), (4.0, "sunlight")]
 
 
-def test_phases_of_a_line_and_of_waypoints() -> None:
+def test_phases_of_a_line_and_of_waypoints():
     line = VbarApproach(start_m=-20, hold_m=-10, speed_m_s=0.1)
     # 0.1 m/s are taken off in 20 s, over the last metre
     assert [line.phase(t) for t in (0.0, 89.0, 95.0, 111.0)] == ["cruise", "cruise", "braking", "hold"]
@@ -184,9 +181,7 @@ def test_phases_of_a_line_and_of_waypoints() -> None:
     ]
 
 
-def test_fly_says_what_happened_and_replaces_nothing_unasked(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fly_says_what_happened_and_replaces_nothing_unasked(tmp_path, capsys, monkeypatch):
     scenario, out = tmp_path / "abort.toml", tmp_path / "flight"
     scenario.write_text(ABORT)
     assert run(["fly", str(scenario), "-o", str(out)]) == 0
@@ -222,5 +217,5 @@ def test_fly_says_what_happened_and_replaces_nothing_unasked(
     assert (out / "states.csv").read_bytes() == before
 
 
-def _refused(*_: object) -> None:
+def _refused(*_):
     raise UserError("no")

@@ -1,10 +1,7 @@
 """Recordings: bit-exact at their samples, close between them, and refused when broken."""
 
-from __future__ import annotations
-
 import os
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 
 
 @pytest.mark.parametrize("name", ["tango-flyaround", "tango-vbar-approach", "tango-eclipse-pass"])
-def test_replay_is_bit_exact(name: str, tmp_path: Path) -> None:
+def test_replay_is_bit_exact(name, tmp_path):
     plan = plan_flight(load_scenario(name), n=50)
     (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
     (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
@@ -30,7 +27,7 @@ def test_replay_is_bit_exact(name: str, tmp_path: Path) -> None:
         assert again.scene(k) == plan.scene(k)
 
 
-def test_replay_about_the_moon_draws_the_same(tmp_path: Path) -> None:
+def test_replay_about_the_moon_draws_the_same(tmp_path):
     plan = plan_flight(load_scenario("lunar-orbit"), n=7)
     (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
     (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
@@ -38,7 +35,7 @@ def test_replay_about_the_moon_draws_the_same(tmp_path: Path) -> None:
     assert [again.scene(k) for k in range(7)] == [plan.scene(k) for k in range(7)]
 
 
-def test_between_the_samples_it_is_close(tmp_path: Path) -> None:
+def test_between_the_samples_it_is_close(tmp_path):
     plan = plan_flight(load_scenario("tango-flyaround"), every_s=1.0)
     (tmp_path / "flight.npz").write_bytes(record(plan.flight, plan.times_s).to_bytes())
     (tmp_path / "replay.toml").write_text(replay_scenario(plan.scenario, "flight.npz"))
@@ -52,7 +49,7 @@ def test_between_the_samples_it_is_close(tmp_path: Path) -> None:
         assert rotation_angle_rad(a.q_camera_from_eci_wxyz, b.q_camera_from_eci_wxyz) < 1e-3
 
 
-def test_broken_recordings_are_named(tmp_path: Path) -> None:
+def test_broken_recordings_are_named(tmp_path):
     with pytest.raises(UserError, match="cannot be read"):
         Recording.read(tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("no recording")
@@ -71,9 +68,7 @@ def test_broken_recordings_are_named(tmp_path: Path) -> None:
         load_scenario(tmp_path / "long.toml")
 
 
-def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(tmp_path, monkeypatch):
     for ending in ("csv", "npz"):
         os.mkfifo(tmp_path / f"pipe.{ending}")
         (tmp_path / f"zero.{ending}").symlink_to("/dev/zero")
@@ -95,7 +90,7 @@ def test_what_never_ends_or_unpacks_to_too_much_is_one_sentence(
 
 
 @pytest.mark.parametrize("times", [np.array(0.0), np.zeros((3, 2)), np.array(["a"]), np.zeros(2, "f8,f8")])
-def test_times_that_are_no_times_are_one_sentence(tmp_path: Path, times: np.ndarray) -> None:
+def test_times_that_are_no_times_are_one_sentence(tmp_path, times):
     good = record(plan_flight(load_scenario("tango-flyaround"), n=3).flight, [0.0, 1.0])
     np.savez(tmp_path / "odd.npz", **{**good.arrays, "t_s": times})
     with pytest.raises(UserError, match=r"recording"):

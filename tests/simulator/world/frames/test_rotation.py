@@ -1,7 +1,5 @@
 """Rotations and poses: inverses, composition, one rotation for both signs, frames that must match."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -23,14 +21,14 @@ vectors = st.tuples(component, component, component).map(np.array)
 
 
 @st.composite
-def quaternions(draw: st.DrawFn) -> np.ndarray:
+def quaternions(draw):
     q = np.array(draw(st.tuples(component, component, component, component)))
     assume(np.linalg.norm(q) > 0.05)
     return quat_normalize(q)
 
 
 @given(quaternions(), vectors)
-def test_matrix_is_a_rotation_and_both_signs_are_one(q: np.ndarray, x: np.ndarray) -> None:
+def test_matrix_is_a_rotation_and_both_signs_are_one(q, x):
     R = matrix_from_quat(q)
     assert np.allclose(R @ R.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(R) == pytest.approx(1, abs=1e-13)
@@ -39,13 +37,13 @@ def test_matrix_is_a_rotation_and_both_signs_are_one(q: np.ndarray, x: np.ndarra
 
 
 @given(quaternions(), quaternions())
-def test_product_composes_as_matrices_do(p: np.ndarray, q: np.ndarray) -> None:
+def test_product_composes_as_matrices_do(p, q):
     product = matrix_from_quat(quat_multiply(p, q))
     assert np.allclose(product, matrix_from_quat(p) @ matrix_from_quat(q), atol=1e-14)
 
 
 @given(quaternions())
-def test_quaternion_survives_its_matrix(q: np.ndarray) -> None:
+def test_quaternion_survives_its_matrix(q):
     back = quat_from_matrix(matrix_from_quat(q))
     assert back[0] >= 0
     assert rotation_angle_rad(q, back) < 1e-14
@@ -53,34 +51,32 @@ def test_quaternion_survives_its_matrix(q: np.ndarray) -> None:
 
 
 @given(quaternions(), vectors)
-def test_angle_between_attitudes_is_that_of_the_turn(q: np.ndarray, rotvec: np.ndarray) -> None:
+def test_angle_between_attitudes_is_that_of_the_turn(q, rotvec):
     turned = quat_multiply(q, quat_from_rotvec(rotvec))
     assert rotation_angle_rad(q, turned) == pytest.approx(np.linalg.norm(rotvec), abs=1e-14)
     assert rotation_angle_rad(q, -turned) == pytest.approx(np.linalg.norm(rotvec), abs=1e-14)
 
 
 @given(quaternions(), vectors, quaternions(), vectors, vectors)
-def test_poses_compose_and_invert(
-    p: np.ndarray, s: np.ndarray, q: np.ndarray, t: np.ndarray, x: np.ndarray
-) -> None:
+def test_poses_compose_and_invert(p, s, q, t, x):
     a_from_b, b_from_c = Pose.of("a", "b", p, s), Pose.of("b", "c", q, t)
     assert np.allclose((a_from_b @ b_from_c).apply(x), a_from_b.apply(b_from_c.apply(x)), atol=1e-14)
     assert np.allclose(a_from_b.inverse().apply(a_from_b.apply(x)), x, atol=1e-14)
 
 
-def test_mismatched_frames_do_not_compose() -> None:
+def test_mismatched_frames_do_not_compose():
     a_from_b = Pose.of("a", "b", [1, 0, 0, 0], [0, 0, 0])
     with pytest.raises(ValueError, match="cannot compose a_from_b with a_from_b"):
         a_from_b @ a_from_b
 
 
 @pytest.mark.parametrize("q", [[0, 0, 0, 0], [np.nan, 0, 0, 1]])
-def test_no_rotation_has_this_quaternion(q: list[float]) -> None:
+def test_no_rotation_has_this_quaternion(q):
     with pytest.raises(ValueError, match="finite and not zero"):
         Pose.of("a", "b", q, [0, 0, 0])
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_half_turns_survive_their_matrix(axis: int) -> None:
+def test_half_turns_survive_their_matrix(axis):
     q = quat_from_rotvec(np.pi * np.eye(3)[axis])
     assert rotation_angle_rad(q, quat_from_matrix(matrix_from_quat(q))) < 1e-14

@@ -1,7 +1,5 @@
 """Free flight about a target on an eccentric orbit closes after a revolution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -31,9 +29,7 @@ MODES = [
 @pytest.mark.parametrize(
     ("e", "nu"), [(0.0, 1.0), (0.01, 0.5), (0.05, 0.0), (0.05, 2.5), (0.3, 4.0), (0.7, 1.0)]
 )
-def test_a_revolution_later_the_chaser_is_where_it_was(
-    mode: NaturalCircumnavigation, e: float, nu: float
-) -> None:
+def test_a_revolution_later_the_chaser_is_where_it_was(mode, e, nu):
     """To second order in the distance: centimetres of fifty metres, by the full equations of two bodies."""
     orbit = Elements(
         semi_major_axis_m=7.2e6 / (1 - e), eccentricity=e, inclination_rad=1.0, true_anomaly_rad=nu
@@ -53,7 +49,7 @@ def test_a_revolution_later_the_chaser_is_where_it_was(
         assert np.hypot(path[:, 0], path[:, 2]).min() > mode.least_distance_m - 0.05
 
 
-def test_on_a_circle_it_is_the_ellipse_of_two_to_one() -> None:
+def test_on_a_circle_it_is_the_ellipse_of_two_to_one():
     orbit = Elements(semi_major_axis_m=7.2e6)
     n = np.sqrt(MU_EARTH_M3_S2 / 7.2e6**3)
     for mode in MODES:

@@ -1,7 +1,5 @@
 """The guard of the keep-out sphere acts as late as braking allows: neither later nor earlier."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,13 +13,13 @@ SPHERE = KeepOut(radius_m=RADIUS_M)
 STILL = np.zeros(3)
 
 
-def _overruled(p: tuple[float, ...], v: tuple[float, ...], asked=STILL, keep_out: KeepOut = SPHERE) -> bool:
+def _overruled(p, v, asked=STILL, keep_out=SPHERE):
     return keep_out.guard(np.array(p), np.array(v), np.asarray(asked, float), PERIOD_S, BRAKE_M_S2)[1]
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.5, 1.5])
 @pytest.mark.parametrize("push", [0.0, 0.03])
-def test_it_acts_where_braking_would_only_just_stop_outside(speed: float, push: float) -> None:
+def test_it_acts_where_braking_would_only_just_stop_outside(speed, push):
     # after the period that the command is held, v^2 / 2 a is the way to a stop
     after = speed + push * PERIOD_S
     needed = speed * PERIOD_S + push * PERIOD_S**2 / 2 + after**2 / (2 * BRAKE_M_S2)
@@ -30,12 +28,12 @@ def test_it_acts_where_braking_would_only_just_stop_outside(speed: float, push: 
         assert _overruled((0.0, -RADIUS_M - margin * needed, 0.0), (0.0, speed, 0.0), asked) is acts
 
 
-def test_who_passes_by_or_leaves_is_left_alone() -> None:
+def test_who_passes_by_or_leaves_is_left_alone():
     assert not _overruled((0.0, -10.5, 0.0), (1.0, 0.0, 0.0))
     assert not _overruled((0.0, -10.1, 0.0), (0.0, -1.0, 0.0))
 
 
-def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside() -> None:
+def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside():
     corridor = KeepOut(
         radius_m=RADIUS_M, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.25)
     )
@@ -44,7 +42,7 @@ def test_in_the_corridor_it_acts_where_braking_would_only_just_stop_inside() -> 
         assert _overruled((0.0, -8.0, 0.0), (sideways, 0.0, 0.0), keep_out=corridor) is acts
 
 
-def test_a_flight_is_overruled_when_it_must_be_and_not_before() -> None:
+def test_a_flight_is_overruled_when_it_must_be_and_not_before():
     orbit = propagate((7.078e6, 0.0, 0.0), (0.0, 7504.0, 0.0), 40.0, Gravity(j2=0.0))
     speed, start = 0.5, 25.0
     script = CommandScript(

@@ -1,7 +1,5 @@
 """A steered chaser: commands in LVLH and camera axes, the guard of the keep-out sphere, the safe ellipse."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from flyaround.simulator.world.frames.rotation import rotation_angle_rad
 from flyaround.simulator.world.guidance.command_script import (
     CommandScript,
     ScriptedCommand,
-    ScriptedTrack,
     fly_script,
 )
 from flyaround.simulator.world.guidance.free_flight import SafeEllipse
@@ -25,18 +22,18 @@ R0, V0 = state_from_elements(Elements(semi_major_axis_m=7e6, inclination_rad=1.0
 N = float(np.sqrt(MU_EARTH_M3_S2 / 7e6**3))
 
 
-def fly(script: CommandScript, span: float, keep_out: KeepOut | None = None) -> ScriptedTrack:
+def fly(script, span, keep_out=None):
     guarded = msgspec.structs.replace(script, keep_out=keep_out)
     return fly_script(propagate(R0, V0, span, ROUND), guarded, N)
 
 
-def lvlh(track: ScriptedTrack, t: float) -> np.ndarray:
+def lvlh(track, t):
     s = track(t)
     p, v = np.array(s.position_eci_m), np.array(s.velocity_eci_m_s)
     return np.concatenate(track.orbit.frame(t).from_eci(p, v))
 
 
-def test_push_along_lvlh_follows_clohessy_wiltshire() -> None:
+def test_push_along_lvlh_follows_clohessy_wiltshire():
     a = np.array([0.001, -0.002, 0.0015])
     script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
@@ -52,7 +49,7 @@ def test_push_along_lvlh_follows_clohessy_wiltshire() -> None:
     assert np.allclose(lvlh(fly(script, 300.0), 300.0)[:3], state[:3], atol=2e-3)
 
 
-def test_push_along_the_camera_goes_to_the_target() -> None:
+def test_push_along_the_camera_goes_to_the_target():
     script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
         commands=(
@@ -66,7 +63,7 @@ def test_push_along_the_camera_goes_to_the_target() -> None:
         assert np.allclose(lvlh(track, t - 1e-7), lvlh(track, t), atol=1e-6)
 
 
-def test_untracked_camera_turns_at_the_commanded_rate() -> None:
+def test_untracked_camera_turns_at_the_commanded_rate():
     script = CommandScript(
         position_lvlh_m=(0.0, -20.0, 0.0),
         tracking=False,
@@ -81,7 +78,7 @@ def test_untracked_camera_turns_at_the_commanded_rate() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_no_command_gets_a_chaser_into_the_sphere(seed: int) -> None:
+def test_no_command_gets_a_chaser_into_the_sphere(seed):
     rng = np.random.default_rng(seed)
     start = rng.normal(size=3)
     start = 25.0 * start / np.linalg.norm(start)
@@ -103,7 +100,7 @@ def test_no_command_gets_a_chaser_into_the_sphere(seed: int) -> None:
     assert track.guarded_s is not None
 
 
-def test_the_corridor_lets_in_and_keeps_from_leaving_sideways() -> None:
+def test_the_corridor_lets_in_and_keeps_from_leaving_sideways():
     corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.25))
     forward = ScriptedCommand(start_s=0.0, duration_s=5.0, acceleration_m_s2=(0.0, 0.04, 0.0))
     entering = fly(CommandScript(position_lvlh_m=(0.0, -20.0, 0.0), commands=(forward,)), 70.0, corridor)
@@ -120,7 +117,7 @@ def test_the_corridor_lets_in_and_keeps_from_leaving_sideways() -> None:
     assert len(inside) < 80
 
 
-def test_safe_ellipse_stays_clear_however_it_drifts() -> None:
+def test_safe_ellipse_stays_clear_however_it_drifts():
     mode = SafeEllipse(radial_m=8.0, cross_track_m=6.0, phase_deg=40.0)
     p, v = mode.state_lvlh(0.0, N)
     # an error of along-track speed carries it past the target, within the ellipse's own hole

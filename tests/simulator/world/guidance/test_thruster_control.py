@@ -1,16 +1,13 @@
 """Flights by thrusters: tracking, limits, fuel, bounds of range, keep-out and abort."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from flyaround.simulator.world.frames.lvlh import lvlh_frame
-from flyaround.simulator.world.guidance.chaser import Chaser
 from flyaround.simulator.world.guidance.free_flight import RangeKeeping
 from flyaround.simulator.world.guidance.keep_out import KeepOut
 from flyaround.simulator.world.guidance.paths import Glideslope, Hold, VbarApproach, Waypoints
-from flyaround.simulator.world.guidance.thruster_control import ControlledTrack, fly_controlled
+from flyaround.simulator.world.guidance.thruster_control import fly_controlled
 from flyaround.simulator.world.guidance.thrusters import Thrusters
 from flyaround.simulator.world.orbit.gravity import Gravity
 from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
@@ -20,13 +17,11 @@ N = np.sqrt(3.986004418e14 / 7078e3**3)
 ORBIT_S = 2 * np.pi / N
 
 
-def fly(
-    mode: Chaser, span: float, thrusters: Thrusters | None = None, keep_out: KeepOut | None = None
-) -> ControlledTrack:
+def fly(mode, span, thrusters=None, keep_out=None):
     return fly_controlled(propagate(R0, V0, span, Gravity()), mode, N, thrusters or Thrusters(), keep_out)
 
 
-def lvlh(track: ControlledTrack, t: float) -> np.ndarray:
+def lvlh(track, t):
     frame = lvlh_frame(*track.orbit(t), track.orbit.acceleration(t))
     return np.concatenate(frame.from_eci(*track(t)))
 
@@ -41,7 +36,7 @@ def lvlh(track: ControlledTrack, t: float) -> np.ndarray:
     ],
     ids=lambda m: type(m).__name__,
 )
-def test_thrusters_follow_the_path(mode: Chaser) -> None:
+def test_thrusters_follow_the_path(mode):
     track = fly(mode, 600.0)
     for t in np.linspace(0.0, 600.0, 13):
         p, _ = mode.state_lvlh(float(t), N)
@@ -50,7 +45,7 @@ def test_thrusters_follow_the_path(mode: Chaser) -> None:
     assert track.mass_kg[-1] < track.mass_kg[0]
 
 
-def test_reference_velocity_is_the_derivative_of_the_path() -> None:
+def test_reference_velocity_is_the_derivative_of_the_path():
     for mode in (
         Waypoints(points_lvlh_m=((0, -20, 0), (10, -10, 0), (10, 0, 5)), speed_m_s=0.06, rest_s=30.0),
         Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01),
@@ -60,7 +55,7 @@ def test_reference_velocity_is_the_derivative_of_the_path() -> None:
             assert np.allclose((p1 - p0) / 2e-3, mode.state_lvlh(t, N)[1], atol=1e-6)
 
 
-def test_waypoints_are_reached_in_turn_and_rested_at() -> None:
+def test_waypoints_are_reached_in_turn_and_rested_at():
     """Legs of 12 m and 5 m at 0.1 m/s, ten seconds at each point: half a leg after half its time."""
     path = Waypoints(points_lvlh_m=((0, 0, 0), (0, 12, 0), (3, 12, 4)), speed_m_s=0.1, rest_s=10.0)
     for t, p in (
@@ -81,7 +76,7 @@ def test_waypoints_are_reached_in_turn_and_rested_at() -> None:
     assert path.state_lvlh(40.0, N)[0] == pytest.approx((0, 12 * 5 / 32, 0))
 
 
-def test_glideslope_arrives_at_its_final_speed() -> None:
+def test_glideslope_arrives_at_its_final_speed():
     mode = Glideslope(start_lvlh_m=(0, -30, 0), end_lvlh_m=(0, -3, 0), start_m_s=0.1, end_m_s=0.01)
     arrival = 27.0 / 0.09 * np.log(10)
     assert np.linalg.norm(mode.state_lvlh(0.0, N)[1]) == pytest.approx(0.1)
@@ -89,7 +84,7 @@ def test_glideslope_arrives_at_its_final_speed() -> None:
     assert mode.state_lvlh(arrival + 1.0, N)[0].tolist() == [0, -3, 0]
 
 
-def test_thrusters_have_limits() -> None:
+def test_thrusters_have_limits():
     thrusters = Thrusters(
         mass_kg=100.0, force_n=0.5, minimum_impulse_ns=0.02, period_s=2.0, specific_impulse_s=200.0
     )
@@ -98,7 +93,7 @@ def test_thrusters_have_limits() -> None:
     assert 100.0 - mass == pytest.approx((1.0 + 0.5) / (200 * 9.80665))
 
 
-def test_range_stays_within_3_and_18_m_for_two_orbits() -> None:
+def test_range_stays_within_3_and_18_m_for_two_orbits():
     mode = RangeKeeping(position_lvlh_m=(6.0, 8.0, 3.0), near_m=3.0, far_m=18.0)
     track = fly(mode, 2 * ORBIT_S, Thrusters(period_s=5.0))
     ranges = np.array([np.linalg.norm(track(t)[0]) for t in np.linspace(0, 2 * ORBIT_S, 1500)])
@@ -108,7 +103,7 @@ def test_range_stays_within_3_and_18_m_for_two_orbits() -> None:
     assert np.count_nonzero(np.linalg.norm(track.thrust_eci_m_s2, axis=1)) < 0.2 * len(track.mass_kg)
 
 
-def test_leaving_the_corridor_aborts_and_retreats() -> None:
+def test_leaving_the_corridor_aborts_and_retreats():
     corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.2))
     inside = VbarApproach(start_m=-20, hold_m=-4, speed_m_s=0.1)
     aside = Glideslope(start_lvlh_m=(4, -20, 0), end_lvlh_m=(4, -4, 0), start_m_s=0.1, end_m_s=0.1)
@@ -122,7 +117,7 @@ def test_leaving_the_corridor_aborts_and_retreats() -> None:
     assert corridor.violated(np.array([0, 5.0, 0.0]))
 
 
-def test_delta_v_is_that_of_the_mass_that_was_spent() -> None:
+def test_delta_v_is_that_of_the_mass_that_was_spent():
     """Tsiolkovsky; each axis has its own thruster, and what they give is added as a vector: along one axis here."""
     spent = Thrusters(period_s=4.0, mass_kg=50.0, specific_impulse_s=180.0)
     track = fly(VbarApproach(start_m=-30, hold_m=-10, speed_m_s=0.05), 300.0, spent)
@@ -133,7 +128,7 @@ def test_delta_v_is_that_of_the_mass_that_was_spent() -> None:
     assert track.delta_v_m_s > 0.02  # to stop, and to hold there
 
 
-def test_retreat_ends_at_twice_the_radius() -> None:
+def test_retreat_ends_at_twice_the_radius():
     corridor = KeepOut(radius_m=10.0, corridor_axis_lvlh=(0, -1, 0), corridor_half_angle_deg=np.degrees(0.2))
     aside = Glideslope(start_lvlh_m=(4, -20, 0), end_lvlh_m=(4, -4, 0), start_m_s=0.1, end_m_s=0.1)
     track = fly(aside, 1200.0, Thrusters(period_s=2.0), corridor)
@@ -145,7 +140,7 @@ def test_retreat_ends_at_twice_the_radius() -> None:
     assert track.thrust_eci_m_s2[within].any()
 
 
-def test_state_between_the_periods_is_continuous() -> None:
+def test_state_between_the_periods_is_continuous():
     track = fly(Hold(position_lvlh_m=(8.0, 3.0, 2.0)), 30.0)
     for k in range(1, 30):
         assert np.allclose(track(k - 1e-9)[0], track(float(k))[0], atol=1e-8, rtol=0)

@@ -1,7 +1,5 @@
 """Conservation laws of the propagators, and Keplerian elements there and back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -38,7 +36,7 @@ orbits = st.builds(
 
 
 @given(orbits)
-def test_elements_survive_their_state(elements: Elements) -> None:
+def test_elements_survive_their_state(elements):
     back = elements_from_state(*state_from_elements(elements))
     r, v = state_from_elements(elements)
     r_back, v_back = state_from_elements(back)
@@ -49,7 +47,7 @@ def test_elements_survive_their_state(elements: Elements) -> None:
     assert np.allclose(v_back, v, atol=1e-6, rtol=0)
 
 
-def test_circular_equatorial_orbit_has_elements() -> None:
+def test_circular_equatorial_orbit_has_elements():
     elements = Elements(semi_major_axis_m=7e6, true_anomaly_rad=1.0)
     back = elements_from_state(*state_from_elements(elements))
     assert back.eccentricity == 0.0
@@ -58,12 +56,12 @@ def test_circular_equatorial_orbit_has_elements() -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(orbits)
-def test_energy_and_axial_momentum_are_kept(elements: Elements) -> None:
+def test_energy_and_axial_momentum_are_kept(elements):
     gravity = Gravity()
     r, v = state_from_elements(elements)
     track = propagate(r, v, 6000.0, gravity)
 
-    def energy(r: np.ndarray, v: np.ndarray) -> float:
+    def energy(r, v):
         return float(v @ v) / 2 + gravity.potential(r)
 
     for t in np.linspace(0, 6000, 23):
@@ -75,9 +73,7 @@ def test_energy_and_axial_momentum_are_kept(elements: Elements) -> None:
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3), st.tuples(*[st.floats(-1, 1)] * 3))
-def test_acceleration_is_the_gradient_of_the_potential(
-    direction: tuple[float, ...], pole: tuple[float, ...]
-) -> None:
+def test_acceleration_is_the_gradient_of_the_potential(direction, pole):
     up = np.array([0, 0, 1.5])
     d, p = np.array(direction) + up, np.array(pole) + up
     r = 7e6 * d / np.linalg.norm(d)
@@ -90,9 +86,7 @@ def test_acceleration_is_the_gradient_of_the_potential(
 
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(*[st.floats(-0.1, 0.1)] * 3), st.tuples(st.floats(2, 3), st.floats(2, 3), st.floats(2, 3.9)))
-def test_tumble_keeps_energy_and_momentum(
-    omega: tuple[float, float, float], moments: tuple[float, ...]
-) -> None:
+def test_tumble_keeps_energy_and_momentum(omega, moments):
     J = np.diag(moments)
     J[0, 1] = J[1, 0] = 0.1
     w0 = np.array(omega)
@@ -113,6 +107,6 @@ def test_tumble_keeps_energy_and_momentum(
         (np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 1.0]]), "symmetric"),
     ],
 )
-def test_impossible_inertia_is_refused(inertia: np.ndarray, sentence: str) -> None:
+def test_impossible_inertia_is_refused(inertia, sentence):
     with pytest.raises(ValueError, match=sentence):
         check_inertia(inertia)

@@ -1,7 +1,5 @@
 """Forces: harmonics against their potential, drag, sunlight, third bodies, differences without loss."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import factorial, sqrt
 
@@ -38,7 +36,7 @@ R0, V0 = state_from_elements(
 SMALL = Surface(mass_kg=50.0, area_m2=0.5)
 
 
-def potential(r: np.ndarray, degree: int) -> float:
+def potential(r, degree):
     """The textbook sum with scipy's Legendre functions (Montenbruck & Gill, eq. 3.27)."""
     mu, radius, C, S = _coefficients()
     x, y, z = r
@@ -54,7 +52,7 @@ def potential(r: np.ndarray, degree: int) -> float:
 
 
 @pytest.mark.parametrize("degree", [2, 5, 20])
-def test_acceleration_is_the_gradient_of_the_potential(degree: int) -> None:
+def test_acceleration_is_the_gradient_of_the_potential(degree):
     points = np.array([[4e6, -3e6, 4.9e6], [-6.9e6, 1e5, -3e5]])
     h = 100.0
     for r, a in zip(points, egm96(degree).acceleration(points), strict=True):
@@ -66,13 +64,13 @@ def test_acceleration_is_the_gradient_of_the_potential(degree: int) -> None:
         assert np.allclose(a, gradient, atol=2e-12, rtol=0)
 
 
-def test_nothing_is_singular_at_the_pole() -> None:
+def test_nothing_is_singular_at_the_pole():
     a = egm96(70).acceleration(np.array([[0.0, 0.0, 7e6], [1e-3, 0.0, 7e6]]))
     assert np.all(np.isfinite(a))
     assert np.allclose(a[0], a[1], atol=1e-12)
 
 
-def test_zonal_part_is_the_closed_form_of_j2() -> None:
+def test_zonal_part_is_the_closed_form_of_j2():
     """``J2 = -sqrt(5) C20``; the closed form knows any pole, the harmonics the Earth's."""
     C, S = np.zeros((3, 3)), np.zeros((3, 3))
     g = Gravity()
@@ -85,12 +83,12 @@ def test_zonal_part_is_the_closed_form_of_j2() -> None:
 
 
 @pytest.mark.parametrize("degree", [1, 71])
-def test_degree_beyond_the_coefficients_is_refused(degree: int) -> None:
+def test_degree_beyond_the_coefficients_is_refused(degree):
     with pytest.raises(ValueError, match="2 to 70"):
         egm96(degree)
 
 
-def test_table_of_the_sky_is_the_routines_it_replaces() -> None:
+def test_table_of_the_sky_is_the_routines_it_replaces():
     for t in (0.0, 901.0, 43210.0, 86400.0):
         R, _, moon = SKY.at(t)
         now = EPOCH.plus(t)
@@ -100,7 +98,7 @@ def test_table_of_the_sky_is_the_routines_it_replaces() -> None:
     assert np.allclose(SKY.at(0.0)[0], R_itrs_from_eci(EPOCH), atol=1e-13, rtol=0)
 
 
-def test_difference_of_attraction_keeps_its_digits() -> None:
+def test_difference_of_attraction_keeps_its_digits():
     r, p = R0.tolist(), [1e-3, 0.0, 0.0]
     d = np.array(attraction_difference(r, p, 3.986e14))
     n = R0 / np.linalg.norm(R0)
@@ -111,7 +109,7 @@ def test_difference_of_attraction_keeps_its_digits() -> None:
     assert np.allclose(attraction_difference(r, far.tolist(), 3.986e14), whole, atol=1e-14)
 
 
-def test_moon_pulls_as_a_tide() -> None:
+def test_moon_pulls_as_a_tide():
     forces = EarthForces(sky=SKY, forces=Forces(moon=True))
     moon = SKY.at(0.0)[2]
     added = forces.target(0.0, R0, V0) - EarthForces(sky=SKY).target(0.0, R0, V0)
@@ -119,7 +117,7 @@ def test_moon_pulls_as_a_tide() -> None:
     assert np.allclose(added, MU_MOON_M3_S2 * direct, atol=1e-14, rtol=0)
 
 
-def test_air_is_continuous_thins_and_slows_the_orbit() -> None:
+def test_air_is_continuous_thins_and_slows_the_orbit():
     for (_, below, _), (base, density, _) in pairwise(_AIR_LAYERS):
         assert density_kg_m3(base * 1e3 - 1e-6) == pytest.approx(density, rel=0.01)
         assert density < below
@@ -133,13 +131,13 @@ def test_air_is_continuous_thins_and_slows_the_orbit() -> None:
 
 @pytest.mark.parametrize("latitude_deg", [-90.0, -50.0, 0.0, 25.0, 45.0, 90.0])
 @pytest.mark.parametrize("altitude_m", [150e3, 600e3])
-def test_altitude_is_above_the_flattened_earth(latitude_deg: float, altitude_m: float) -> None:
+def test_altitude_is_above_the_flattened_earth(latitude_deg, altitude_m):
     """SOFA's WGS 84; to first order in the flattening it is 25 m off at 45 degrees, a sphere 21 km at the pole."""
     r = erfa.gd2gc(1, 0.7, np.radians(latitude_deg), altitude_m)
     assert geodetic_altitude_m(r, float(r[2])) == pytest.approx(altitude_m, abs=1e-3)
 
 
-def test_air_over_the_pole_is_that_of_the_height_above_the_pole() -> None:
+def test_air_over_the_pole_is_that_of_the_height_above_the_pole():
     """Drag at one distance from the Earth's centre, over the pole and over the equator: 21 km differ in height."""
     pole = SKY.at(0.0)[0][2]
     across = np.cross(pole, [1.0, 0.0, 0.0]) / np.linalg.norm(np.cross(pole, [1.0, 0.0, 0.0]))
@@ -157,7 +155,7 @@ def test_air_over_the_pole_is_that_of_the_height_above_the_pole() -> None:
         assert np.linalg.norm(push) == pytest.approx(expected, rel=0.002)
 
 
-def test_light_pushes_in_the_sun_and_not_in_the_shadow() -> None:
+def test_light_pushes_in_the_sun_and_not_in_the_shadow():
     sun = SKY.at(0.0)[1]
     away = sun / np.linalg.norm(sun)
     forces = EarthForces(sky=SKY, forces=Forces(solar_pressure=True, target=SMALL, chaser=SMALL))
@@ -170,7 +168,7 @@ def test_light_pushes_in_the_sun_and_not_in_the_shadow() -> None:
 
 
 @pytest.mark.parametrize(("sunlight", "tolerance_m"), [(False, 2e-6), (True, 1e-3)])
-def test_two_craft_are_the_difference_of_two_flights(sunlight: bool, tolerance_m: float) -> None:  # noqa: FBT001
+def test_two_craft_are_the_difference_of_two_flights(sunlight, tolerance_m):
     """Over an orbit, 10 m apart, against each propagated alone; steps straddle the edges of the shadow."""
     forces = EarthForces(
         sky=SKY,
@@ -191,7 +189,7 @@ def test_two_craft_are_the_difference_of_two_flights(sunlight: bool, tolerance_m
         assert np.allclose(both(t)[0] + both.relative(t)[0], alone(t)[0], atol=tolerance_m, rtol=0)
 
 
-def test_lighter_chaser_is_blown_behind() -> None:
+def test_lighter_chaser_is_blown_behind():
     light = Surface(mass_kg=5.0, area_m2=0.5)
     forces = EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=light))
     nothing = (np.zeros(3), np.zeros(3))
@@ -202,7 +200,7 @@ def test_lighter_chaser_is_blown_behind() -> None:
     assert p @ V0 / np.linalg.norm(V0) == pytest.approx(-9 * own * 300.0**2 / 2, rel=0.1)
 
 
-def test_drag_of_the_chaser_is_that_of_its_own_velocity() -> None:
+def test_drag_of_the_chaser_is_that_of_its_own_velocity():
     """Beside the target and faster than it: the air alone tells them apart, as two craft flown each by itself."""
     forces = EarthForces(sky=SKY, forces=Forces(drag=True, target=SMALL, chaser=SMALL))
     for w in (100.0 * V0 / np.linalg.norm(V0), np.cross(R0, V0) / np.linalg.norm(R0)):

@@ -1,7 +1,5 @@
 """Flight about the Moon: forces against a geocentric propagation, eclipse by the Moon, what the scene says."""
 
-from __future__ import annotations
-
 import msgspec
 import numpy as np
 import pytest
@@ -28,7 +26,7 @@ EPOCH = Instant.from_utc("2024-06-06T05:00:00Z")
 HOUR = 3600.0
 
 
-def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
+def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth():
     sky = EphemerisTable.of(EPOCH, HOUR)
     r, v = state_from_elements(
         Elements(semi_major_axis_m=4e6, eccentricity=0.1, inclination_rad=2.0), MOON.mu_m3_s2
@@ -45,7 +43,7 @@ def test_the_same_orbit_comes_out_of_a_propagation_about_the_earth() -> None:
     assert apart < 25.0
 
 
-def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit() -> None:
+def test_light_pushes_a_lunar_craft_only_where_it_is_asked_for_and_lit():
     """Montenbruck & Gill, eq. 3.75; behind the Moon there is none, and the chaser's is its own."""
     sky = EphemerisTable.of(EPOCH, HOUR)
     craft = (Surface(mass_kg=50.0, area_m2=0.5), Surface(mass_kg=5.0, area_m2=0.5))
@@ -76,7 +74,7 @@ class _OnlyMoon:
         return -self.mu_m3_s2 * r / np.linalg.norm(r) ** 3
 
 
-def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
+def test_flattening_turns_the_node_at_the_rate_of_its_formula():
     J2 = 203.22e-6
     a, i = MOON_RADIUS_M + 200e3, np.radians(60.0)
     R = R_moon_from_eci(EPOCH)
@@ -86,7 +84,7 @@ def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
     forces = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span), forces=Forces(gravity_degree=2))
     plain = MoonForces(epoch=EPOCH, sky=EphemerisTable.of(EPOCH, span))
 
-    def node(f: MoonForces, t: float) -> float:
+    def node(f, t):
         track = propagate(R.T @ r, R.T @ v, span, f)
         h = R @ np.cross(*track(t))
         return float(np.arctan2(h[0], -h[1]))
@@ -97,7 +95,7 @@ def test_flattening_turns_the_node_at_the_rate_of_its_formula() -> None:
     assert turned == pytest.approx(expected, rel=0.35)
 
 
-def test_scene_has_the_moon_where_the_orbit_is_about_it() -> None:
+def test_scene_has_the_moon_where_the_orbit_is_about_it():
     plan = plan_flight(load_scenario("lunar-orbit"), n=3)
     for k in range(3):
         s = plan.scene(k)
@@ -115,7 +113,7 @@ def test_scene_has_the_moon_where_the_orbit_is_about_it() -> None:
     assert above @ out / np.linalg.norm(out) == pytest.approx(1.0)
 
 
-def test_the_moon_and_the_earth_hide_the_sun() -> None:
+def test_the_moon_and_the_earth_hide_the_sun():
     sun, moon = np.array([AU_M, 0.0, 0.0]), np.array([0.0, 3.8e8, 0.0])
     low = np.array([MOON_RADIUS_M + 100e3, 0.0, 0.0])
     assert sun_fraction_past_bodies(earth_and_moon(vec3(moon)), moon + low, sun) == 1.0
@@ -128,7 +126,7 @@ def test_the_moon_and_the_earth_hide_the_sun() -> None:
     assert sun_fraction_past_bodies(earth_and_moon(vec3(before)), np.array([7e6, 0.0, 0.0]), sun) < 0.02
 
 
-def test_messages_count_from_the_moon() -> None:
+def test_messages_count_from_the_moon():
     flight = plan_flight(load_scenario("lunar-orbit"), n=1).flight
     text = flight_messages(flight, [0.0, 60.0, 120.0], aem=False)["target.oem"]
     assert "CENTER_NAME = MOON" in text
@@ -148,7 +146,7 @@ def test_messages_count_from_the_moon() -> None:
         ({"moon": True}, "forces.moon is true, but it is the centre"),
     ],
 )
-def test_forces_that_the_moon_lacks_are_refused(change: dict[str, object], says: str) -> None:
+def test_forces_that_the_moon_lacks_are_refused(change, says):
 
     scenario = load_scenario("lunar-orbit")
     forces = msgspec.structs.replace(scenario.forces, **change)
@@ -157,12 +155,12 @@ def test_forces_that_the_moon_lacks_are_refused(change: dict[str, object], says:
 
 
 @pytest.mark.parametrize("about_moon", [True, False])
-def test_forces_at_a_time_are_those_of_a_flight_that_starts_then(about_moon: bool) -> None:  # noqa: FBT001
+def test_forces_at_a_time_are_those_of_a_flight_that_starts_then(about_moon):
     """All that turns and moves meanwhile: the Moon's bulge, the Earth with its harmonics, Sun and Moon."""
     later_s = 2 * 86400.0
     forces = Forces(gravity_degree=2, sun=True, moon=True)
 
-    def model(epoch: Instant, span_s: float) -> EarthForces | MoonForces:
+    def model(epoch, span_s):
         sky = EphemerisTable.of(epoch, span_s)
         if about_moon:
             return MoonForces(epoch=epoch, sky=sky, forces=forces)

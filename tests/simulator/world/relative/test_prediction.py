@@ -1,7 +1,5 @@
 """The predicted drift against the propagation, on a circle and on an ellipse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from flyaround.simulator.world.orbit.propagation import Elements, propagate, sta
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])
-def test_predicted_drift_is_where_the_chaser_drifts(eccentricity: float) -> None:
+def test_predicted_drift_is_where_the_chaser_drifts(eccentricity):
     r, v = state_from_elements(
         Elements(semi_major_axis_m=1e7, eccentricity=eccentricity, inclination_rad=1.0, true_anomaly_rad=0.8)
     )

@@ -1,7 +1,5 @@
 """Relative motion: LVLH, Clohessy-Wiltshire, guidance modes, steering by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from flyaround.simulator.world.frames.rotation import (
 from flyaround.simulator.world.guidance.manual_control import ChaserState, SteeringCommand, step
 from flyaround.simulator.world.guidance.paths import ForcedFlyaround, VbarApproach
 from flyaround.simulator.world.orbit.gravity import Gravity
-from flyaround.simulator.world.orbit.propagation import Elements, OrbitTrack, propagate, state_from_elements
+from flyaround.simulator.world.orbit.propagation import Elements, propagate, state_from_elements
 from flyaround.simulator.world.relative.clohessy_wiltshire import (
     bounded_ellipse,
     mean_motion_rad_s,
@@ -28,17 +26,17 @@ R0, V0 = state_from_elements(
 ROUND = Gravity(j2=0.0)
 
 
-def in_lvlh(track: OrbitTrack, t: float) -> np.ndarray:
+def in_lvlh(track, t):
     frame = lvlh_frame(*track(t), track.acceleration(t))
     return np.concatenate(frame.from_eci(*track.relative(t)))
 
 
-def drift(state_lvlh: np.ndarray, duration_s: float) -> OrbitTrack:
+def drift(state_lvlh, duration_s):
     start = lvlh_frame(R0, V0, ROUND.acceleration(R0)).to_eci(state_lvlh[:3], state_lvlh[3:])
     return propagate(R0, V0, duration_s, ROUND, start)
 
 
-def test_lvlh_axes_and_rates() -> None:
+def test_lvlh_axes_and_rates():
     gravity = Gravity()
     track = propagate(R0, V0, 100.0, gravity)
     r, v = track(50.0)
@@ -56,7 +54,7 @@ def test_lvlh_axes_and_rates() -> None:
     assert np.allclose(np.concatenate(frame.from_eci(*frame.to_eci(p, w))), np.concatenate([p, w]))
 
 
-def test_clohessy_wiltshire_errs_by_the_square_of_the_distance() -> None:
+def test_clohessy_wiltshire_errs_by_the_square_of_the_distance():
     base = np.array([60.0, -80.0, 40.0, 0.01, -0.05, 0.02])
     errors = []
     for scale in (1.0, 2.0, 4.0):
@@ -66,7 +64,7 @@ def test_clohessy_wiltshire_errs_by_the_square_of_the_distance() -> None:
     assert np.allclose(slopes, 2.0, atol=0.02)
 
 
-def test_natural_circumnavigation_closes_and_stays_clear_of_the_along_track_axis() -> None:
+def test_natural_circumnavigation_closes_and_stays_clear_of_the_along_track_axis():
     p, v = bounded_ellipse(N, 10.0, 0.3, cross_track_m=8.0, cross_phase_rad=np.pi / 2)
     period = 2 * np.pi / N
     track = drift(np.concatenate([p, v]), period)
@@ -77,7 +75,7 @@ def test_natural_circumnavigation_closes_and_stays_clear_of_the_along_track_axis
     assert np.hypot(path[:, 0], path[:, 2]).min() > 7.9
 
 
-def test_two_bodies_a_millimetre_apart_do_not_lose_digits() -> None:
+def test_two_bodies_a_millimetre_apart_do_not_lose_digits():
     """A chaser one millimetre ahead on the same circle stays there to a tenth of a micrometre."""
     turn = 1e-3 / A_M
     frame = lvlh_frame(R0, V0, ROUND.acceleration(R0))
@@ -87,7 +85,7 @@ def test_two_bodies_a_millimetre_apart_do_not_lose_digits() -> None:
     assert in_lvlh(track, 3000.0)[1] == pytest.approx(1e-3, abs=1e-7)
 
 
-def test_approach_cruises_brakes_and_holds() -> None:
+def test_approach_cruises_brakes_and_holds():
     mode = VbarApproach(start_m=-30, hold_m=-10, speed_m_s=0.1, braking_m_s2=0.005)
     times = np.linspace(0, 260, 2601)
     states = [mode.state_lvlh(float(t), N) for t in times]
@@ -101,7 +99,7 @@ def test_approach_cruises_brakes_and_holds() -> None:
     assert np.max(np.abs(np.diff(speed))) <= 0.005 * 0.1 + 1e-12
 
 
-def test_flyaround_keeps_its_range_plane_and_period() -> None:
+def test_flyaround_keeps_its_range_plane_and_period():
     mode = ForcedFlyaround(
         radius_m=9.0,
         period_s=240.0,
@@ -118,7 +116,7 @@ def test_flyaround_keeps_its_range_plane_and_period() -> None:
     assert np.allclose(mode.state_lvlh(240.0, N)[0], mode.state_lvlh(0.0, N)[0])
 
 
-def test_breathing_flyaround_swings_between_its_ranges() -> None:
+def test_breathing_flyaround_swings_between_its_ranges():
     mode = ForcedFlyaround(radius_m=3.0, far_radius_m=18.0, range_period_s=100.0, period_s=400.0)
     ranges = [float(np.linalg.norm(mode.state_lvlh(float(t), N)[0])) for t in np.linspace(0, 100, 101)]
     assert ranges[0] == ranges[100] == pytest.approx(3.0)
@@ -135,7 +133,7 @@ START = ChaserState(
 )
 
 
-def test_thrust_turns_with_the_camera() -> None:
+def test_thrust_turns_with_the_camera():
     """Half a turn under constant thrust gains the chord of the arc: 2/pi of the straight speed."""
     track = propagate(R0, V0, 10.0, Gravity())
     command = SteeringCommand(

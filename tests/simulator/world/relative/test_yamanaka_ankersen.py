@@ -1,7 +1,5 @@
 """Yamanaka-Ankersen against Clohessy-Wiltshire and against differences of full propagations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -23,7 +21,7 @@ from flyaround.simulator.world.relative.yamanaka_ankersen import (
 ROUND = Gravity(j2=0.0)
 
 
-def test_on_a_circle_it_is_clohessy_wiltshire() -> None:
+def test_on_a_circle_it_is_clohessy_wiltshire():
     a = 7078e3
     n = np.sqrt(MU_EARTH_M3_S2 / a**3)
     for t in (100.0, 3000.0, 20000.0):
@@ -32,7 +30,7 @@ def test_on_a_circle_it_is_clohessy_wiltshire() -> None:
 
 
 @pytest.mark.parametrize("e", [0.05, 0.4, 0.7])
-def test_error_falls_with_the_square_of_the_distance(e: float) -> None:
+def test_error_falls_with_the_square_of_the_distance(e):
     orbit = Elements(
         semi_major_axis_m=7000e3 / (1 - e), eccentricity=e, inclination_rad=1.1, true_anomaly_rad=0.7
     )
@@ -52,7 +50,7 @@ def test_error_falls_with_the_square_of_the_distance(e: float) -> None:
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.7])
-def test_velocity_is_how_fast_the_position_changes(e: float) -> None:
+def test_velocity_is_how_fast_the_position_changes(e):
     """Rows 4 to 6 are the time derivative of rows 1 to 3, by central differences: 1e-6 of the largest."""
     orbit = Elements(semi_major_axis_m=7000e3 / (1 - e), eccentricity=e, true_anomaly_rad=-0.4)
     h = 0.05
@@ -63,7 +61,7 @@ def test_velocity_is_how_fast_the_position_changes(e: float) -> None:
     assert np.allclose(elliptic_transition_matrix(orbit, 0.0), np.eye(6), atol=1e-9)
 
 
-def test_kepler_counts_turns() -> None:
+def test_kepler_counts_turns():
     orbit = Elements(semi_major_axis_m=9000e3, eccentricity=0.3, true_anomaly_rad=0.4)
     period = 2 * np.pi * np.sqrt(9000e3**3 / MU_EARTH_M3_S2)
     assert true_anomaly_after(orbit, 3 * period) == pytest.approx(0.4 + 6 * np.pi)

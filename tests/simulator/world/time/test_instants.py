@@ -1,7 +1,5 @@
 """Times: text to Julian dates and back, leap seconds, years beyond the table of leap seconds."""
 
-from __future__ import annotations
-
 import pytest
 
 from flyaround.simulator.world.time.instant import Instant
@@ -16,17 +14,17 @@ from flyaround.simulator.world.time.instant import Instant
         "2094-12-31T23:59:59.999999Z",
     ],
 )
-def test_text_survives(text: str) -> None:
+def test_text_survives(text):
     assert Instant.from_utc(text).iso() == text
 
 
-def test_tt_is_69_184_s_ahead_of_utc() -> None:
+def test_tt_is_69_184_s_ahead_of_utc():
     """TAI - UTC is 37 s since 2017, TT - TAI 32.184 s."""
     t = Instant.from_utc("2026-03-20T12:00:00Z")
     assert (t.tt1 - 2461120.0 + t.tt2) * 86400 == pytest.approx(69.184, abs=1e-6)
 
 
-def test_leap_second_is_counted() -> None:
+def test_leap_second_is_counted():
     start = Instant.from_utc("2016-12-31T23:59:59Z")
     assert start.plus(1.0).iso() == "2016-12-31T23:59:60.000000Z"
     assert start.plus(2.0).iso() == "2017-01-01T00:00:00.000000Z"
@@ -45,6 +43,6 @@ def test_leap_second_is_counted() -> None:
         ("1066-10-14T12:00:00Z", "outside the years 1972 to 2099"),
     ],
 )
-def test_mistakes_are_named(text: str, sentence: str) -> None:
+def test_mistakes_are_named(text, sentence):
     with pytest.raises(ValueError, match=sentence):
         Instant.from_utc(text)
