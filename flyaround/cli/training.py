@@ -68,8 +68,9 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         typer.echo(msgspec.json.encode(made).decode())
         return
     say(
-        f"{output}: {made.steps} steps on {made.views} views; on views kept back keypoints are {made.median_px:.1f} of 128 "
-        f"pixels off in the median, {100 * made.within_10_px:.0f} % within 10, {100 * made.present:.0f} % of craft noticed"
+        f"{output}: {made.steps} steps on {made.views} views; on views kept back keypoints are {made.median_px:.1f} of "
+        f"128 px off in the median, {100 * made.within_10_px:.0f} % within 10 px, "
+        f"{100 * made.present:.0f} % of craft noticed"
     )
     if made.symmetries:
         say(

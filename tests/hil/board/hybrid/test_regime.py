@@ -77,9 +77,7 @@ def image_of(picture: Picture, estimator: PoseEstimator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", PICTURES)
-def test_the_evidence_is_of_the_regime_of_the_image(
-    estimators: dict[str, PoseEstimator], name: str
-) -> None:
+def test_the_evidence_is_of_the_regime_of_the_image(estimators: dict[str, PoseEstimator], name: str) -> None:
     picture = PICTURES[name]
     estimator = estimators[picture.target]
     image = image_of(picture, estimator)
