@@ -48,7 +48,7 @@ class FrameRequest:
 
     Parameters
     ----------
-    labels : whether to label, or which layers to give beyond truth and mask.
+    labels : True if to label, or which layers to give beyond truth and mask.
     timed : wait for the driver after every pass, so that each has its own time; None leaves the renderer as it is.
     """
 
@@ -268,10 +268,10 @@ def open_frames(
     first : the first scene to come, for a quicker first frame.
     prefetched : its maps, where they are being read already.
     ahead : frames of each other process that may be under way or waiting to be collected.
-    restarts : whether other processes that die are followed by others.
-    answer_within_s : other processes that use no processor time for so long while a frame is due are restarted; one
+    restarts : True if other processes that die are followed by others.
+    answer_within_s : other processes that use no processor time for this long while a frame is due are restarted; one
         that prepares something for the first time may take as long as it works. None waits for ever.
-    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before pictures.
+    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before images.
     target : what scenes drawn in this process show, instead of what they name.
     """
     if processes:

@@ -182,7 +182,7 @@ def run_toml(run: Run) -> bytes:
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write a run into a folder as ``run.toml``, or beside a file as ``NAME.run.toml``.
+    """Write a run into a folder as ``run.toml``, or next to a file as ``NAME.run.toml``.
 
     Raises
     ------

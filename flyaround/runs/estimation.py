@@ -99,7 +99,7 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
 
 
 class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
-    """Images of others beside ours of similar views."""
+    """Images of others next to ours of similar views."""
 
     reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
     output: Annotated[File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), HOW] = (

@@ -78,7 +78,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
-    compiled : whether its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
+    compiled : True if its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
@@ -126,8 +126,8 @@ class BoardAgent:
     window : frames held at once, the one in work included.
     key : shared with the host, which must prove that it has it; None where it asks for none.
     watchdog_s : an estimator that takes longer for a frame ends the session; infinite: it may take any time.
-    silence_s : a host that says nothing for so long is gone.
-    takes_colour : whether ``make_estimator``'s takes (H, W, 3) images as well.
+    silence_s : a host that says nothing for this long is gone.
+    takes_colour : True if ``make_estimator``'s takes (H, W, 3) images as well.
 
     Raises
     ------
@@ -220,7 +220,7 @@ class BoardAgent:
         Parameters
         ----------
         tell : given a sentence on the end of each session, and on each reason why none could begin once.
-        pause : waits for so many seconds: twice as many from try to try, up to a bound; few again after a session.
+        pause : waits for this many seconds: twice as many from try to try, up to a bound; few again after a session.
 
         Returns
         -------

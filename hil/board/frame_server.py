@@ -55,10 +55,10 @@ class BoardSummary:
 
     Parameters
     ----------
-    goodbye : whether the host ended the session in order.
+    goodbye : True if the host ended the session in order.
     ended : one sentence saying how it ended.
-    hung : whether the watchdog ended it: the estimator did not come back from a frame.
-    busy : whether the estimator is still at work on a frame of this session, whose answer nobody will get.
+    hung : True if the watchdog ended it: the estimator did not come back from a frame.
+    busy : True if the estimator is still at work on a frame of this session, whose answer nobody will get.
     """
 
     frames: int
@@ -85,7 +85,7 @@ class FrameServer:
     link : after the handshake, which settled ``terms``.
     window : whole frames that this board said it can hold.
     watchdog_s : an estimator that takes longer ends the session; infinite for as long as it likes.
-    silence_s : a host that says nothing for so long, not even on the board's clock requests, is gone.
+    silence_s : a host that says nothing for this long, not even on the board's clock requests, is gone.
     """
 
     def __init__(

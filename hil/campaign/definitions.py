@@ -46,7 +46,7 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     Attributes
     ----------
     listen : an address for a board of its own, started by hand; without it each run starts a board on this machine.
-    key : file with the key for an address that other machines reach, beside the campaign file.
+    key : file with the key for an address that other machines reach, next to the campaign file.
     """
 
     listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
@@ -62,11 +62,11 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     Attributes
     ----------
-    scenario : built-in name, or a TOML file beside the campaign file.
+    scenario : built-in name, or a TOML file next to the campaign file.
     closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
     method : of the estimator on the board that is started here.
     mode, frames, every_s, latency_s, deadline_s : as the options of ``hil host``.
-    faults : a faults file beside the campaign file, or what would stand in it; the scenario's own unless given. Each
+    faults : a faults file next to the campaign file, or what would stand in it; the scenario's own unless given. Each
         run's seed takes the place of its own.
     """
 

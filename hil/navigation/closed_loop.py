@@ -39,10 +39,10 @@ class ClosedLoopConfig:
     Parameters
     ----------
     seed : of the dispersion of the start and of what the thrusters give.
-    frame_every : periods of control from picture to picture.
+    frame_every : periods of control from image to image.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
     thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules, filter : of guidance and filter. inertia_known : whether the filter turns the target as a rigid body.
+    rules, filter : of guidance and filter. inertia_known : True if the filter turns the target as a rigid body.
     """
 
     seed: int = 0
@@ -66,7 +66,7 @@ class LoopStep:
     t_s : start of the period. phase, reason : of guidance. status : of the filter.
     position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
     commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
-    estimate : foretold to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
+    estimate : predicted to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
     pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
     pointing_error_rad : the camera against the attitude that it should have at its true place.
     """
@@ -137,7 +137,7 @@ def fly_closed_loop(
     """Fly an approach on poses alone: in each period the newest estimate decides the thrust.
 
     The chaser knows its own and the target's absolute orbit and its own attitude, which follows what is asked of it;
-    of the target it knows centre of mass and, with ``inertia_known``, inertia. No picture is taken of what is not
+    of the target it knows centre of mass and, with ``inertia_known``, inertia. No image is taken of what is not
     decided.
 
     Parameters
@@ -214,7 +214,7 @@ class ClosedLoop:
         """Yield the images to take, each of the state flown, until the chaser arrives, has retreated, or the flight
         ends.
 
-        The next is not decided before it is asked for.
+        The next is not decided before it is requested.
         """
         h = self._thrusters.period_s
         for k in range(int(np.floor(self._flight.duration_s / h))):

@@ -130,8 +130,8 @@ class NavigationFilter:
     def add(self, pose: PoseMeasurement) -> Verdict:
         """Add a pose, at any time, and return the verdict on it.
 
-        One that is the newest's again to the last digit is of a picture that stands still, and tells nothing: noise
-        makes two pictures differ.
+        One that is the newest's again to the last digit is of an image that stands still, and tells nothing: noise
+        makes two images differ.
         """
         newest, self._newest = self._newest, pose
         if newest is not None and _same(newest, pose):

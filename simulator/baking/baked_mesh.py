@@ -69,7 +69,7 @@ class BakedMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A baked mesh with the data uploaded beside its vertices; see `craft.mesh.GpuMesh`.
+    """A baked mesh with the data uploaded next to its vertices; see `craft.mesh.GpuMesh`.
 
     Parameters
     ----------

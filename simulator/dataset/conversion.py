@@ -71,12 +71,12 @@ def open_source(
 
     Parameters
     ----------
-    form : its format, found out unless given. target, camera : of pictures of others, instead of the usual ones.
+    form : its format, found out unless given. target, camera : of images of others, instead of the usual ones.
 
     Raises
     ------
     UserError
-        If it is no data set that is read, has a mistake, or does not say what its pictures show.
+        If it is no data set that is read, has a mistake, or does not say what its images show.
     """
     if form == NATIVE or (form is None and (place / CARD_NAME).is_file()):
         if target is not None or camera is not None:

@@ -54,7 +54,7 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
     Raises
     ------
     UserError
-        If none is known, or the pictures are not of its size.
+        If none is known, or the images are not of its size.
     """
     if given is not None:
         camera, name = load_camera(given), f"camera {given}"
@@ -133,7 +133,7 @@ def imported_frames(
     Raises
     ------
     UserError
-        If a picture cannot be read.
+        If an image cannot be read.
     """
     for k, picture in enumerate(found.pictures):
         image = read_picture(picture.path)

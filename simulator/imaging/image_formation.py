@@ -215,7 +215,7 @@ def digitise_scene(
 def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
     """Return the Sun's irradiance at the camera per band, without the hidden part [W m-2].
 
-    In the shadow of the Earth it is the target's share; where the disc is in the image, what the picture shows of it.
+    In the shadow of the Earth it is the target's share; where the disc is in the image, what the image shows of it.
     """
     to_sun = np.asarray(scene.r_sun_eci_m) - np.asarray(scene.r_camera_eci_m)
     irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sunlit_fraction

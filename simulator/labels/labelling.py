@@ -57,7 +57,7 @@ class Labels:
     Parameters
     ----------
     mask : (H, W) uint8, 255 on the target. depth_m : (H, W) camera z, NaN outside.
-    layers : the label images that were asked for, by name.
+    layers : the label images that were requested, by name.
     """
 
     truth: Truth

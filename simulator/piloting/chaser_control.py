@@ -136,7 +136,7 @@ class Steering:
         return not self._demand.idle
 
     def brake(self) -> None:
-        """Brake to rest beside the target."""
+        """Brake to rest next to the target."""
         self._end_modes()
         self._drop_demand()
         self.braking = True

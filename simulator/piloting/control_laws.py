@@ -50,7 +50,7 @@ ACCELERATION_M_S2 = 0.05
 """Full thrust per mass: two seconds of it make 0.1 m/s, the pace of an inspection [m s-2]."""
 RATE_RAD_S = np.radians(2.0)
 SLEW_RAD_S2 = np.radians(10.0)
-"""Slew acceleration of the attitude control [rad s-2]; it keeps the picture from jerking."""
+"""Slew acceleration of the attitude control [rad s-2]; it keeps the image from jerking."""
 BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2

@@ -271,7 +271,7 @@ class Contact:
 
     Parameters
     ----------
-    t_s : when. figures : right before it. at_port : whether the docking point met the port, not the body elsewhere.
+    t_s : when. figures : right before it. at_port : True if the docking point met the port, not the body elsewhere.
     misses : what was wrong, in words; a docking if nothing. score : 0 to 100.
     """
 

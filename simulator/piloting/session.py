@@ -1,4 +1,4 @@
-"""A piloted flight stepped by commands, without window, keys or pictures."""
+"""A piloted flight stepped by commands, without window, keys or images."""
 
 from __future__ import annotations
 

@@ -78,11 +78,11 @@ class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
 
 
 class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True):
-    """The camera repeats the last picture before ``start_s``, with new numbers and times."""
+    """The camera repeats the last image before ``start_s``, with new numbers and times."""
 
 
 class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
-    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the picture's
+    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the image's
     width.
     """
 

@@ -51,7 +51,7 @@ def build_scene(
     Parameters
     ----------
     world : state at mid-exposure.
-    camera, sensor, exposure_s, optics : what takes the picture.
+    camera, sensor, exposure_s, optics : what takes the image.
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.

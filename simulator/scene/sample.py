@@ -50,7 +50,7 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     exposure, noise : factors. noise is of standard deviations. psf_sigma_px : width of the Gaussian PSF.
     pedestal_dn : the detector's black level. glow_share : of the optics. boxes : number of area lights.
-    lamp : whether one was lit. environment : the layers' name, or empty.
+    lamp : True if one was lit. environment : the layers' name, or empty.
     craft : number of the craft, whose differences from its model are the scene's target's.
     """
 

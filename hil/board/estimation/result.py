@@ -1,4 +1,4 @@
-"""Result of an estimator for one image, and the distinct poses beside the best one."""
+"""Result of an estimator for one image, and the distinct poses next to the best one."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PoseResult:
 
     Parameters
     ----------
-    accepted : whether the pose may be used. reason : why not, else empty.
+    accepted : True if the pose may be used. reason : why not, else empty.
     q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
         there is none. A declined result still carries its best pose.
     confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.

@@ -34,7 +34,7 @@ class AnswerLine:
     ----------
     url : where the host takes poses. hello : what this board is. key : shared with the host.
     timeout_s : how long to try to reach it, and to wait for its first word.
-    silence_s : a host that says nothing for so long is gone.
+    silence_s : a host that says nothing for this long is gone.
 
     Raises
     ------

@@ -73,7 +73,7 @@ class FrameWanted:
 
     Parameters
     ----------
-    request_id : comes back with the picture. number : since acquisition started, from 0. t_s : the same in time.
+    request_id : comes back with the image. number : since acquisition started, from 0. t_s : the same in time.
     exposure_s, gain_db : as the controller has set them.
     """
 

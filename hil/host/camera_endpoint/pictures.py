@@ -145,7 +145,7 @@ def check_one_channel(plan: Plan) -> None:
     Raises
     ------
     UserError
-        If the pictures are in colour.
+        If the images are in colour.
     """
     if plan.bands != "mono":
         raise UserError(

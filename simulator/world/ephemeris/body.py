@@ -87,7 +87,7 @@ class Body(ABC):
     radius_m, flattening : of the ellipsoid; altitudes count from the (equatorial) radius. mean_radius_m : of a sphere
         like it.
     j2 : second zonal harmonic of its plain gravity, with ``radius_m``. turn_rad_s : sidereal rotation.
-    lowest_m : perigee altitude below which an orbit is taken for a mistake.
+    lowest_m : perigee altitude below which an orbit is treated as a mistake.
     reach_m : radius of its sphere of influence, beyond which a craft does not circle it (Vallado 2013, sec. 12.2).
     sun_distance_m : mean distance from the Sun, by which exposures are metered.
     albedo : mean reflectance, and where there is no map that of all its ground. albedo_map : path of an
@@ -95,7 +95,7 @@ class Body(ABC):
     air : None where there is none. surface : the passes that draw it; docs/adr/0025-bodies-are-objects.md.
     layer : switch of the environment that draws it.
     degrees : of its harmonics that ``forces.gravity_degree`` may ask for. acting : other keys of [forces] that are
-        modelled there. has_field : whether its magnetic field turns a residual dipole.
+        modelled there. has_field : True if its magnetic field turns a residual dipole.
     """
 
     name: str

@@ -44,7 +44,7 @@ class SteeringCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ChaserState:
-    """State of the chaser beside the target at ``t_s``.
+    """State of the chaser next to the target at ``t_s``.
 
     Parameters
     ----------

@@ -67,8 +67,8 @@ def fly_controlled(
 ) -> ControlledTrack:
     """Simulate the chaser under its guidance to the end of the target's track.
 
-    At the start of each period the Clohessy-Wiltshire equations foretell where the chaser would coast to; the
-    thrusters are asked for what is missing to the guidance's velocity, and for a tenth of what is missing to
+    At the start of each period the Clohessy-Wiltshire equations predict where the chaser would coast to; the
+    thrusters are requested what is missing to the guidance's velocity, and for a tenth of what is missing to
     its position. A mode with a method ``impulse_lvlh`` decides for itself.
 
     Parameters

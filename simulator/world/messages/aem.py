@@ -64,7 +64,7 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    spline : over the flight. end_s : of what was asked for; from there it turns on at its last rate.
+    spline : over the flight. end_s : of what was requested; from there it turns on at its last rate.
     """
 
     spline: RotationSpline

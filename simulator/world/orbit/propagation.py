@@ -177,7 +177,7 @@ def propagate(
     burns: tuple[Burn, ...] = (),
     along: Solution | None = None,
 ) -> OrbitTrack:
-    """Propagate the target and, if ``relative`` is given, a chaser in free flight beside it.
+    """Propagate the target and, if ``relative`` is given, a chaser in free flight next to it.
 
     The chaser is integrated as its difference from the target: metres beside seven million metres would lose
     the last digits of the range, their difference does not. The span is cut wherever a burn starts or ends.
