@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 RUN_TOML = "run.toml"
 PATH = "path"
-HOW = "how"
+NOT_RECORDED = "how"
 """Metadata of a field that only says where the result goes or what draws it. Such fields are not recorded."""
 
 
@@ -57,7 +57,7 @@ class RunField(NamedTuple):
     Parameters
     ----------
     key : where it is in the document, such as ``line.listen``. section : type of the table that it is in.
-    declared : help and names on the command line. recorded : False for a field marked ``HOW``.
+    declared : help and names on the command line. recorded : False for a field marked ``NOT_RECORDED``.
     """
 
     key: str
@@ -102,7 +102,7 @@ def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
                 mi.type_info(field.type),
                 field.default,
                 next(mark for mark in marks if isinstance(mark, OptionInfo | ArgumentInfo)),
-                HOW not in marks,
+                NOT_RECORDED not in marks,
             )
 
 
