@@ -34,7 +34,7 @@ class Only(NamedTuple):
     Parameters
     ----------
     field, other : keys, such as ``pictures.n``.
-    values : of the other; None for any but its default.
+    values : values of the other field; None for any but its default.
     sentence : said otherwise; ``{value}`` is that of the field.
     """
 
@@ -56,7 +56,7 @@ class RunField(NamedTuple):
 
     Parameters
     ----------
-    key : where it is in the document, such as ``line.listen``. section : type of the table that it is in.
+    key : place in the document, such as ``line.listen``. section : type of its table.
     declared : help and names on the command line. recorded : False for a field marked ``NOT_RECORDED``.
     """
 
@@ -165,7 +165,7 @@ def refuse_exclusions(run: Run) -> None:
 def run_toml(run: Run) -> bytes:
     """Return a run as TOML: every key that has a value, without the secrets of URLs.
 
-    Left out is what changes no byte of the result: where it goes, and which processes and devices draw.
+    Fields that do not change the result are left out: output folder, processes and devices.
     """
     table = msgspec.to_builtins(run)
     for field in run_fields(type(run)):

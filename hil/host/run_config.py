@@ -26,7 +26,7 @@ class RunConfig:
 
     Parameters
     ----------
-    link : how the board and truth loggers connect.
+    link : settings of the link to board and truth loggers.
     log_dir : for ``frames.csv`` and ``summary.json``; None keeps no files.
     connect_timeout_s : wait for the first board.
     window : most frames under way at once; the board may ask for fewer.

@@ -47,7 +47,7 @@ class Decision:
 
     Parameters
     ----------
-    phase : of the approach. reason : why it holds or gives up; else nothing.
+    phase : phase of the approach. reason : cause of a hold or abort, else empty.
     wanted_m_s : (3,) change of velocity, LVLH.
     """
 

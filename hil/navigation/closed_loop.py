@@ -38,7 +38,7 @@ class ClosedLoopConfig:
 
     Parameters
     ----------
-    seed : of the dispersion of the start and of what the thrusters give.
+    seed : seed of the initial dispersion and of the thrusters' errors.
     frame_every : periods of control from image to image.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
     thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
@@ -95,7 +95,7 @@ class ClosedLoopResult:
     ----------
     outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : of the last two.
     final_error_m : truth from the path's end. final_error_deg : the larger of the camera's error of pointing and the
-        error of the target's estimated attitude. delta_v_m_s : what was spent.
+        error of the target's estimated attitude. delta_v_m_s : total velocity change.
     """
 
     outcome: Outcome
@@ -144,7 +144,7 @@ def fly_closed_loop(
     ----------
     flight : its target is flown, its guidance is the path, its pointing the camera's; its chaser only starts there.
     com_target_m, inertia_kg_m2 : (3,), (3, 3) of the target's model, its own axes.
-    poses : looks at what was flown.
+    poses : source of poses.
 
     Raises
     ------

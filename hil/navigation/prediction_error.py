@@ -46,7 +46,7 @@ def forecast_errors(
 
     Parameters
     ----------
-    estimates : of a run or of several. truth : the target's attitude. motion : predicts.
+    estimates : estimates of one or more runs. truth : the target's attitude. motion : model for the prediction.
     horizons_s : rising. end_s : of the truth; forecasts past it are left out.
     """
     found: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}

@@ -50,7 +50,7 @@ class ImageStatistics:
     noise_dn : standard deviation of the noise, from second differences (median, so that edges do not count).
     gradient_p50, gradient_p95, gradient_p99 : of the Sobel magnitude [DN per pixel].
     edges : share of the pixels in the binary edge image.
-    space : True if the border is dark, so that the background is.
+    space : True if the border is dark, so that the background is space.
     """
 
     histogram: FloatArray

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 class CaptureSummary:
     """Result of a capture; ``clipping`` covers the frames written, None if none shows a target.
 
-    ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
-    ``damaged``: frames that were there and were not what had been written, and so were drawn again.
+    ``redraws`` of these frames: number of poses drawn again for each of the recipe's constraints.
+    ``damaged``: existing frames that differed from their record, and so were rendered again.
     ``second``: of the second camera's data set, where the plan has one.
     """
 

@@ -178,8 +178,8 @@ class GigeCamera:
     def deaf(self) -> bool:
         """True if the stream misses the camera's packets and must be restarted.
 
-        Before its filter is set, a packet socket hears what other programs say. Aravis takes that for images, too:
-        where one's number seems to be among the next hundred, the true ones up to it count as late and are thrown away.
+        Before its filter is set, a packet socket receives the packets of other programs, which Aravis parses as images.
+        If one's number seems to be among the next hundred, the true ones up to it count as late and are dropped.
         """
         return (
             self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS

@@ -42,7 +42,7 @@ class CameraBoardOptions:
     poses_file : .csv or JSON lines; None writes to the standard output, unless the poses go to a host.
     answer_url, key, timeout_s : the host that takes poses, what it asks for, how long to try to reach it.
     most_frames : end after this many; None goes on until stopped.
-    silence_s : a host that says nothing for this long is gone.
+    silence_s : time without messages after which the host is considered gone.
     dark_s : a stream without a whole image for this long is begun anew.
     """
 
@@ -68,7 +68,7 @@ def run_camera_board(
     Parameters
     ----------
     url : ``gige://ADDRESS``.
-    make_estimator : from a camera JSON object. hello : what this board is, for the host that takes poses.
+    make_estimator : makes one from a camera JSON object. hello : description of this board for the host.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class EndpointConfig:
     ----------
     allowed : addresses that are heard.
     xml, xml_name : the GenICam description and the file name it is served under.
-    answers : where boards say their poses; None: nowhere.
+    answers : address at which boards send their poses; None for none.
     loss_share : stream packets that are left out, to try a client's requests. loss_seed : which ones.
     """
 

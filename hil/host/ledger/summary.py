@@ -66,9 +66,9 @@ class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
 
     Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is a frame without an
     answer within ``deadline_ms``: late, dropped, or not sent to the board. ``accepted_known`` counts accepted poses
-    with a known truth, ``accepted_wrong`` those of them beyond 5 deg or 5 % of the range. ``time_faults`` counts answers
-    with impossible times of the board, which are ignored. The values ``killed`` and ``unknown`` occur only in reports
-    of runs without a summary.
+    with a known truth, ``accepted_wrong`` those of them beyond 5 deg or 5 % of the range. ``time_faults`` counts
+    answers with impossible times of the board, which are ignored. The values ``killed`` and ``unknown`` occur only in
+    reports of runs without a summary.
     """
 
     schema: Literal["flyaround.ledger_summary"] = "flyaround.ledger_summary"

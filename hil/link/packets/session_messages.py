@@ -42,7 +42,7 @@ class Hello:
     ----------
     encodings : bit mask, ``1 << Encoding``.
     pixel_formats : bit mask, in the order of ``PIXEL_FORMATS``.
-    window : how many frames the board can hold, the one in work included.
+    window : number of frames that the board can hold, the one in progress included.
     model_name, model_sha256 : the target model it carries; an empty hash is not checked.
     method, board : the estimator, and a free text that names the board.
     takes_fields : True if it reads the optional fields of FRAME_HEADER.

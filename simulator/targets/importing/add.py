@@ -91,9 +91,9 @@ class Findings:
 
     Parameters
     ----------
-    shape : what poses, masks and labels depend on.
-    look : what images alone depend on.
-    repairs : what was mended without loss.
+    shape : findings that affect poses, masks and labels.
+    look : findings that affect images alone.
+    repairs : repairs without loss.
     """
 
     shape: list[str] = field(default_factory=list)

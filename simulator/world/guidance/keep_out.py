@@ -44,8 +44,8 @@ class KeepOut(Section, frozen=True, kw_only=True):
         """Limit an operator's acceleration to what the sphere allows. Return it, and whether it was overruled.
 
         The command passes while the chaser, after this step of it, could still stop outside the sphere or
-        inside the corridor. Otherwise what it asks inward is taken away and the chaser brakes; inside the
-        sphere it is driven out at the retreat speed. What it asks sideways stays.
+        inside the corridor. Otherwise the inward part is removed and the chaser brakes; inside the
+        sphere it is driven out at the retreat speed. The sideways part stays.
 
         Parameters
         ----------

@@ -142,7 +142,7 @@ def follow(
 
     Parameters
     ----------
-    target : the followed one. duration_s : span [s]. forces : what pulls the craft apart.
+    target : followed target. duration_s : span [s]. forces : forces that act on the difference.
     relative : chaser minus target at t = 0, along GCRS axes. burns : of the chaser.
 
     Raises

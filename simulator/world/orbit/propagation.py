@@ -132,7 +132,7 @@ class OrbitTrack:
 
     Parameters
     ----------
-    forces : what it was propagated under.
+    forces : forces of the propagation.
     duration_s : end of the propagated span [s].
     solution : [r, v] or [r, v, rho, rho'] along GCRS axes, and its derivative ``solution.rate``.
     burns : of the target, which are in ``solution`` already.
@@ -186,7 +186,7 @@ def propagate(
     ----------
     r_eci_m, v_eci_m_s : (3,) target at t = 0, GCRS.
     duration_s : span [s].
-    forces : what accelerates the two.
+    forces : forces on both craft.
     relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
     burns : of both craft; the chaser's are for one in free flight.
     along : the target's states where something else than the forces gives them; only the difference is integrated.
