@@ -39,7 +39,7 @@ class Sink(Protocol[Taken_contra]):
     """An object that takes frames: a window, a data set, a link to a board."""
 
     def write(self, frame: Taken_contra) -> None:
-        """Write one frame, or what the stage made of it where it was drawn."""
+        """Write one frame, or the result of the stage for it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,7 +49,7 @@ class FrameRequest:
     Parameters
     ----------
     labels : True if to label, or which layers to give beyond truth and mask.
-    timed : wait for the driver after every pass, so that each has its own time; None leaves the renderer as it is.
+    timed : wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -98,9 +98,9 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         UserError
-            What the renderer raised as a user's mistake.
+            If the renderer raises one.
         JobsLostError
-            If what draws died and was started again: all that was under way is lost.
+            If the renderer died and was restarted: all frames in progress are lost.
         RuntimeError
             If nothing is under way, or something else went wrong.
         """
@@ -116,7 +116,7 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         RuntimeError
-            If frames of an earlier call that was broken off are under way: they would be taken for this one's.
+            If frames of an earlier, interrupted call are in progress: they would be confused with this one's.
         """
         if self.in_flight > 0:
             raise RuntimeError("frames of a run that was broken off are under way; open another producer")
@@ -144,7 +144,7 @@ class _FramesHere(FrameProducer[Taken]):
     Parameters
     ----------
     renderer : stays open when this closes.
-    stage : what is made of each frame. target : instead of the one that a scene names.
+    stage : function applied to each frame. target : target instead of the one that a scene names.
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class OpenRenderer:
     first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
     processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
         processors out among them, and two are better used by two processes of one thread than by one of two.
-    gives_way : how much less urgent than the caller the processes are, as of `os.nice`.
+    gives_way : increment of the processes' niceness, as in `os.nice`.
     """
 
     device_index: int | None = None
@@ -268,11 +268,11 @@ def open_frames(
     first : the first scene to come, for a quicker first frame.
     prefetched : its maps, where they are being read already.
     ahead : frames of each other process that may be under way or waiting to be collected.
-    restarts : True if other processes that die are followed by others.
+    restarts : True to restart other processes that die.
     answer_within_s : other processes that use no processor time for this long while a frame is due are restarted; one
         that prepares something for the first time may take as long as it works. None waits for ever.
     gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before images.
-    target : what scenes drawn in this process show, instead of what they name.
+    target : target of scenes rendered in this process, instead of the one that they name.
     """
     if processes:
         opener = OpenRenderer(
@@ -333,7 +333,7 @@ def run_frames(
 
     Parameters
     ----------
-    renderer : draws here, one after the other; or what takes frames, as `open_frames` gives it.
+    renderer : renders here, one after the other; or a frame source of `open_frames`.
     labels : as of `take_frame`, or what to label of each frame by its number.
     numbers : of the frames, in order; all of the plan unless given.
     """

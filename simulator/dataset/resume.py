@@ -33,7 +33,7 @@ class WhatIsThere:
 
     Parameters
     ----------
-    kept : undamaged. damaged : begun or finished, and not what was written; they are drawn again.
+    kept : undamaged. damaged : incomplete, or different from what was written; they are rendered again.
     """
 
     kept: frozenset[int]

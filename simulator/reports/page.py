@@ -55,7 +55,7 @@ class Page:
 
     Parameters
     ----------
-    title : of the window. heading : of the page, the title where there is none.
+    title : title of the window. heading : heading of the page, by default the title.
     dark : light ink on dark paper, for pages that are mostly images of space.
     style : CSS of this page alone, after the common one.
     """

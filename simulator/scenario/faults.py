@@ -1,6 +1,6 @@
 """Faults of the camera and the line to a board, from a scenario's section or a file of their own.
 
-What goes wrong, when in the flight, how badly; one seed for every random choice.
+Kind, time in the flight and severity of each fault; one seed for every random choice.
 
 Times are the flight's seconds of the frame that is hit. Chances are drawn anew for each frame or packet, from the seed
 and the frame's number alone, so that a run in lockstep meets the same faults again.

@@ -71,9 +71,9 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     Attributes
     ----------
-    redraws : how often each of the recipe's constraints had the pose drawn again.
+    redraws : number of poses drawn again for each of the recipe's constraints.
     raw : the Euler angles, where the attitude was drawn as such. background : where it is a view of a library.
-    pair, sequence : where frames belong together. varied : by `--vary` or a recipe's [vary].
+    pair, sequence : group of frames. varied : changes by `--vary` or a recipe's [vary].
     """
 
     redraws: dict[str, int] = msgspec.field(default_factory=dict)

@@ -75,7 +75,7 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
-    seed : decides which; nobody who may alter a data set should know it beforehand.
+    seed : selects the frames; it must not be known beforehand to anyone who could alter the data set.
     """
     if share <= 0 or not frames:
         return []
