@@ -112,7 +112,7 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If it cannot be read, is another command's, or has a mistake: file, key, value given and what is allowed.
+        If it cannot be read, is another command's, or has a mistake: file, key, value and allowed values.
     """
     where = f"--run {path}"
     raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)

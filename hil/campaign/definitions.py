@@ -152,7 +152,7 @@ def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
     Raises
     ------
     UserError
-        If it has a mistake: file, key, value given, and what is allowed.
+        If it has a mistake: file, key, value and allowed values.
     """
     campaign = _parse(path)
     names = [case.name for case in campaign.case]
@@ -190,7 +190,7 @@ def _check_case(case: Case, where: str) -> None:
     Raises
     ------
     UserError
-        With what to change.
+        With the remedy.
     """
     if len(set(case.all_seeds)) < len(case.all_seeds):
         raise UserError(f"{where} has a seed twice: each run has its own")
@@ -224,7 +224,7 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
     Raises
     ------
     UserError
-        With what to change.
+        With the remedy.
     """
     quantity = QUANTITIES.get(requirement.quantity)
     if quantity is None:

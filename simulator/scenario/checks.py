@@ -42,7 +42,7 @@ def check_document(document: Scenario | Recipe, where: str) -> None:
     Raises
     ------
     UserError
-        With file, key, value and what is allowed.
+        With file, key, value and allowed values.
     """
     problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
     refuse(problems, where)

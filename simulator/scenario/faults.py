@@ -207,7 +207,7 @@ def read_faults(path: Path) -> Faults:
     Raises
     ------
     UserError
-        If there is none, or it has a mistake: key, value given and what is allowed.
+        If there is none, or it has a mistake: key, value and allowed values.
     """
     where = str(path)
     document = parse_toml(read_toml(path, where, "name a faults file"), where)
