@@ -42,7 +42,7 @@ LAST_WAIT_S = 1.0
 # interval of clock requests, which show that the board is alive while its estimator works [s]
 BEAT_S = 0.4
 
-# until the host has answered that, it is waited for so many times as long: a line may take seconds
+# factor of the time-out until the first answer of the host, since a line may take seconds
 UNMET_FACTOR = 5.0
 
 # longest interval between checks for a stop and of the estimator's time [s]
