@@ -101,7 +101,7 @@ class CompileHook(BuildHookInterface):  # type: ignore[type-arg]
     PLUGIN_NAME = "custom"
 
     def dependencies(self) -> list[str]:
-        """Ziglang where this machine's compiler is missing or cannot make what is asked for."""
+        """Ziglang where this machine's compiler is missing or cannot make what is requested."""
         return [] if os.environ.get(PLATFORM_VARIABLE) is None and c_compiler() else ["ziglang"]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

@@ -86,7 +86,7 @@ def draw_code(
     Raises
     ------
     ValueError
-        If the block does not lie inside the picture.
+        If the block does not lie inside the image.
     """
     if not place.fits(image.shape[0], image.shape[1]):
         raise ValueError(

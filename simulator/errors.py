@@ -1,4 +1,4 @@
-"""The exception for a user's mistakes: one sentence with what, where and what to do; suggestions for misspelt names."""
+"""The exception for a user's mistakes, with problem, place and remedy; and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 class UserError(Exception):
     """A user's mistake or a missing part of the machine.
 
-    The message is one sentence: what is wrong, where, and what to do. The command line prints it
+    The message is one sentence with problem, place and remedy. The command line prints it
     without a traceback and exits with 2.
     """
 
@@ -28,7 +28,7 @@ def write_error(path: Path, error: OSError, remedy: str = "choose a folder you m
 
     Parameters
     ----------
-    remedy : what to do about anything but a full disk.
+    remedy : advice for any error but a full disk.
     """
     if error.errno in _FULL:
         return UserError(
@@ -42,7 +42,7 @@ def missing_extra(what: str, extra: str, error: ImportError) -> UserError:
 
     Parameters
     ----------
-    what : needs the library, as in "format parquet". extra : as pyproject.toml names it.
+    what : feature that needs the library, as in "format parquet". extra : name in pyproject.toml.
     """
     if isinstance(error, ModuleNotFoundError):
         name = (error.name or str(error)).partition(".")[0]

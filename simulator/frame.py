@@ -36,7 +36,7 @@ class Frame:
     radiance : linear band radiance before the detector [W m-2 sr-1].
     truth : the label record, or None when labels were not asked for.
     mask : (H, W) uint8, 255 on the target, or None. depth_m : (H, W) camera z, NaN outside, or None.
-    layers : the label images that were asked for, by name.
+    layers : the label images that were requested, by name.
     stage_ms : wall time of each stage: the frame's ledger.
     faults : of the camera that changed the image on purpose.
     time_code_px : columns and rows of a code drawn into the image, the ends not included; None without one.
@@ -86,7 +86,7 @@ def take_frame(
     Parameters
     ----------
     target : the craft of the scene, or the model that it is a variation of.
-    labels : whether to label, or which layers to give beyond truth and mask.
+    labels : True if to label, or which layers to give beyond truth and mask.
     """
     target = scene.target.drawn(target)
     start = time.perf_counter()

@@ -41,7 +41,7 @@ class Sink(Protocol[Taken_contra]):
     """An object that takes frames: a window, a data set, a link to a board."""
 
     def write(self, frame: Taken_contra) -> None:
-        """Write one frame, or what the stage made of it where it was drawn."""
+        """Write one frame, or the result of the stage for it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,8 +50,8 @@ class FrameRequest:
 
     Parameters
     ----------
-    labels : whether to label, or which layers to give beyond truth and mask.
-    timed : wait for the driver after every pass, so that each has its own time; None leaves the renderer as it is.
+    labels : True if to label, or which layers to give beyond truth and mask.
+    timed : wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -100,9 +100,9 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         UserError
-            What the renderer raised as a user's mistake.
+            If the renderer raises one.
         JobsLostError
-            If what draws died and was started again: all that was under way is lost.
+            If the renderer died and was restarted: all frames in progress are lost.
         RuntimeError
             If nothing is under way, or something else went wrong.
         """
@@ -118,7 +118,7 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         RuntimeError
-            If frames of an earlier call that was broken off are under way: they would be taken for this one's.
+            If frames of an earlier, interrupted call are in progress: they would be confused with this one's.
         """
         if self.in_flight > 0:
             raise RuntimeError("frames of a run that was broken off are under way; open another producer")
@@ -146,7 +146,7 @@ class _FramesHere(FrameProducer[Taken]):
     Parameters
     ----------
     renderer : stays open when this closes.
-    stage : what is made of each frame. target : instead of the one that a scene names.
+    stage : function applied to each frame. target : target instead of the one that a scene names.
     """
 
     def __init__(
@@ -200,8 +200,8 @@ class OpenRenderer:
     first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
     processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
         processors out among them, and two are better used by two processes of one thread than by one of two.
-    gives_way : how much less urgent than the caller the processes are, as of `os.nice`.
-    progress : line that tells of what the processes prepare.
+    gives_way : increment of the processes' niceness, as in `os.nice`.
+    progress : line that reports what the processes prepare.
     """
 
     device_index: int | None = None
@@ -275,12 +275,12 @@ def open_frames(
     first : the first scene to come, for a quicker first frame.
     prefetched : its maps, where they are being read already.
     ahead : frames of each other process that may be under way or waiting to be collected.
-    restarts : whether other processes that die are followed by others.
-    answer_within_s : other processes that use no processor time for so long while a frame is due are restarted; one
+    restarts : True to restart other processes that die.
+    answer_within_s : other processes that use no processor time for this long while a frame is due are restarted; one
         that prepares something for the first time may take as long as it works. None waits for ever.
-    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before pictures.
-    progress : line that tells of what other processes prepare.
-    target : what scenes drawn in this process show, instead of what they name.
+    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before images.
+    progress : line that reports what other processes prepare.
+    target : target of scenes rendered in this process, instead of the one that they name.
     """
     if processes:
         opener = OpenRenderer(
@@ -345,7 +345,7 @@ def run_frames(
 
     Parameters
     ----------
-    renderer : draws here, one after the other; or what takes frames, as `open_frames` gives it.
+    renderer : renders here, one after the other; or a frame source of `open_frames`.
     labels : as of `take_frame`, or what to label of each frame by its number.
     numbers : of the frames, in order; all of the plan unless given.
     """

@@ -59,7 +59,7 @@ def measure(name: str, seconds: float, extra: list[str]) -> dict[str, float]:
 
     Parameters
     ----------
-    name : built-in scenario. seconds : from the first picture on. extra : options for ``flyaround sim``.
+    name : built-in scenario. seconds : from the first image on. extra : options for ``flyaround sim``.
     """
     with tempfile.TemporaryDirectory() as folder, virtual_screen() as display:
         write_scenario(name, Path(folder) / "rates.toml")

@@ -2,7 +2,7 @@
 
 `python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user who may not write to it, and runs
 the first commands with 64 MB of shared memory. Needs root, which gives up its rights before a command runs, and a
-PYTHON that others may read (default: this one). The first picture's minute is that of a quiet machine.
+PYTHON that others may read (default: this one). The first image's minute is that of a quiet machine.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ ABOUT = {
     "evaluate": "Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html.",
     "train": "Train a network on a data set, and evaluate it on every tenth frame, which is held out.",
     "compare": "Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere.",
-    "bench": "Measure the frame cost per scene beside a reference pass of the same run.",
+    "bench": "Measure the frame cost per scene and that of a reference pass of the same run.",
     "doctor": "Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones.",
     "cache": "List what is kept between runs (decoded maps, baked light, targets), or remove it.",
     "plugins": "List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md).",

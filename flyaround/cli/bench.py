@@ -27,7 +27,7 @@ def bench(
     run: BenchRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Measure the frame cost per scene beside a reference pass of the same run."""
+    """Measure the frame cost per scene and that of a reference pass of the same run."""
     with progress_bar("bench", quiet=as_json) as progress:
         document = _run_bench(n_frames=run.frames, scenes=run.scene, device_index=run.gpu, progress=progress)
     if as_json:

@@ -1,4 +1,4 @@
-"""compare: our images beside a folder of reference images."""
+"""compare: our images next to a folder of reference images."""
 
 from __future__ import annotations
 

@@ -189,7 +189,7 @@ def check_method(method: str) -> None:
     Raises
     ------
     UserError
-        With the methods there are; of a network, what is wrong with its file.
+        With the available methods; for a network, with the fault in its file.
     """
     try:
         check_any_method(method)

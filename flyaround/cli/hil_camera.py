@@ -44,7 +44,7 @@ ANSWER_S = 30.0
 def camera(run: CameraRun) -> None:
     """Serve a GigE camera on the network (GVCP and GVSP, for Aravis, GStreamer and other clients) until Ctrl-C.
 
-    Each picture is drawn when it is due or triggered, with the exposure and gain that the client has set; what is
+    Each image is drawn when it is due or triggered, with the exposure and gain that the client has set; what is
     slower to draw than --rate comes as fast as it can, and --loop keeps any rate. One client controls at a time.
 
     The protocol has no password and an address can be forged: it is for a network that is yours alone, on the named

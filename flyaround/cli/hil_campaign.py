@@ -70,7 +70,7 @@ def delay_map(
 ) -> None:
     """Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.
 
-    Without pictures: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
+    Without images: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
     output = Path(run.output)
     load_flown(run.scenario, "hil delay-map")

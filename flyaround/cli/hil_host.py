@@ -81,7 +81,7 @@ def host(
 
 
 def _stream(run: HostRun, *, as_json: bool) -> None:
-    """Send the pictures of a flight to a board."""
+    """Send the images of a flight to a board."""
     flown = load_flown(run.scenario, "hil host")
     link = _link(run, flown)
     check_access(link)
@@ -162,7 +162,7 @@ def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
     Raises
     ------
     UserError
-        If no pixel format holds the pictures.
+        If no pixel format holds the images.
     """
     scene = plan.scene(0)
     pixel_format = choose_pixel_format(

@@ -17,7 +17,7 @@ def load_flown(name: str, command: str) -> Scenario:
     Raises
     ------
     UserError
-        If there is none; of a recipe the sentence says what a recipe is for.
+        If there is none; for a recipe the message explains its use.
     """
     try:
         return load_scenario(name)

@@ -153,7 +153,7 @@ def _name_of(file: Path) -> str:
 
 
 def _sheet_of(target: Target) -> Path | None:
-    """Draw the target's contact sheet beside its file; without OpenGL, print that it is skipped."""
+    """Draw the target's contact sheet next to its file; without OpenGL, print that it is skipped."""
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from msgspec import Meta
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 
 
 class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
@@ -15,4 +15,4 @@ class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
 
     frames: Annotated[Annotated[int, Meta(ge=3)], typer.Option("-n", help="Frames timed per scene.")] = 20
     scene: Annotated[tuple[str, ...], typer.Option(help="Only these scenes (repeat the option).")] = ()
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None

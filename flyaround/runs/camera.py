@@ -8,7 +8,7 @@ import typer
 from msgspec import Meta
 
 from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
-from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import File, FlightSeed, Flown
 
 _OF_ANSWERS = "--log and --key are about a board's answers: give --answers tcp://127.0.0.1:5602, too"
@@ -44,7 +44,7 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     write: Annotated[
         File | None,
         typer.Option("--write-xml", help="Write the camera's own description to a file, and end."),
-        HOW,
+        NOT_RECORDED,
     ] = None
     address: Annotated[
         str | None, typer.Option(help="One of the interface's IPv4 addresses (default: its first).")
@@ -62,10 +62,10 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     log: Annotated[
         File | None,
         typer.Option(help="Folder for the ledger of pictures and answers (with --answers), as of hil host."),
-        HOW,
+        NOT_RECORDED,
     ] = None
     key: Annotated[
         File | None, typer.Option(help="File with the key that a board's --answer has to prove.")
     ] = None
     seed: FlightSeed = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from msgspec import Meta
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import File
 
 Workers = Annotated[int, Meta(ge=1, le=256)]
@@ -20,9 +20,9 @@ class CampaignRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-campaig
     output: Annotated[
         File,
         typer.Option("--output", "-o", help="Folder: new, or of this campaign, which goes on."),
-        HOW,
+        NOT_RECORDED,
     ]
-    workers: Annotated[Workers, typer.Option(help="Runs at a time."), HOW] = 1
+    workers: Annotated[Workers, typer.Option(help="Runs at a time."), NOT_RECORDED] = 1
 
 
 class DelayMapRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-delay-map"):
@@ -32,7 +32,7 @@ class DelayMapRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-delay-m
         str, typer.Argument(help="Built-in name or TOML file, its chaser flown by thrusters.")
     ]
     output: Annotated[
-        File, typer.Option("--output", "-o", help="Folder: new, or of this map, which goes on."), HOW
+        File, typer.Option("--output", "-o", help="Folder: new, or of this map, which goes on."), NOT_RECORDED
     ]
     latency: Annotated[str, typer.Option(help="Seconds from mid-exposure to the pose, with commas.")] = (
         "0.3,2,4,5,6"
@@ -59,4 +59,4 @@ class DelayMapRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-delay-m
     check_flights: Annotated[
         Annotated[int, Meta(ge=1, le=1000)], typer.Option(help="Approaches of each of those.")
     ] = 5
-    workers: Annotated[Workers, typer.Option(help="Approaches at a time."), HOW] = 1
+    workers: Annotated[Workers, typer.Option(help="Approaches at a time."), NOT_RECORDED] = 1

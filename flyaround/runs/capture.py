@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import typer
 from msgspec import Meta
 
-from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import AutoExposed, Count, Curve, File, Gpu, Labels, Preset, Seed, World
 from flyaround.simulator.dataset.formats.registry import writable
 from flyaround.simulator.runtime.sections import Section
@@ -67,17 +67,17 @@ class Drawing(Section, frozen=True, kw_only=True):
     """The processes that draw; the bytes do not depend on them."""
 
     workers: Annotated[
-        Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Processes that draw; same bytes."), HOW
+        Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Processes that draw; same bytes."), NOT_RECORDED
     ] = 1
     ray: Annotated[
         str | None,
         typer.Option(help="Draw on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."),
-        HOW,
+        NOT_RECORDED,
     ] = None
     gpu_share: Annotated[
         Annotated[float, Meta(ge=0, le=1)],
         typer.Option(help="Part of a GPU for each of Ray's drawing processes."),
-        HOW,
+        NOT_RECORDED,
     ] = 0.0
     gpu: Gpu = None
 
@@ -110,7 +110,7 @@ class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
             "-o",
             help="Folder of the data set, new or empty; or a URL of fsspec: s3://bucket/set.",
         ),
-        HOW,
+        NOT_RECORDED,
     ]
     resume: Annotated[
         bool,
@@ -118,7 +118,7 @@ class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
             "--resume",
             help="Go on with a data set: verify what is there, draw what is damaged or missing, up to a larger -n.",
         ),
-        HOW,
+        NOT_RECORDED,
     ] = False
     pictures: CapturedPictures = CapturedPictures()
     data_set: DataSet = DataSet()

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import Duration, File, Gpu
 
 
@@ -23,7 +23,7 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
         typer.Option(
             "--off-screen", help="Draw the window where nobody sees it; needs no display. For scripts."
         ),
-        HOW,
+        NOT_RECORDED,
     ] = False
     seed: Annotated[int | None, typer.Option(help="Seed of the noise (default: the scenario's).")] = None
     overlays: Annotated[
@@ -32,21 +32,21 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
     seconds: Annotated[
         Duration | None, typer.Option(help="Close by itself so long after the first picture.")
     ] = None
-    screenshot: Annotated[File | None, typer.Option(help="Picture of the window at the end (.png)."), HOW] = (
-        None
-    )
+    screenshot: Annotated[
+        File | None, typer.Option(help="Picture of the window at the end (.png)."), NOT_RECORDED
+    ] = None
     record: Annotated[
         File | None,
         typer.Option(
             help="Empty folder for the flight as flown and replay.toml, which flies it again; on disk while flying."
         ),
-        HOW,
+        NOT_RECORDED,
     ] = None
     script: Annotated[
         File | None,
         typer.Option(help="Commands to do at their times, as --log and the console's log write them."),
     ] = None
     log: Annotated[
-        File | None, typer.Option(help="File for what was done, as a script for --script."), HOW
+        File | None, typer.Option(help="File for what was done, as a script for --script."), NOT_RECORDED
     ] = None
     gpu: Gpu = None

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import File
 from flyaround.simulator.dataset.formats.registry import NATIVE, readable, writable
 
@@ -17,7 +17,9 @@ class ConvertRun(Run, frozen=True, kw_only=True, tag="flyaround.run.convert"):
     source: Annotated[
         File, typer.Argument(help="A data set: its folder, or of others the list of labels within.")
     ]
-    output: Annotated[File, typer.Option("--output", "-o", help="Folder to write: new or empty."), HOW]
+    output: Annotated[
+        File, typer.Option("--output", "-o", help="Folder to write: new or empty."), NOT_RECORDED
+    ]
     form: Annotated[
         str,
         typer.Option(

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 RUN_TOML = "run.toml"
 PATH = "path"
-HOW = "how"
+NOT_RECORDED = "how"
 """Metadata of a field that only says where the result goes or what draws it. Such fields are not recorded."""
 
 
@@ -34,7 +34,7 @@ class Only(NamedTuple):
     Parameters
     ----------
     field, other : keys, such as ``pictures.n``.
-    values : of the other; None for any but its default.
+    values : values of the other field; None for any but its default.
     sentence : said otherwise; ``{value}`` is that of the field.
     """
 
@@ -56,8 +56,8 @@ class RunField(NamedTuple):
 
     Parameters
     ----------
-    key : where it is in the document, such as ``line.listen``. section : type of the table that it is in.
-    declared : help and names on the command line. recorded : False for a field marked ``HOW``.
+    key : place in the document, such as ``line.listen``. section : type of its table.
+    declared : help and names on the command line. recorded : False for a field marked ``NOT_RECORDED``.
     """
 
     key: str
@@ -102,7 +102,7 @@ def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
                 mi.type_info(field.type),
                 field.default,
                 next(mark for mark in marks if isinstance(mark, OptionInfo | ArgumentInfo)),
-                HOW not in marks,
+                NOT_RECORDED not in marks,
             )
 
 
@@ -112,7 +112,7 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If it cannot be read, is another command's, or has a mistake: file, key, value given and what is allowed.
+        If it cannot be read, is another command's, or has a mistake: file, key, value and allowed values.
     """
     where = f"--run {path}"
     raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
@@ -165,7 +165,7 @@ def refuse_exclusions(run: Run) -> None:
 def run_toml(run: Run) -> bytes:
     """Return a run as TOML: every key that has a value, without the secrets of URLs.
 
-    Left out is what changes no byte of the result: where it goes, and which processes and devices draw.
+    Fields that do not change the result are left out: output folder, processes and devices.
     """
     table = msgspec.to_builtins(run)
     for field in run_fields(type(run)):
@@ -182,7 +182,7 @@ def run_toml(run: Run) -> bytes:
 
 
 def write_run(path: Path, run: Run) -> None:
-    """Write a run into a folder as ``run.toml``, or beside a file as ``NAME.run.toml``.
+    """Write a run into a folder as ``run.toml``, or next to a file as ``NAME.run.toml``.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from msgspec import Meta
 from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
 from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
 from flyaround.hil.train.residual_network import ARCHITECTURES
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import AnySeed, Count, File
 from flyaround.simulator.runtime.sections import Section
 
@@ -47,7 +47,7 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
     debug: Annotated[
         File | None,
         typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
-        HOW,
+        NOT_RECORDED,
     ] = None
     published: Published = Published()
 
@@ -57,7 +57,7 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
 
     folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
     output: Annotated[
-        File, typer.Option("--output", "-o", help="Folder of the report: new or empty."), HOW
+        File, typer.Option("--output", "-o", help="Folder of the report: new or empty."), NOT_RECORDED
     ] = "report"
     methods: Annotated[
         tuple[str, ...],
@@ -67,9 +67,9 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
         File | None,
         typer.Option(help="Board model file given to the estimator, instead of the target's own."),
     ] = None
-    workers: Annotated[Count, typer.Option(help="Processes; with one, times are honest."), HOW] = 1
+    workers: Annotated[Count, typer.Option(help="Processes; with one, times are honest."), NOT_RECORDED] = 1
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what an interrupted run left."), HOW
+        bool, typer.Option("--resume", help="Go on with what an interrupted run left."), NOT_RECORDED
     ] = False
     published: Published = Published()
 
@@ -91,7 +91,7 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
             "-o",
             help="The network's file: NAME.onnx of a data set; of a craft, default the user's folder of targets.",
         ),
-        HOW,
+        NOT_RECORDED,
     ] = None
     minutes: Annotated[
         Annotated[float, Meta(ge=0.01, le=100_000)],
@@ -115,12 +115,12 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
 
 
 class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
-    """Images of others beside ours of similar views."""
+    """Images of others next to ours of similar views."""
 
     reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
-    output: Annotated[File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), HOW] = (
-        "comparison"
-    )
+    output: Annotated[
+        File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), NOT_RECORDED
+    ] = "comparison"
     n: Annotated[Count, typer.Option("-n", help="Pictures at most, evenly over the folder.")] = 16
     target: Annotated[str, typer.Option(help="The craft in them.")] = "tango"
     camera: Annotated[
@@ -133,4 +133,4 @@ class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
     sensor: Annotated[
         str | None, typer.Option(help="Sensor preset of ours (default: as noisy as each picture).")
     ] = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from msgspec import Meta
 
-from flyaround.runs.document import HOW, PATH
+from flyaround.runs.document import NOT_RECORDED, PATH
 from flyaround.simulator.camera.encoding import Encoding
 from flyaround.simulator.labels.request import LAYERS
 from flyaround.simulator.scene.environments import ENVIRONMENTS
@@ -43,4 +43,6 @@ AutoExposed = Annotated[
     ),
 ]
 Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]
-Gpu = Annotated[int | None, typer.Option(help="EGL device to draw on (default: the driver's choice)."), HOW]
+Gpu = Annotated[
+    int | None, typer.Option(help="EGL device to draw on (default: the driver's choice)."), NOT_RECORDED
+]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import File, Flown
 
 
@@ -17,7 +17,7 @@ class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
     output: Annotated[
         File,
         typer.Option("--output", "-o", help="Folder for states.csv and scenario.json: new or empty."),
-        HOW,
+        NOT_RECORDED,
     ]
     every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0
     oem: Annotated[bool, typer.Option("--oem", help="Write target.oem and chaser.oem (CCSDS).")] = False
@@ -27,5 +27,5 @@ class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
         typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
     ] = False
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder."), HOW
+        bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder."), NOT_RECORDED
     ] = False

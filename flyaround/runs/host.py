@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from flyaround.hil.host.link_process.ipc import Compression, PixelFormatName
 from flyaround.hil.link.session import SILENCE_S
-from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import Count, Duration, File, FlightSeed, Flown
 from flyaround.simulator.runtime.sections import Section
 
@@ -99,9 +99,9 @@ class SentPictures(Section, frozen=True, kw_only=True):
     workers: Annotated[
         Annotated[int, Meta(ge=1, le=64)],
         typer.Option(help="Processes that draw in turn: more frames a second."),
-        HOW,
+        NOT_RECORDED,
     ] = 1
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), HOW] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None
 
 
 class Timing(Section, frozen=True, kw_only=True):
@@ -145,26 +145,26 @@ class Recording(Section, frozen=True, kw_only=True):
     """Recordings of the run."""
 
     log: Annotated[
-        File | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty."), HOW
+        File | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty."), NOT_RECORDED
     ] = None
     mcap: Annotated[
         File | None,
         typer.Option(
             help="Also write pictures, truth, answers and timing as ROS 2 messages to this .mcap file."
         ),
-        HOW,
+        NOT_RECORDED,
     ] = None
     live: Annotated[
         Annotated[int, Meta(ge=0, le=65535)] | None,
         typer.Option(help="Serve the same live to Foxglove or Lichtblick on this local port."),
-        HOW,
+        NOT_RECORDED,
     ] = None
     ccsds: Annotated[
         str | None,
         typer.Option(
             help="Also write truth and answers as CCSDS space packets to a file or udp://127.0.0.1:PORT."
         ),
-        HOW,
+        NOT_RECORDED,
     ] = None
 
 

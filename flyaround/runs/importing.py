@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from flyaround.runs.document import HOW, Run
+from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import File
 from flyaround.simulator.runtime.sections import Section
 
@@ -75,9 +75,11 @@ class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add")
         ),
     ]
     name: Annotated[str | None, typer.Option(help="Name of the target (default: the file's).")] = None
-    replace: Annotated[bool, typer.Option("--replace", help="Overwrite a target of this name."), HOW] = False
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Overwrite a target of this name."), NOT_RECORDED
+    ] = False
     sheet: Annotated[
-        bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it."), HOW
+        bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it."), NOT_RECORDED
     ] = True
     frame: MeshFrame = MeshFrame()
     surface: Surface = Surface()

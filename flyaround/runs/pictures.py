@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 import typer
 
-from flyaround.runs.document import HOW, Only, Run
+from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import AutoExposed, Curve, File, Gpu, Labels, Preset, Seed, World
 
 
@@ -49,7 +49,7 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
             help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it. "
             "Earlier ones of that name are replaced. With --poses also a folder, which is made if need be.",
         ),
-        HOW,
+        NOT_RECORDED,
     ] = "frame.png"
     time_s: Annotated[float, typer.Option("--time", "-t", help="Mid-exposure, seconds from the start.")] = 0.0
     from_truth: Annotated[
@@ -70,5 +70,7 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
     seed: Seed = None
     gpu: Gpu = None
     timings: Annotated[
-        bool, typer.Option("--timings", help="Draw it five times more and print the time of each pass."), HOW
+        bool,
+        typer.Option("--timings", help="Draw it five times more and print the time of each pass."),
+        NOT_RECORDED,
     ] = False

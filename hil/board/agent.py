@@ -78,7 +78,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
-    compiled : whether its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
+    compiled : True if its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
@@ -122,12 +122,12 @@ class BoardAgent:
     url : the host.
     model_path : board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
     make_estimator : any estimator, made anew for each session once the camera is known.
-    connect_timeout_s : how long to try to reach the host, and then to wait for its first word.
+    connect_timeout_s : time-out for reaching the host, and then for its first message.
     window : frames held at once, the one in work included.
-    key : shared with the host, which must prove that it has it; None where it asks for none.
+    key : key shared with the host, which must prove that it has it; None without authentication.
     watchdog_s : an estimator that takes longer for a frame ends the session; infinite: it may take any time.
-    silence_s : a host that says nothing for so long is gone.
-    takes_colour : whether ``make_estimator``'s takes (H, W, 3) images as well.
+    silence_s : time without messages after which the host is considered gone.
+    takes_colour : True if ``make_estimator``'s takes (H, W, 3) images as well.
 
     Raises
     ------
@@ -220,7 +220,7 @@ class BoardAgent:
         Parameters
         ----------
         tell : given a sentence on the end of each session, and on each reason why none could begin once.
-        pause : waits for so many seconds: twice as many from try to try, up to a bound; few again after a session.
+        pause : waits for this many seconds: twice as many from try to try, up to a bound; few again after a session.
 
         Returns
         -------

@@ -70,7 +70,7 @@ class FrameContext:
     t_s : float
         Mid-exposure [s], for an estimator that follows the target.
     receive_ns : int
-        The picture was whole, on this machine's monotonic clock.
+        The image was whole, on this machine's monotonic clock.
     start_ns : int
         The estimator began, on the same clock.
     sun_camera : (3,) tuple, optional
@@ -95,7 +95,7 @@ def estimated_pose(
     Parameters
     ----------
     encoding : str
-        Transfer function of the picture's numbers; the estimator is handed linear ones.
+        Transfer function of the image's numbers; the estimator is handed linear ones.
     """
     try:
         result = _estimate(estimator, linear_picture(image, encoding), context)

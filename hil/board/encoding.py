@@ -36,7 +36,7 @@ def light_of(image: Array, encoding: str) -> Array:
     Raises
     ------
     ValueError
-        If the encoding is unknown, or a picture that is not linear has pixels of another type.
+        If the encoding is unknown, or an image that is not linear has pixels of another type.
     """
     if encoding == "linear":
         return image

@@ -42,7 +42,7 @@ LAST_WAIT_S = 1.0
 # interval of clock requests, which show that the board is alive while its estimator works [s]
 BEAT_S = 0.4
 
-# until the host has answered that, it is waited for so many times as long: a line may take seconds
+# factor of the time-out until the first answer of the host, since a line may take seconds
 UNMET_FACTOR = 5.0
 
 # longest interval between checks for a stop and of the estimator's time [s]
@@ -55,10 +55,10 @@ class BoardSummary:
 
     Parameters
     ----------
-    goodbye : whether the host ended the session in order.
+    goodbye : True if the host ended the session in order.
     ended : one sentence saying how it ended.
-    hung : whether the watchdog ended it: the estimator did not come back from a frame.
-    busy : whether the estimator is still at work on a frame of this session, whose answer nobody will get.
+    hung : True if the watchdog ended it: the estimator did not come back from a frame.
+    busy : True if the estimator is still at work on a frame of this session, whose answer nobody will get.
     """
 
     frames: int
@@ -85,7 +85,7 @@ class FrameServer:
     link : after the handshake, which settled ``terms``.
     window : whole frames that this board said it can hold.
     watchdog_s : an estimator that takes longer ends the session; infinite for as long as it likes.
-    silence_s : a host that says nothing for so long, not even on the board's clock requests, is gone.
+    silence_s : a host that says nothing for this long, not even on the board's clock requests, is gone.
     """
 
     def __init__(

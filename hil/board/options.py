@@ -20,8 +20,8 @@ class AgentOption(NamedTuple):
 
     Parameters
     ----------
-    flag : as it is typed. kind : str, int, float, or bool for one without a value.
-    default : None where it is left out for good. text : what it is for. unit : what the value is called in help.
+    flag : option as typed. kind : str, int, float, or bool for one without a value.
+    default : None if it has none. text : help text. unit : placeholder of the value in help.
     """
 
     flag: str

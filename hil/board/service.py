@@ -74,7 +74,7 @@ def systemd_unit(program: str, arguments: List[str], url: str) -> str:
 
     Parameters
     ----------
-    program : path of the bundle. arguments : of its command line. url : the host's, for the rights that its line needs.
+    program : path of the bundle. arguments : command line. url : address of the host, which determines the rights.
     """
     serial = url.startswith("serial")
     device = url[len("serial://") :].split("?", maxsplit=1)[0]

@@ -46,7 +46,7 @@ class OccludingContours:
 
     Parameters
     ----------
-    center_m : (3,) middle of the craft. range_m : of the camera from it.
+    center_m : (3,) centre of the craft. range_m : distance of the camera from it.
     directions : (V, 3) unit vectors from the middle to the camera, model frame.
     points_m : (V, N, 3) evenly spaced along the outline.
     normals : (V, N, 3) unit, outward, across the line of sight.

@@ -150,7 +150,7 @@ def _distinctiveness(
     asked: IntArray,
     within_m: float,
 ) -> FloatArray:
-    """Return (len(asked),) weights of triangles beside a surface: 1 for another material, `ALOFT_WEIGHT` well off it.
+    """Return (len(asked),) weights of triangles next to a surface: 1 for another material, `ALOFT_WEIGHT` well off it.
 
     Parameters
     ----------

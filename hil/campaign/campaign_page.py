@@ -27,7 +27,7 @@ table.fold th{vertical-align:bottom}td small{display:block}
 
 
 def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdict]) -> None:
-    """Write the page; links lead to the runs' folders beside it."""
+    """Write the page; links lead to the runs' folders next to it."""
     met = [_is_met(requirement, runs) for requirement in campaign.requirement]
     page = Page(campaign.title or campaign.name, width_px=1440, style=STYLE)
     failed = sum(not run.passed for run in runs)

@@ -75,10 +75,10 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     Attributes
     ----------
-    inputs : SHA-256 of what was flown; a run of other inputs is not taken for this one.
+    inputs : SHA-256 of the inputs, which identifies the run.
     flown_by : versions; nothing in results that are older than their record.
     board : that answered, as it said in its HELLO. gl_renderer : the driver that drew.
-    failure : why it came to nothing. values : of each quantity that it has.
+    failure : cause of a failed run. values : value of each quantity that it has.
     """
 
     inputs: str
@@ -95,7 +95,7 @@ class RunTask:
 
     Parameters
     ----------
-    folder : where it goes. board_command : starts a board; URL, target and method are appended.
+    folder : output. board_command : starts a board; URL, target and method are appended.
     command : the words on the command line, for the record.
     """
 

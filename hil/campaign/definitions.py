@@ -46,7 +46,7 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     Attributes
     ----------
     listen : an address for a board of its own, started by hand; without it each run starts a board on this machine.
-    key : file with the key for an address that other machines reach, beside the campaign file.
+    key : file with the key for an address that other machines reach, next to the campaign file.
     """
 
     listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
@@ -62,11 +62,11 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     Attributes
     ----------
-    scenario : built-in name, or a TOML file beside the campaign file.
+    scenario : built-in name, or a TOML file next to the campaign file.
     closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
     method : of the estimator on the board that is started here.
     mode, frames, every_s, latency_s, deadline_s : as the options of ``hil host``.
-    faults : a faults file beside the campaign file, or what would stand in it; the scenario's own unless given. Each
+    faults : a faults file next to the campaign file, or what would stand in it; the scenario's own unless given. Each
         run's seed takes the place of its own.
     """
 
@@ -152,7 +152,7 @@ def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
     Raises
     ------
     UserError
-        If it has a mistake: file, key, value given, and what is allowed.
+        If it has a mistake: file, key, value and allowed values.
     """
     campaign = _parse(path)
     names = [case.name for case in campaign.case]
@@ -190,7 +190,7 @@ def _check_case(case: Case, where: str) -> None:
     Raises
     ------
     UserError
-        With what to change.
+        With the remedy.
     """
     if len(set(case.all_seeds)) < len(case.all_seeds):
         raise UserError(f"{where} has a seed twice: each run has its own")
@@ -224,7 +224,7 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
     Raises
     ------
     UserError
-        With what to change.
+        With the remedy.
     """
     quantity = QUANTITIES.get(requirement.quantity)
     if quantity is None:

@@ -55,9 +55,9 @@ def map_delays(
     workers: int = 1,
     progress: Callable[[str, int, int], None] = lambda _what, _done, _of: None,
 ) -> DelayMapOutcome:
-    """Fly every cell, write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the picture.
+    """Fly every cell, write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the image.
 
-    Flights without pictures: their poses are the truth with the errors that the estimator was measured to make. Each
+    Flights without images: their poses are the truth with the errors that the estimator was measured to make. Each
     cell has the same seeds. The same settings give the same bytes, however often it was broken off.
 
     Parameters

@@ -24,7 +24,7 @@ ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator 
 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
-    """Write the picture and the page that shows it."""
+    """Write the image and the page that shows it."""
     drawn = draw_delay_map(outcome)
     write_atomic(folder / PICTURE, drawn)
     s, first = outcome.settings, outcome.half[0]

@@ -66,7 +66,7 @@ class MapFlight:
 
     Parameters
     ----------
-    every_s : between pictures; None: the thrusters' period.
+    every_s : between images; None: the thrusters' period.
     board_command : starts a board: the flight is drawn, and on its poses. None: on noisy poses.
     """
 

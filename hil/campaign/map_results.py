@@ -121,7 +121,7 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    half : of each jitter and share of drops. extended : latencies beyond those asked for, because success was not yet
+    half : of each jitter and share of drops. extended : latencies beyond those requested, because success was not yet
         rare there. refined : cells between two latencies, for the first jitter and the first share of drops alone.
     """
 

@@ -28,8 +28,8 @@ def run_with_own_board(
 
     Parameters
     ----------
-    command, options : what starts a board, before and after the host's address.
-    log : file for what the board said where it did not end well.
+    command, options : command line of a board, before and after the host's address.
+    log : file for the output of a board that failed.
     """
     with contextlib.ExitStack() as stack:
 

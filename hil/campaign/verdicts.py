@@ -32,8 +32,8 @@ class Verdict:
 
     Parameters
     ----------
-    value : of the quantity, None where the run has none; then it is not passed.
-    margin : how far a number is on the right side of the limit, less than 0 on the wrong one.
+    value : value of the quantity; None if the run has none, which fails.
+    margin : distance of a number from the limit, negative on the wrong side.
     """
 
     requirement: Requirement

@@ -40,12 +40,12 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     screen_px, camera_px : width and height.
     homography : 3 x 3, row by row, from screen pixels to camera pixels; pixel (0, 0) is the centre of the first.
-    bend : Chebyshev coefficients, 8 x 8 for x and for y, of what is left [px] over the screen mapped to -1..1.
+    bend : Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
     response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
-    black_dn : the camera's number at level 0. white_dn : what white gives once the shading is evened out.
-    code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's picture.
-    geometry_rms_px : how far the measured points lie from the fitted map.
+    black_dn : the camera's number at level 0. white_dn : its number at white after correction of the shading.
+    code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's image.
+    geometry_rms_px : RMS distance of the measured points from the fitted map.
     """
 
     screen_px: tuple[int, int]
@@ -121,13 +121,13 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : by pattern's name, (H, W) numbers of a camera without gamma; means of several pictures where there are.
+    grabs : by pattern's name, (H, W) numbers of a camera without gamma; means of several images where there are.
     screen_px : width and height of the screen.
 
     Raises
     ------
     UserError
-        If a picture is missing or the screen cannot be found in them.
+        If an image is missing or the screen cannot be found in them.
     """
     wanted = [f"level_{level:03}" for level in LEVELS]
     wanted += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]

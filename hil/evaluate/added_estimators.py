@@ -20,7 +20,7 @@ class AddedEstimator(Estimator):
 
     Parameters
     ----------
-    inner : has ``estimate(image)`` of an (H, W) picture, whose result is as `flyaround.hil.board.answering.Estimate`.
+    inner : has ``estimate(image)`` of an (H, W) image, whose result is as `flyaround.hil.board.answering.Estimate`.
     """
 
     def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - a package's own

@@ -64,7 +64,7 @@ def estimate(
     Raises
     ------
     UserError
-        If the picture cannot be read or is not of the camera's size, a name is unknown, or ``sun_camera`` is no unit
+        If the image cannot be read or is not of the camera's size, a name is unknown, or ``sun_camera`` is no unit
         vector.
     """
     if sun_camera is not None and (len(sun_camera) != 3 or not abs(np.linalg.norm(sun_camera) - 1) <= 1e-3):

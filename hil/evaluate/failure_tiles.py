@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 360, 260
 # Grey level outside the image, since space is black.
 BEYOND = 70
 
-# From where to where the arrow of an estimate beyond the tile goes, of the way from its middle to its side.
+# Start and end of the arrow to an estimate outside the tile, as shares of the distance from its centre to its edge.
 ARROW = (0.72, 0.94)
 
 

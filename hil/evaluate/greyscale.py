@@ -29,12 +29,12 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
 
     Returns
     -------
-    (H, W) of the same type; a linear grey picture comes back as it is.
+    (H, W) of the same type; a linear grey image comes back as it is.
 
     Raises
     ------
     ValueError
-        If the encoding is unknown, or the picture has other pixels than it is defined for.
+        If the encoding is unknown, or the image has other pixels than it is defined for.
     """
     if image.ndim == 2:
         return linear_picture(image, encoding)

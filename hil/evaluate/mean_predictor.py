@@ -33,7 +33,7 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
     """Return the mean pose of the truths (N, 4), (N, 3) and its errors on them.
 
-    It has seen what it is judged by, so that an estimator is held against the best of its kind.
+    It is fitted to the data that it is tested on, so an estimator is compared with the best of its kind.
 
     References
     ----------

@@ -116,7 +116,7 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
     turn_bias_deg, turn_spread_deg : the same of the attitude error about these axes.
     time_ms_p50, time_ms_p95 : of one frame on the machine that evaluated.
-    spread : of accepted poses' errors, what a navigation filter must know; None of too few.
+    spread : spread of accepted poses' errors, for a navigation filter; None for too few.
     """
 
     method: str = ""
@@ -137,8 +137,8 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    kernels : what the estimators' inner loops ran in: ``native`` and the library's file, or ``none`` and the reason.
-    pictures : what they were, in words. grey_from_colour : whether they were in colour and taken in grey.
+    kernels : implementation of the inner loops: ``native`` and the library's file, or ``none`` and the reason.
+    pictures : description of the images. grey_from_colour : True if colour images were converted to grey.
     mean_predictor : errors of the mean pose as the answer to every feasible frame; None if there is none.
     """
 

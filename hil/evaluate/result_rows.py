@@ -23,7 +23,7 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    record : errors beside the truth. reason : why it was declined. failure : the stage that lost a frame that is
+    record : errors next to the truth. reason : why it was declined. failure : the stage that lost a frame that is
         not coarse, else empty.
     q_wxyz, t_m : the best pose. stages_ms, counts : of the estimator.
     """

@@ -36,7 +36,7 @@ class PictureAudit:
     ----------
     pictures : looked at. agree : whose code has the number and the time of a row of the ledger.
     unreadable : without a code, or with one whose check fails. wrong : a sentence on each of the others.
-    twice : codes seen before. missing : rows of frames that were answered, and whose picture did not come.
+    twice : codes seen before. missing : rows of frames that were answered, and whose image did not come.
     """
 
     pictures: int = 0

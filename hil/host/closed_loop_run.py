@@ -183,7 +183,7 @@ def fly_without_pictures(
 
     Parameters
     ----------
-    link : from a picture to its pose; None: each is there after the usual latency.
+    link : from an image to its pose; None: each is there after the usual latency.
 
     Raises
     ------

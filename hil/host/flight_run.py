@@ -46,7 +46,7 @@ class FlightOptions:
     pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
         the line's faults delay them.
     pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``hybrid``.
-    source : a folder whose pictures are sent instead of drawn ones.
+    source : a folder whose images are sent instead of drawn ones.
     source_text, command : the scenario's file and the words on the command line, for the record of the run.
     time_code : drawn into a corner. workers, device_index : of the drawing.
     """
@@ -166,7 +166,7 @@ def with_time_code(
     Raises
     ------
     UserError
-        If the code does not fit the picture.
+        If the code does not fit the image.
     """
     place = CodePlace() if place is None else place
     for frame in with_camera_numbers(frames, faults):

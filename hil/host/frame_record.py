@@ -38,13 +38,13 @@ class FrameTimes:
     Parameters
     ----------
     due_ns : int, optional
-        The camera hands the picture over; None for a camera that is triggered in time.
+        The camera hands the image over; None for a camera that is triggered in time.
     latency_s : float
-        From the end of the exposure until the picture is handed over.
+        From the end of the exposure until the image is handed over.
     ready_ns : int, optional
-        The picture is there; after ``due_ns`` the camera is late.
+        The image is there; after ``due_ns`` the camera is late.
     handed_over_ns : int, optional
-        The link process takes the picture up, whether or not it is sent.
+        The link process takes the image up, whether or not it is sent.
     send_start_ns, send_end_ns : int, optional
         The first byte is about to leave; the last one is with the operating system.
     received_ns : int, optional
@@ -123,14 +123,14 @@ class FrameRecord:
     exposure_start_utc, exposure_end_utc : str
         On the host's clock, ISO 8601 to the nanosecond, as are the next ones.
     drawn_utc, handed_over_utc, sent_utc, received_utc : str
-        The picture was there; the camera gave it to the link; the last byte was with the operating system; the pose
+        The image was there; the camera gave it to the link; the last byte was with the operating system; the pose
         was back.
     received_on_board_utc, begun_utc, answered_utc : str
         Frame whole, estimator begins and ends, by the clock offset.
     handover_error_ms : float, optional
         Handed over minus end of exposure and latency (realtime).
     late : bool, optional
-        True if the picture was not there when it was to be handed over (realtime).
+        True if the image was not there when it was to be handed over (realtime).
     staleness_ms : float, optional
         Age of mid-exposure when the estimator began.
     deadline_met : bool, optional

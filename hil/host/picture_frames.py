@@ -57,13 +57,13 @@ def pictures_in(folder: Path) -> list[Path]:
 def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
     """Yield frames of a folder's images, looped until the plan ends.
 
-    Each round has new frame numbers and times: those of the plan. A picture with a truth record beside it (a data
+    Each round has new frame numbers and times: those of the plan. An image with a truth record next to it (a data
     set's) brings its own camera, sensor, exposure and truth; one without takes the plan's, and its pose is not known.
 
     Raises
     ------
     UserError
-        If a picture is not what the camera gives, or shows another target.
+        If an image is not what the camera gives, or shows another target.
     """
     paths = pictures_in(folder)
     kept: dict[int, StoredPicture] = {}

@@ -31,8 +31,8 @@ class PoseLink:
     Parameters
     ----------
     latency_s : from mid-exposure to the pose, without faults.
-    faults : delays, jitters and drops of the line; a drop's chance is that of a picture. Others are left out.
-    seed : of what is drawn, for each picture by its number alone.
+    faults : delays, jitters and drops of the line; a drop's chance is that of an image. Others are left out.
+    seed : of what is drawn, for each image by its number alone.
     """
 
     latency_s: float = LATENCY_S
@@ -52,7 +52,7 @@ class PoseLink:
         Raises
         ------
         UserError
-            If there is a fault that only a picture or a line could have.
+            If there is a fault that only an image or a line could have.
         """
         for fault in (*faults.camera, *faults.line):
             if not isinstance(fault, SUPPORTED_FAULTS):

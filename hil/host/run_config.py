@@ -26,16 +26,16 @@ class RunConfig:
 
     Parameters
     ----------
-    link : how the board and truth loggers connect.
+    link : settings of the link to board and truth loggers.
     log_dir : for ``frames.csv`` and ``summary.json``; None keeps no files.
     connect_timeout_s : wait for the first board.
     window : most frames under way at once; the board may ask for fewer.
     deadline_s : a frame not answered within this is a miss; realtime's default is the frame interval.
-    latency_s : realtime: the camera hands a picture over so long after the end of its exposure, whatever drawing took.
+    latency_s : realtime: the camera hands an image over so long after the end of its exposure, whatever drawing took.
     target_name, target_sha256 : the target that is flown; a board with another model is refused.
     recorders : record each frame and its outcome; closed with the ledger.
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
-    decide_every_s : realtime, a closed loop: the next frame is asked for no earlier than so long after this one's
+    decide_every_s : realtime, a closed loop: the next frame is requested no earlier than so long after this one's
         exposure, with all poses that have come by then in.
     flown : what the record of the run says of it.
     send_sun : the direction to the Sun in the camera frame goes with each frame, to boards that take it.

@@ -44,7 +44,7 @@ def serial_advice(
     Parameters
     ----------
     link : its URL, compression and timeout.
-    size_px : width and height of the pictures. bits : of a number of theirs. pixel_format : how they are sent.
+    size_px : width and height of the images. bits : of a number of theirs. pixel_format : how they are sent.
     every_s : from frame to frame of a run in real time; None where the host waits for each pose.
     """
     scheme, _, baud = parse_url(link.url)

@@ -55,7 +55,7 @@ class ClockFilter:
 
     Parameters
     ----------
-    keep_s : how long exchanges are remembered; less follows a drift that changes faster.
+    keep_s : age at which exchanges are dropped; a smaller value follows a faster change of drift.
     """
 
     def __init__(self, keep_s: float = 120.0) -> None:

@@ -218,8 +218,8 @@ def answer_hello(
 
     Parameters
     ----------
-    hello : what the board offers.
-    terms : what the host wants; ``window`` is its upper limit.
+    hello : the board's capabilities.
+    terms : the host's terms; ``window`` is its upper limit.
     encodings : the host's wishes, the first choice first; raw where the board takes none of them.
     pixel_formats : those that hold the host's images, the first choice first; of ``terms`` unless given.
 

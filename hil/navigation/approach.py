@@ -29,7 +29,7 @@ class ApproachRules:
     hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and gives up.
     hold_sigma_share : largest sigma of the position over the range; beyond it the chaser holds.
     arrived_within_m, arrived_speed_m_s : of the path's end by the estimate, and below which speed.
-    arrived_sigma_rad : of the target's attitude. arrived_for_s : all that for so long.
+    arrived_sigma_rad : of the target's attitude. arrived_for_s : all that for this long.
     """
 
     hold_after_s: float = 5.0
@@ -47,7 +47,7 @@ class Decision:
 
     Parameters
     ----------
-    phase : of the approach. reason : why it holds or gives up; else nothing.
+    phase : phase of the approach. reason : cause of a hold or abort, else empty.
     wanted_m_s : (3,) change of velocity, LVLH.
     """
 

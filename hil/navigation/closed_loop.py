@@ -38,11 +38,11 @@ class ClosedLoopConfig:
 
     Parameters
     ----------
-    seed : of the dispersion of the start and of what the thrusters give.
-    frame_every : periods of control from picture to picture.
+    seed : seed of the initial dispersion and of the thrusters' errors.
+    frame_every : periods of control from image to image.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
     thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules, filter : of guidance and filter. inertia_known : whether the filter turns the target as a rigid body.
+    rules, filter : of guidance and filter. inertia_known : True if the filter turns the target as a rigid body.
     """
 
     seed: int = 0
@@ -66,7 +66,7 @@ class LoopStep:
     t_s : start of the period. phase, reason : of guidance. status : of the filter.
     position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
     commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
-    estimate : foretold to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
+    estimate : predicted to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
     pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
     pointing_error_rad : the camera against the attitude that it should have at its true place.
     """
@@ -95,7 +95,7 @@ class ClosedLoopResult:
     ----------
     outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : of the last two.
     final_error_m : truth from the path's end. final_error_deg : the larger of the camera's error of pointing and the
-        error of the target's estimated attitude. delta_v_m_s : what was spent.
+        error of the target's estimated attitude. delta_v_m_s : total velocity change.
     """
 
     outcome: Outcome
@@ -137,14 +137,14 @@ def fly_closed_loop(
     """Fly an approach on poses alone: in each period the newest estimate decides the thrust.
 
     The chaser knows its own and the target's absolute orbit and its own attitude, which follows what is asked of it;
-    of the target it knows centre of mass and, with ``inertia_known``, inertia. No picture is taken of what is not
+    of the target it knows centre of mass and, with ``inertia_known``, inertia. No image is taken of what is not
     decided.
 
     Parameters
     ----------
     flight : its target is flown, its guidance is the path, its pointing the camera's; its chaser only starts there.
     com_target_m, inertia_kg_m2 : (3,), (3, 3) of the target's model, its own axes.
-    poses : looks at what was flown.
+    poses : source of poses.
 
     Raises
     ------
@@ -214,7 +214,7 @@ class ClosedLoop:
         """Yield the images to take, each of the state flown, until the chaser arrives, has retreated, or the flight
         ends.
 
-        The next is not decided before it is asked for.
+        The next is not decided before it is requested.
         """
         h = self._thrusters.period_s
         for k in range(int(np.floor(self._flight.duration_s / h))):

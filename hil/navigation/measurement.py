@@ -105,7 +105,7 @@ class PoseNoise:
     along_share : sigma along the boresight over the range.
     tilt_rad, roll_rad : sigma of the turn about each axis across the boresight, and about it [rad].
     remembered : share of each variance that is alike from pose to pose, as long as ``memory`` says.
-    available : share of the pictures whose pose is accepted. wrong : share of those that is wrong.
+    available : share of the images whose pose is accepted. wrong : share of those that is wrong.
     """
 
     across_m: float = 6e-4

@@ -49,8 +49,8 @@ class FilterSettings:
     gate : share of right poses that pass the test of the innovation.
     found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
     displaced_after : poses consistent with each other that take a track's place, none of its own between.
-    start_speed_m_s, start_rate_rad_s : sigma of what a first pose leaves open, each axis.
-    history_s : how late a pose may come. memory, scale : of the poses' errors.
+    start_speed_m_s, start_rate_rad_s : initial sigma of velocity and rate, each axis.
+    history_s : largest delay of a pose. memory, scale : correlation and scale of the poses' errors.
     """
 
     gate: float = 0.9999
@@ -130,8 +130,8 @@ class NavigationFilter:
     def add(self, pose: PoseMeasurement) -> Verdict:
         """Add a pose, at any time, and return the verdict on it.
 
-        One that is the newest's again to the last digit is of a picture that stands still, and tells nothing: noise
-        makes two pictures differ.
+        One that is the newest's again to the last digit is of an image that stands still, and tells nothing: noise
+        makes two images differ.
         """
         newest, self._newest = self._newest, pose
         if newest is not None and _same(newest, pose):

@@ -111,7 +111,7 @@ class NoisyPoses(LatePoses):
 
 
 class TruePoses(LatePoses):
-    """Truth itself, after the same delay; the filter assumes the accuracy of ``noise`` all the same."""
+    """Truth itself, after the same delay; the filter assumes the accuracy of ``noise`` nevertheless."""
 
     def __init__(self, noise: PoseNoise, latency_s: float) -> None:
         super().__init__(latency_s)

@@ -23,8 +23,8 @@ class ForecastError:
 
     Parameters
     ----------
-    median_deg, p95_deg, rms_deg : of the angles between foretold and true attitude [deg].
-    sigma_deg : the RMS that the filter foretells with it: of one sigma about all three axes [deg].
+    median_deg, p95_deg, rms_deg : of the angles between predicted and true attitude [deg].
+    sigma_deg : the RMS that the filter predicts with it: of one sigma about all three axes [deg].
     """
 
     horizon_s: float
@@ -46,7 +46,7 @@ def forecast_errors(
 
     Parameters
     ----------
-    estimates : of a run or of several. truth : the target's attitude. motion : foretells.
+    estimates : estimates of one or more runs. truth : the target's attitude. motion : model for the prediction.
     horizons_s : rising. end_s : of the truth; forecasts past it are left out.
     """
     found: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}

@@ -40,8 +40,8 @@ class RelativeEstimate:
     q_eci_from_target_wxyz : (4,) attitude of the target. omega_target_rad_s : (3,) its rate to ECI, own axes.
     joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
         [rad], rate [rad s-1], and of ``pose_bias``.
-    pose_bias : (6,) what the poses' errors are taken to remember, each of unit variance (`PoseMeasurement`).
-    error_scale : how large those errors are taken for on this view.
+    pose_bias : (6,) remembered part of the poses' errors, each of unit variance (`PoseMeasurement`).
+    error_scale : scale of those errors on this view.
     """
 
     t_s: float
@@ -86,7 +86,7 @@ class RelativeEstimate:
     def with_older_bias(self, kept: float) -> RelativeEstimate:
         """Return the estimate with the poses' remembered errors decayed to a share ``kept``.
 
-        A Gauss-Markov process of first order and unit variance: what goes is replaced by what nobody knows.
+        A Gauss-Markov process of first order and unit variance: the forgotten part is replaced by white noise.
         """
         keep = np.ones(18)
         keep[B] = kept
@@ -152,9 +152,9 @@ class MotionModel:
     ----------
     n_rad_s : mean motion of the target's orbit, taken for a circle.
     inertia_kg_m2 : (3, 3) of the target, own axes, to scale; None for a constant rate.
-    acceleration_noise : density of what acts besides, white [m s-2 Hz-1/2].
+    acceleration_noise : density of unmodelled acceleration, white [m s-2 Hz-1/2].
     rate_noise : the same of the target's angular acceleration [rad s-2 Hz-1/2].
-    thrust_sigma : of what thrusters give over what was commanded, each axis and period for itself.
+    thrust_sigma : sigma of delivered relative to commanded thrust, independent for each axis and period.
     """
 
     n_rad_s: float
@@ -171,7 +171,7 @@ class MotionModel:
         Parameters
         ----------
         estimate : at its own time. to_s : no earlier than that.
-        thrust : what was commanded; gaps are coasts.
+        thrust : commanded thrust; gaps are coasts.
 
         Raises
         ------

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
-MAX_KEPT = 1_000_000  # triangles: a finer mesh is a gigabyte on the disk, and worked out anew
+MAX_KEPT = 1_000_000  # triangles: finer meshes, a gigabyte each on disk, are not cached
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,15 +37,14 @@ class BakedMesh:
 
     Parameters
     ----------
-    values : (V, 7) of each vertex, as `VERTEX`.
-    hull_m : (3, K) points of the parts' convex hulls, which hold the mesh, target frame [m]; hulls inside of others
-        are left out. hull_parts : where in ``hull_m`` the second hull's points begin, the third's and so on.
+    values : (V, 7) vertices in the layout of `VERTEX`.
+    hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; hulls inside another
+        one are omitted. hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
     center_m, radius_m : bounding sphere, target frame.
-    is_closed : every part is a set of closed shells facing outwards.
-    triangles : (T, 3) vertices of each. planes : (T, 4) of each: unit normal, and its distance from the origin
-        with the sign turned [m]. boxes : about triangles that lie together. shells : large bodies that hide others.
-    charts : how its faces are laid out in an atlas, by the borders of which the mesh is cut. edges : that can show as
-        lines.
+    is_closed : True if every part consists of closed shells facing outwards.
+    triangles : (T, 3) vertex indices. planes : (T, 4) unit normal and negative distance from the origin [m].
+    boxes : bounding boxes of neighbouring triangles. shells : large convex bodies that hide others.
+    charts : layout of the faces in an atlas; the mesh is cut along the charts' borders. edges : candidates for lines.
     """
 
     values: Float32Array
@@ -69,11 +68,11 @@ class BakedMesh:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Geometry(BakedMesh):
-    """A baked mesh with the data uploaded beside its vertices; see `craft.mesh.GpuMesh`.
+    """A baked mesh with the data uploaded next to its vertices; see `craft.mesh.GpuMesh`.
 
     Parameters
     ----------
-    uv : (V, 2) places in the textures, or (0, 2).
+    uv : (V, 2) texture coordinates, or (0, 2).
     """
 
     uv: Float32Array
@@ -85,7 +84,7 @@ _PACKED = (
     Charts,
     MeshEdges,
     ConvexShell,
-)  # in the file each is known by its place here
+)  # a cache entry refers to these types by index
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,17 +108,17 @@ def geometry_of(
 
     Parameters
     ----------
-    parts : of the target in its own order. numbers : of its materials, from 1.
-    texel : between nodes of baked light, of the mesh's radius.
+    parts : parts of the target in its own order. numbers : material numbers, from 1.
+    texel : spacing of the nodes of baked light, as a share of the mesh's radius.
     """
 
-    # made or fetched it is what was stored: arrays laid out in another way may be summed in another order
+    # always unpack, also without a cache: another memory layout may sum in another order
     def made() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
     if len(merged.triangles) > MAX_KEPT:
         return unpack_geometry(made())
-    own = [part.positions_m for part in parts]  # they may be merged in another order
+    own = [part.positions_m for part in parts]  # in the target's order, which merging may change
     made_by = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
     makers = (*made_by, PlaneGrid, edge_table, face_planes)
     key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
@@ -172,16 +171,16 @@ _ROUNDING = 1e-9  # rounding tolerance of a point inside a hull, as a share of t
 def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
     """Return vertices (K, 3) of the convex hulls of some parts; a hull inside another one is omitted.
 
-    Together they hold what all of the parts' hulls hold. Of a part that is flat the hull is its bounding box.
+    Their union is that of all parts' hulls. The hull of a flat part is its bounding box.
 
     Parameters
     ----------
-    parts_m : (N, 3) points of each.
+    parts_m : (N, 3) points of each part.
     """
     hulls = [_hull(points) for points in parts_m]
     lows, highs = (np.array([f(points, axis=0) for points, _ in hulls]) for f in (np.min, np.max))
     kept: list[int] = []
-    # the largest first: of two that are the same one is kept
+    # the largest first, so that one of two equal ones is kept
     for k in np.argsort(-np.prod(highs - lows, axis=1), kind="stable").tolist():
         about = [n for n in kept if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
         if not any(_inside(hulls[k][0], hulls[n][1], highs[n] - lows[n]) for n in about):

@@ -160,7 +160,7 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
 
 
 def edge_gaps(edges: MeshEdges) -> Float32Array:
-    """Return the (E, 2) gap between each edge and the creases that run beside its whole length, from the cache [m].
+    """Return the (E, 2) gap between each edge and the creases that run next to its whole length, from the cache [m].
 
     The first is that to creases with a face as turned as the edge's first face, which show when that face does; the
     second that of the second face. Infinite where there are none, or none near.

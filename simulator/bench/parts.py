@@ -142,7 +142,7 @@ def bench_capture() -> tuple[PartCost, ...]:
 def bench_sensor() -> tuple[PartCost, ...]:
     """Time blur, noise and quantisation of a 1920 x 1200 image for each built-in sensor.
 
-    The picture is a third of dark sky, a third of even grey, and a third that rises beyond saturation. As in a frame, a
+    The image is a third of dark sky, a third of even grey, and a third that rises beyond saturation. As in a frame, a
     recipe's noise has been drawn before: while the renderer began.
     """
     picture = np.zeros(PICTURE_SHAPE, np.float32)

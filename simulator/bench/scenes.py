@@ -1,4 +1,4 @@
-"""Frame time of each built-in bench scene, beside a reference pass of the same run."""
+"""Frame time of each built-in bench scene, next to a reference pass of the same run."""
 
 from __future__ import annotations
 

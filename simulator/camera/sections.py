@@ -85,8 +85,8 @@ class DetectorSection(Section, frozen=True, kw_only=True):
 class OpticsSection(Section, frozen=True, kw_only=True):
     """Section `[optics]`: the lens apart from its distortion.
 
-    ``kernel_file`` names a measured PSF beside the scenario: a .npy, text with one row of numbers a line, or a grey
-    picture (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list
+    ``kernel_file`` names a measured PSF next to the scenario: a .npy, text with one row of numbers a line, or a grey
+    image (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list
     of [wavelength in nm, share], ascending: a filter, on top of ``transmission``. ``wavelength_nm`` is diffraction's
     alone.
     """

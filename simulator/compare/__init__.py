@@ -1,1 +1,1 @@
-"""Our images beside images of others: statistics, our most similar view, the page."""
+"""Our images next to images of others: statistics, our most similar view, the page."""

@@ -46,7 +46,7 @@ class Pair:
 
     Parameters
     ----------
-    edges : binary edges of our picture by atmosphere, all at one threshold; one entry before space.
+    edges : binary edges of our image by atmosphere, all at one threshold; one entry before space.
     histogram_moved_dn, gradient_moved_dn : earth mover's distances of the histograms [DN, DN per pixel].
     likeness : correlation over the craft's box; None without a common pose.
     """
@@ -89,8 +89,8 @@ def compare_pictures(
 
     Parameters
     ----------
-    find_pose : pose of the craft in a picture without a record: an estimator.
-    sensor : preset of our pictures, instead of one as noisy as the reference.
+    find_pose : pose of the craft in an image without a record: an estimator.
+    sensor : preset of our images, instead of one as noisy as the reference.
     """
     pairs = []
     for k, reference in enumerate(references):
@@ -129,7 +129,7 @@ def edges_by_atmosphere(
 
     Parameters
     ----------
-    image : the scene's picture under its own air; the threshold is its.
+    image : the scene's image under its own air; the threshold is its.
     """
     threshold = edge_threshold(image)
     if image_statistics(image).space:

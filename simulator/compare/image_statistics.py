@@ -41,7 +41,7 @@ FIGURES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageStatistics:
-    """Statistics of one 8-bit grey picture.
+    """Statistics of one 8-bit grey image.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class ImageStatistics:
     noise_dn : standard deviation of the noise, from second differences (median, so that edges do not count).
     gradient_p50, gradient_p95, gradient_p99 : of the Sobel magnitude [DN per pixel].
     edges : share of the pixels in the binary edge image.
-    space : whether the border is dark, so that the background is.
+    space : True if the border is dark, so that the background is space.
     """
 
     histogram: FloatArray
@@ -95,7 +95,7 @@ def _smooth_gradient(image: ByteArray) -> Float32Array:
 
 
 def image_statistics(image: ByteArray) -> ImageStatistics:
-    """Return the statistics of an 8-bit picture (H, W)."""
+    """Return the statistics of an 8-bit image (H, W)."""
     gradient = sobel(image)
     black, bright = (float(v) for v in np.percentile(image, (1, 99)))
     p50, p95, p99 = (float(v) for v in np.percentile(gradient, (50, 95, 99)))
@@ -122,7 +122,7 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
 def noise_dn(image: ByteArray) -> float:
     """Return the standard deviation of white noise [DN], from the mean magnitude of second differences.
 
-    The median over blocks of 16 x 16 keeps edges and texture from counting as long as half of the picture is plain.
+    The median over blocks of 16 x 16 keeps edges and texture from counting as long as half of the image is plain.
     Of black space a sensor that clips shows the upper half of the noise only.
     """
     second = np.abs(cv2.filter2D(image.astype(np.float64), -1, _NOISE_KERNEL))

@@ -53,14 +53,14 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
 
     Parameters
     ----------
-    camera : taken to have made them: its focal length is scaled to each picture's width, its principal point moves
-        with the middle of the picture. A truth record beside a picture (same name, .json) tells camera and pose.
+    camera : taken to have made them: its focal length is scaled to each image's width, its principal point moves
+        with the middle of the image. A truth record next to an image (same name, .json) tells camera and pose.
     labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true``, as SPEED and SPEED+ have it.
 
     Raises
     ------
     UserError
-        If the folder or the list cannot be read, the folder has no picture.
+        If the folder or the list cannot be read, the folder has no image.
     """
     if not folder.is_dir():
         raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")

@@ -55,8 +55,8 @@ class SimilarView:
 
     Parameters
     ----------
-    scene : at the reference's size and in its exposure. same_view : whether the reference's pose is in it.
-    likeness : correlation of the two pictures over the craft's box, small and blurred; None without a pose.
+    scene : scene at the reference's size and exposure. same_view : True if it has the reference's pose.
+    likeness : correlation of the two images over the craft's box, small and blurred; None without a pose.
     """
 
     scene: SceneState

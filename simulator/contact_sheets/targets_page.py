@@ -85,7 +85,7 @@ def _article(renderer: Renderer, target: Target, folder: Path) -> Markup:
 
 
 def facts(target: Target) -> dict[str, str]:
-    """Return the facts listed beside the images."""
+    """Return the facts listed next to the images."""
     low, high = bounds_m(target)
     moments = np.linalg.eigvalsh(np.asarray(target.mass.inertia_kg_m2))
     return {

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 class CaptureSummary:
     """Result of a capture; ``clipping`` covers the frames written, None if none shows a target.
 
-    ``redraws`` of these frames: how many poses were drawn again for which of the recipe's constraints.
-    ``damaged``: frames that were there and were not what had been written, and so were drawn again.
+    ``redraws`` of these frames: number of poses drawn again for each of the recipe's constraints.
+    ``damaged``: existing frames that differed from their record, and so were rendered again.
     ``second``: of the second camera's data set, where the plan has one.
     """
 
@@ -80,20 +80,20 @@ def capture(
     """Take all frames of a plan into a data set.
 
     Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its
-    reason and is never silently kept. A plan with a second camera has its pictures in ``second/``, a data set of its
+    reason and is never silently kept. A plan with a second camera has its images in ``second/``, a data set of its
     own whose frames have the same numbers. An interrupted capture is valid as far as it went and goes on with
     ``resume``, which verifies what is there, draws again what is damaged, and takes a plan of more frames.
 
     Parameters
     ----------
     folder : or the URL of one that fsspec knows, as ``s3://bucket/set``.
-    formats : written beside the native layout, frame by frame, out of ``flyaround.simulator.dataset.formats.registry``.
+    formats : written next to the native layout, frame by frame; see ``flyaround.simulator.dataset.formats.registry``.
     labels : layers beyond truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; the plan's own
         unless given.
     split : shares of training, validation and test frames; a recipe's own unless given.
-    beside : files of the caller's by name, written beside the card before the first frame.
+    beside : files of the caller's by name, written next to the card before the first frame.
     tell : is given a sentence for each format of what it leaves out, before anything is drawn.
-    sensors : of other packages, what each measures of a frame beside its picture (docs/plugins.md).
+    sensors : of other packages, what each measures of a frame next to its image (docs/plugins.md).
     workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
     cluster : Ray cluster that does so instead; its frames come back here and are written here.
 

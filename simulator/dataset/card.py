@@ -99,7 +99,7 @@ class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    camera : whose pictures these are. position_m : of the second camera in the first's axes. turn_deg : rotation vector
+    camera : whose images these are. position_m : of the second camera in the first's axes. turn_deg : rotation vector
         by which the first's axes are turned into the second's. q_second_from_first_wxyz : the same as an attitude.
     """
 

@@ -57,7 +57,7 @@ class ClippingSummary:
     Parameters
     ----------
     share, worst_share : of the target's pixels, over all frames and in the worst one.
-    advice : what to do about it, or about dark frames; empty where neither is notable.
+    advice : remedy for it, or for dark frames; empty if neither is notable.
     dark_frames : frames in which the target is lit and uses little of the scale.
     """
 
@@ -89,7 +89,7 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
 
     Parameters
     ----------
-    document : scenario or recipe that they were drawn from, for what can be done there.
+    document : their scenario or recipe, for the advice.
     """
     seen = [f for f in frames if f.target_px]
     if not seen:

@@ -71,12 +71,12 @@ def open_source(
 
     Parameters
     ----------
-    form : its format, found out unless given. target, camera : of pictures of others, instead of the usual ones.
+    form : its format, detected unless given. target, camera : of images of others, instead of the usual ones.
 
     Raises
     ------
     UserError
-        If it is no data set that is read, has a mistake, or does not say what its pictures show.
+        If it is no readable data set, has a mistake, or does not name its target.
     """
     if form == NATIVE or (form is None and (place / CARD_NAME).is_file()):
         if target is not None or camera is not None:
@@ -112,7 +112,7 @@ def convert(
     ----------
     folder : new or empty; of several formats each has a folder of its name within it.
     split : shares of training, validation and test frames, instead of the source's own.
-    tell : is given a sentence of what the format leaves out, before anything is written.
+    tell : called with a sentence on what the format omits, before anything is written.
 
     Returns
     -------

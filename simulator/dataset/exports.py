@@ -37,7 +37,7 @@ class StoreOutput:
 def output_of(store: Store, folder: str = "") -> FormatOutput:
     """Return the output of a format's files.
 
-    In a folder nobody waits for the disk: what a loss of power takes of them is made again from the frames.
+    In a folder the files are not synced to the disk: after a loss of power they are made again from the frames.
     """
     if isinstance(store, FolderStore):
         return FolderOutput(store.folder / folder)

@@ -1,4 +1,4 @@
-"""Import of images with poses that others took, as a data set to evaluate estimators on."""
+"""Import of images with known poses from elsewhere, as a data set to evaluate estimators on."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MAX_PICTURE_BYTES = 500_000_000
-COLOUR_SAMPLES = 8  # pictures of a set that are looked at for colour, evenly over it
+COLOUR_SAMPLES = 8  # images examined for colour, evenly over the set
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
     16,
@@ -54,7 +54,7 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
     Raises
     ------
     UserError
-        If none is known, or the pictures are not of its size.
+        If none is known, or the images are not of its size.
     """
     if given is not None:
         camera, name = load_camera(given), f"camera {given}"
@@ -92,7 +92,7 @@ def check_grey(found: PosedPictures) -> None:
     Raises
     ------
     UserError
-        If one is in colour: then another camera took it, and the usual one's lens says nothing of it.
+        If one is in colour, so that another camera took it, whose lens is unknown.
     """
     if not found.usual_camera or not found.pictures:
         return
@@ -133,7 +133,7 @@ def imported_frames(
     Raises
     ------
     UserError
-        If a picture cannot be read.
+        If an image cannot be read.
     """
     for k, picture in enumerate(found.pictures):
         image = read_picture(picture.path)

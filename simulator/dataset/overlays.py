@@ -43,7 +43,7 @@ def parse_marks(text: str) -> tuple[str, ...]:
     Raises
     ------
     UserError
-        If it names nothing, or what there is not.
+        If it names nothing, or an unknown mark.
     """
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     unknown = [name for name in names if name not in MARKS]

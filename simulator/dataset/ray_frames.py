@@ -1,6 +1,6 @@
 """Frames drawn by a Ray cluster: shards as tasks on any node; the loss of a node is tolerated.
 
-A task is a pure function of its shard, so Ray may run it anywhere and again. What comes back is written here, by
+A task is a pure function of its shard, so Ray may run it anywhere and again. Its result is written here, by
 the one writer that every capture has: the bytes are those of one process.
 """
 
@@ -75,7 +75,7 @@ class RayFrames(FrameProducer[Taken]):
 
     Parameters
     ----------
-    stage : what is made of each frame where it is drawn.
+    stage : function applied to each frame where it is rendered.
     first : the first scene to come. target : what scenes show; it travels to the nodes. n_frames : that will be
         asked for.
 

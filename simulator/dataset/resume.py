@@ -33,7 +33,7 @@ class WhatIsThere:
 
     Parameters
     ----------
-    kept : undamaged. damaged : begun or finished, and not what was written; they are drawn again.
+    kept : undamaged. damaged : incomplete, or different from what was written; they are rendered again.
     """
 
     kept: frozenset[int]
@@ -46,7 +46,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
     Raises
     ------
     UserError
-        If what is there is another plan's or another renderer's, or has more frames than are asked for.
+        If what is there is another plan's or another renderer's, or has more frames than are requested.
     """
     if not store.exists(CARD_NAME):
         if not store.is_empty():
@@ -99,7 +99,7 @@ def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThe
     Raises
     ------
     UserError
-        If more frames are asked for than there were, and those that are there would be others then.
+        If more frames are requested than there were, and those that are there would be others then.
     """
     manifest = read_manifest(store)
     with ThreadPoolExecutor(threads()) as pool:  # hashing leaves Python's lock alone

@@ -1,4 +1,4 @@
-"""Sensors of other packages: additional measurements of a frame, a file beside its image."""
+"""Sensors of other packages: additional measurements of a frame, a file next to its image."""
 
 from __future__ import annotations
 

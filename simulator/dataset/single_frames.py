@@ -113,7 +113,7 @@ def _is_truth(path: Path) -> bool:
 
 
 def save_picture(frame: Frame, path: str | Path) -> Path:
-    """Write the image by its suffix, the truth to ``.json`` and the layers beside it. Return the truth's path.
+    """Write the image by its suffix, the truth to ``.json`` and the layers next to it. Return the truth's path.
 
     Raises
     ------

@@ -19,7 +19,7 @@ class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked he
 
     Parameters
     ----------
-    frames : the data set. transform : what is made of each item.
+    frames : the data set. transform : function applied to each item.
     """
 
     def __init__(

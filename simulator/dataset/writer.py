@@ -28,10 +28,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """A frame ready to be written: its files, whether it is feasible, and what is wrong with its labels, if anything.
+    """A frame ready to be written: its files, its feasibility, and the faults of its labels, if any.
 
-    ``manifest`` : lines of its files' hashes. ``redraws`` : how often each constraint of a recipe had its pose drawn
-    again.
+    ``manifest`` : lines of its files' hashes. ``redraws`` : number of poses drawn again for each
+    constraint of a recipe.
     """
 
     number: int
@@ -49,7 +49,7 @@ class CheckAndEncode:
 
     Parameters
     ----------
-    card : what the labels must agree with.
+    card : card with which the labels must agree.
     target : the model that is rendered; None in another process, which gets its name alone.
     """
 

@@ -2,7 +2,7 @@
 
 A craft's box or panel is a convex shell. From a place outside, the region that it hides is convex too: inside of its
 faces that look at the place, and inside of the planes through the place and its silhouette. Boxes of triangles or edges
-that lie in the region as a whole need not be drawn; the picture is the same.
+that lie in the region as a whole need not be drawn; the image is the same.
 """
 
 from __future__ import annotations

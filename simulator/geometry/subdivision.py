@@ -19,8 +19,9 @@ class Subdivision:
 
     Parameters
     ----------
-    parents : per round, (K, 2) vertices whose middle each new vertex is. triangles : (T, 3) of the cut mesh, in the
-        order of the triangles that they come from. of : (T,) which that is. first : (T0 + 1,) where their pieces begin.
+    parents : for each round, (K, 2) vertices; each new vertex is the midpoint of a pair.
+    triangles : (T, 3) triangles of the subdivided mesh, ordered by their original triangle.
+    of : (T,) index of the original triangle. first : (T0 + 1,) index of the first piece of each original triangle.
     """
 
     parents: tuple[_IndexArray, ...]
@@ -44,7 +45,7 @@ class Subdivision:
 def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
     """Halve every edge longer than ``longest_m`` until there is none; neighbours stay connected.
 
-    Whether an edge is halved depends on the edge alone, and the middle of two points is the same from either side.
+    The decision depends on the edge alone, and its midpoint is the same from either side.
     """
     p = np.asarray(positions_m, float)
     tri = np.asarray(triangles, np.int64)
@@ -70,7 +71,7 @@ def _halved(
     tri: _IndexArray, origin: _IndexArray, middle: _IndexArray, count: _IndexArray
 ) -> tuple[_IndexArray, _IndexArray]:
     """Split triangles at the midpoints of one, two or three of their edges."""
-    # turned so that a lone halved edge, or a lone whole one, is edge 0
+    # rotate the corners so that a single split edge, or a single whole one, is edge 0
     turn = np.where(
         count == 1, np.argmax(middle >= 0, axis=1), np.where(count == 2, np.argmax(middle < 0, axis=1), 0)
     )

@@ -1,7 +1,7 @@
 """The exposure in time: an image as the mean of instants (motion blur) and of bands of rows (rolling shutter).
 
 Each instant is a whole scene, moved by the propagated rates and drawn anew, so that the smear of the craft, of the
-ground and of the stars is each its own motion's. A picture in which nothing moves by as much as ``STILL_PX`` is drawn
+ground and of the stars is each its own motion's. An image in which nothing moves by as much as ``STILL_PX`` is drawn
 once. Where the Earth fills the image its ground is drawn a few times only, behind the craft as well, and smeared along
 its own flow; before it the craft is, along its own.
 """

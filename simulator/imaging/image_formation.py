@@ -70,7 +70,7 @@ def expose(
     exposure_s : integration time [s].
     band_gain : gain of each band, for example the white balance of a colour camera (not of a detector in electrons:
         that is balanced after its read-out).
-    optics : None for a perfect lens. around : what vignetting, glare and defocus need; without it they are left out.
+    optics : None for a perfect lens. around : data for vignetting, glare and defocus; without it they are left out.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def digitise(
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
     exposure_s, band_gain : for a detector in electrons: dark current, and the `white_balance` of a colour image.
-    noise : what `start_noise` gave for this sensor, seed, frame and shape; drawn here without it.
+    noise : result of `start_noise` for this sensor, seed, frame and shape; drawn here if omitted.
 
     Returns
     -------
@@ -195,8 +195,8 @@ def digitise_scene(
 
     Parameters
     ----------
-    signal : what `expose_scene` gives. sensor : instead of the scene's, for example its noiseless twin.
-    noise : what `prefetch_scene_noise` gave, of the scene's own sensor.
+    signal : result of `expose_scene`. sensor : sensor instead of the scene's, for example its noiseless twin.
+    noise : result of `prefetch_scene_noise` for the scene's own sensor.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
     balance = sunlight_balance(scene.bands)
@@ -215,7 +215,7 @@ def digitise_scene(
 def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
     """Return the Sun's irradiance at the camera per band, without the hidden part [W m-2].
 
-    In the shadow of the Earth it is the target's share; where the disc is in the image, what the picture shows of it.
+    In the shadow of the Earth it is the target's share; where the disc is in the image, what the image shows of it.
     """
     to_sun = np.asarray(scene.r_sun_eci_m) - np.asarray(scene.r_camera_eci_m)
     irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sunlit_fraction

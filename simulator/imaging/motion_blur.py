@@ -1,6 +1,6 @@
 """Smear of an image along its own flow: ground that moves during the exposure.
 
-The ground's motion across the image is smooth, so that the mean over the exposure of a picture drawn once is its
+The ground's motion across the image is smooth, so that the mean over the exposure of an image drawn once is its
 convolution, tile by tile, with the way that is gone there.
 """
 

@@ -98,7 +98,7 @@ def mono_signal(signal: Float32Array) -> Float32Array:
 def mean_level(signal: Float32Array) -> float:
     """Return the mean of a signal (H, W) within the detector's scale.
 
-    In few steps that let go of Python's lock: it is worked out beside other things.
+    In few steps that let go of Python's lock: it is worked out next to other things.
     """
     low, high, _, _ = cv2.minMaxLoc(signal)
     within = signal if low >= 0 and high <= 1 else np.clip(signal, 0, 1)

@@ -28,7 +28,7 @@ class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    source : the picture's name in the set that it comes from. t_s : seconds from the first of a sequence; 0 where the
+    source : the image's name in the set that it comes from. t_s : seconds from the first of a sequence; 0 where the
         set has no times.
     """
 

@@ -94,7 +94,7 @@ def geometric_states(
 
     Parameters
     ----------
-    scenes : what each keypoint is seen in, if known already.
+    scenes : result of `keypoint_scenes`, if known already.
     """
     scenes = keypoint_scenes(scene, target) if scenes is None else scenes
     pose = scene.camera_from_target

@@ -57,7 +57,7 @@ class Labels:
     Parameters
     ----------
     mask : (H, W) uint8, 255 on the target. depth_m : (H, W) camera z, NaN outside.
-    layers : the label images that were asked for, by name.
+    layers : the label images that were requested, by name.
     """
 
     truth: Truth
@@ -148,7 +148,7 @@ def truth_record(
     Parameters
     ----------
     signal : (H, W) noise-free signal, 1 at full scale. level : gives its mean within the scale.
-    wireframe : list each edge with what is seen of it.
+    wireframe : list each edge with its visible parts.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)

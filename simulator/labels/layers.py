@@ -62,7 +62,7 @@ def draw_layers(
 
     Parameters
     ----------
-    seen : what lies at the pixels' centres. mask : where that is the craft.
+    seen : surface at the pixels' centres. mask : True where that is the craft.
     amodal_box : bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
@@ -171,7 +171,7 @@ def _pinhole_flow(
 
     Parameters
     ----------
-    R, t : where a point x of the camera frame is in the next frame's: R x + t.
+    R, t : motion of a point x of the camera frame to the next frame: R x + t.
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]

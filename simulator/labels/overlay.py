@@ -44,7 +44,7 @@ def draw_truth(
     ----------
     image : (H, W) or (H, W, 3), as the record's camera delivered it.
     truth, target : the record and the model it names.
-    wireframe : draw what the camera sees of the edges.
+    wireframe : draw the visible parts of the edges.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)

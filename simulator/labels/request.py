@@ -23,7 +23,7 @@ class LabelRequest:
     Parameters
     ----------
     layers : names out of ``LAYERS``.
-    flow : where the craft is in the next frame; without it a frame has no optical flow.
+    flow : motion of the craft to the next frame; without it a frame has no optical flow.
     """
 
     layers: tuple[str, ...] = ()

@@ -57,7 +57,7 @@ class WireLabel(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RowPose(msgspec.Struct, frozen=True, kw_only=True):
-    """Pose of the craft at the mid-exposure of one row of a rolling shutter, ``dt_s`` from the picture's."""
+    """Pose of the craft at the mid-exposure of one row of a rolling shutter, ``dt_s`` from the image's."""
 
     row_px: int
     dt_s: float

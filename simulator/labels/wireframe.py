@@ -2,7 +2,7 @@
 
 Both an edge and a triangle have an inverse depth that is linear on the screen. So each triangle whose
 projection an edge crosses hides it over one interval: the part of the edge inside the triangle, cut where the
-two inverse depths are equal. The union of these intervals is what is hidden.
+two inverse depths are equal. The union of these intervals is the hidden part.
 
 References
 ----------

@@ -56,8 +56,8 @@ class Steering:
 
     Parameters
     ----------
-    docking : whose figures the autopilot flies by. thrusters : for what it costs.
-    keep_out : what the pilot must not enter.
+    docking : watch whose values the autopilot uses. thrusters : thrusters, for the propellant used.
+    keep_out : sphere that the pilot must not enter.
     """
 
     def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
@@ -136,7 +136,7 @@ class Steering:
         return not self._demand.idle
 
     def brake(self) -> None:
-        """Brake to rest beside the target."""
+        """Brake to rest next to the target."""
         self._end_modes()
         self._drop_demand()
         self.braking = True
@@ -191,7 +191,7 @@ class Steering:
 
         Parameters
         ----------
-        chaser : now. wanted_s : what the clock's rate asks for.
+        chaser : state now. wanted_s : step by the clock's rate.
         """
         longest = min(wanted_s, self._longest_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s

@@ -50,7 +50,7 @@ ACCELERATION_M_S2 = 0.05
 """Full thrust per mass: two seconds of it make 0.1 m/s, the pace of an inspection [m s-2]."""
 RATE_RAD_S = np.radians(2.0)
 SLEW_RAD_S2 = np.radians(10.0)
-"""Slew acceleration of the attitude control [rad s-2]; it keeps the picture from jerking."""
+"""Slew acceleration of the attitude control [rad s-2]; it keeps the image from jerking."""
 BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2
@@ -125,12 +125,12 @@ class Demand:
 def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> FloatArray:
     """Return the rate that keeps the target in a direction of the camera frame [rad s-1].
 
-    The line of sight's own rate, plus a turn that takes out what is left of the error.
+    The rate of the line of sight, plus a rotation that reduces the error.
 
     Parameters
     ----------
     chaser : the state now.
-    aim_camera : unit vector where the target shall appear. dt_s : the rate is held so long.
+    aim_camera : unit vector at which the target shall appear. dt_s : duration of the rate.
     """
     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
     los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
@@ -150,7 +150,7 @@ def docked_rate_rad_s(
     Parameters
     ----------
     chaser : the state now. attitude : of the target, ``q_eci_from_target_wxyz`` and its rate in its axes.
-    port : of the target. dt_s : the rate is held so long.
+    port : port of the target. dt_s : duration of the rate.
     """
     q_target, omega = attitude
     q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)

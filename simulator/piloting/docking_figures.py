@@ -34,7 +34,7 @@ class DockingFigures:
 
     Parameters
     ----------
-    axial_m : distance before the plane of the port; negative behind it. closing_m_s : how fast that shrinks.
+    axial_m : distance before the plane of the port; negative behind it. closing_m_s : rate at which it shrinks.
     right_m, down_m : offset across the axis, as a docked camera sees right and down.
     right_m_s, down_m_s : its rate; all velocities are those that the turning target sees.
     roll_deg, pitch_deg, yaw_deg : attitude against the docked one: clockwise, up, right.
@@ -271,8 +271,8 @@ class Contact:
 
     Parameters
     ----------
-    t_s : when. figures : right before it. at_port : whether the docking point met the port, not the body elsewhere.
-    misses : what was wrong, in words; a docking if nothing. score : 0 to 100.
+    t_s : when. figures : right before it. at_port : True if the docking point met the port, not the body elsewhere.
+    misses : violated limits, in words; none for a docking. score : 0 to 100.
     """
 
     t_s: float

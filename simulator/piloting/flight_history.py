@@ -43,7 +43,7 @@ class FlownPlace:
     Parameters
     ----------
     steered : the chaser where it is steered, None while the scenario's guidance flies it.
-    controls : what steered it, as it was given to `Timeline.add`.
+    controls : its controls, as passed to `Timeline.add`.
     """
 
     t_s: float

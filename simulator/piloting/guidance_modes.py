@@ -35,7 +35,7 @@ class Guided:
     Parameters
     ----------
     title : for people. mode : of the world. n_rad_s : mean motion. start_s : when it was begun.
-    join : states of the chaser then and of the mode's start. join_s : how long the way between them takes.
+    join : states of the chaser then and of the mode's start. join_s : duration of the way between them.
     """
 
     title: str

@@ -45,7 +45,7 @@ class HoldPoints:
 
     Parameters
     ----------
-    start_m : distance at which the approach begins. distances_m : of the points.
+    start_m : distance at which the approach begins. distances_m : distances of the points.
     """
 
     def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:

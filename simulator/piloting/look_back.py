@@ -40,7 +40,7 @@ class LookBack:
     clock : FlightClock
         Reset whenever the time changes.
     recorder : FlightRecorder, optional
-        Follows what belongs to the flight.
+        Records the flight without discarded parts.
     """
 
     def __init__(self, craft: PilotedCraft, clock: FlightClock, recorder: FlightRecorder | None) -> None:

@@ -44,7 +44,7 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
 
     Parameters
     ----------
-    plan : of the scenario. flight : as it is. guided : whether guidance flies to its end.
+    plan : of the scenario. flight : as it is. guided : True if guidance flies to its end.
     spans_s : from the start, the one that is wished for first; another one where that far nothing can fly.
 
     Raises

@@ -92,7 +92,7 @@ class Control(Order):
     thrust : str, optional
         ``continuous``, or one ``pulse`` for each switch that closes.
     attitude : str, optional
-        What is kept: ``rate``, ``hold``, ``target`` or ``dock``.
+        Attitude mode: ``rate``, ``hold``, ``target`` or ``dock``.
     """
 
     axes: Axes | None = None

@@ -1,4 +1,4 @@
-"""The chaser beside its target at one time, under guidance or manual control."""
+"""The chaser next to its target at one time, under guidance or manual control."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ class PilotedCraft:
         self.steering.let_go()
 
     def set_attitude(self, mode: AttitudeMode) -> None:
-        """Take over and select an attitude mode; ``target`` keeps the target at its position in the picture."""
+        """Take over and select an attitude mode; ``target`` keeps the target at its position in the image."""
         self.take_over()
         if mode == "target":
             chaser = self.chaser

@@ -144,7 +144,7 @@ def predicted_path(
 
     Parameters
     ----------
-    orbit : of the target. chaser : its state now. after_s : how long after the last burn.
+    orbit : orbit of the target. chaser : state now. after_s : time after the last burn.
     samples : of each leg between burns.
     """
     mu = orbit.forces.mu_m3_s2

@@ -1,7 +1,7 @@
 """Recording of a piloted flight from its start: states at regular times, and the scenario that replays them.
 
 While it is flown each state is a line of ``flight.csv`` at once, and ``replay.toml`` follows once a second: a console
-that is killed loses no more than that. A flight that ends leaves ``flight.npz`` in place of the lines.
+that is killed loses at most that. A flight that ends leaves ``flight.npz`` in place of the lines.
 """
 
 from __future__ import annotations

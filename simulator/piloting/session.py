@@ -1,4 +1,4 @@
-"""A piloted flight stepped by commands, without window, keys or pictures."""
+"""A piloted flight stepped by commands, without window, keys or images."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class FlightSession:
     craft : PilotedCraft
         The chaser with its steering, docking and guidance.
     look_back : LookBack
-        What was flown, and the way back to any time of it.
+        The recorded flight, with seek to any time of it.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:

@@ -1,7 +1,7 @@
 """Background libraries: views of a body from random places in orbit, with random camera attitudes.
 
-View i depends on (library's seed, i) alone. A craft is drawn before the view itself, in its light, not over a picture
-of it; `flyaround backgrounds` draws the pictures of a library.
+View i depends on (library's seed, i) alone. A craft is drawn before the view itself, in its light, not over an image
+of it; `flyaround backgrounds` draws the images of a library.
 
 References
 ----------

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.sample import BackgroundView
 
 _SAMPLES, _VIEWS = 0x5CE2E, 0xBAC60
-"""Random streams: of a sample, and of the choice of its background."""
+"""Random streams of the samples, and of the choice of backgrounds."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -95,7 +95,7 @@ class RecipePlan(DocumentPlan):
         Raises
         ------
         UserError
-            If it has none, or not so many.
+            If it has none, or fewer.
         """
         library = self.recipe.background
         if library is None:
@@ -239,7 +239,7 @@ def plan_recipe(
     Raises
     ------
     UserError
-        If there is no recipe of that name, or its bounds are impossible: what makes them so.
+        If there is no recipe of that name, or its bounds are impossible.
     """
     recipe = name if isinstance(name, Recipe) else load_recipe(name)
     if recipe.members:

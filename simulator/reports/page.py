@@ -55,8 +55,8 @@ class Page:
 
     Parameters
     ----------
-    title : of the window. heading : of the page, the title where there is none.
-    dark : light ink on dark paper, for pages that are mostly pictures of space.
+    title : title of the window. heading : heading of the page, by default the title.
+    dark : light ink on dark paper, for pages that are mostly images of space.
     style : CSS of this page alone, after the common one.
     """
 
@@ -195,7 +195,7 @@ def key_figures(figures: Iterable[tuple[Content, Content]], *, bad: Iterable[str
 
 
 def picture(source: str, caption: Content, *, alt: str) -> Markup:
-    """Return an image with its caption; ``source`` is a file beside the page, loaded lazily."""
+    """Return an image with its caption; ``source`` is a file next to the page, loaded lazily."""
     return element(
         "figure", element("img", src=source, alt=alt, loading="lazy"), element("figcaption", caption)
     )

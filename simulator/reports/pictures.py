@@ -1,4 +1,4 @@
-"""Images of a report as files beside its page."""
+"""Images of a report as files next to its page."""
 
 from __future__ import annotations
 

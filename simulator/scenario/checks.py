@@ -42,7 +42,7 @@ def check_document(document: Scenario | Recipe, where: str) -> None:
     Raises
     ------
     UserError
-        With file, key, value and what is allowed.
+        With file, key, value and allowed values.
     """
     problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
     refuse(problems, where)
@@ -103,7 +103,7 @@ def _forces_problems(f: Forces, body: Body) -> Iterator[str]:
 
 
 def _attitude_problems(a: Attitude, body: Body) -> Iterator[str]:
-    """Find an attitude given twice or not at all, and what does not go with the motion."""
+    """Find an attitude given twice or not at all, and sections that conflict with the motion."""
     if a.q_wxyz is not None and a.euler_deg is not None:
         yield "section [attitude] has both q_wxyz and euler_deg, allowed: one of them"
     if a.q_wxyz is not None:
@@ -200,7 +200,7 @@ def _chaser_problems(chaser: AnyChaser) -> Iterator[str]:
 
 
 def _followed_problems(scenario: Scenario) -> Iterator[str]:
-    """Find what does not go with craft that follow files."""
+    """Find sections that conflict with craft that follow files."""
     chaser = scenario.chaser
     if isinstance(chaser, FollowedChaser):
         for name in ("thrusters", "keep_out"):
@@ -324,7 +324,7 @@ def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
 
 
 def _poses_problems(recipe: Recipe) -> Iterator[str]:
-    """Find what poses of a list or of a flight leave no room for."""
+    """Find sections that conflict with poses of a list or of a flight."""
     if recipe.poses is None:
         return
     c = recipe.constraints

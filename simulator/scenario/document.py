@@ -101,7 +101,7 @@ def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[fl
 
 
 class Output(Section, frozen=True, kw_only=True):
-    """Bands and quality of the picture, and the label layers that a capture writes (``all`` for every one).
+    """Bands and quality of the image, and the label layers that a capture writes (``all`` for every one).
 
     ``encoding`` is the transfer function of the image: ``linear``, ``srgb`` or ``gamma`` (a power of 1 / 2.2). Without
     it that of the camera's file is used; without both, colour of 8 bits is ``srgb`` and everything else linear.
@@ -150,7 +150,7 @@ class Document(Section, frozen=True, kw_only=True):
         Raises
         ------
         UserError
-            If the sensor's images cannot have the encoding that is asked for.
+            If the sensor's images cannot have the encoding that is requested.
         """
         file, sensor = self.camera_file, self.sensor_model
         encoding = self.output.encoding or file.encoding or default_encoding(sensor, bands)

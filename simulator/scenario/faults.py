@@ -1,6 +1,6 @@
 """Faults of the camera and the line to a board, from a scenario's section or a file of their own.
 
-What goes wrong, when in the flight, how badly; one seed for every random choice.
+Kind, time in the flight and severity of each fault; one seed for every random choice.
 
 Times are the flight's seconds of the frame that is hit. Chances are drawn anew for each frame or packet, from the seed
 and the frame's number alone, so that a run in lockstep meets the same faults again.
@@ -78,11 +78,11 @@ class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
 
 
 class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True):
-    """The camera repeats the last picture before ``start_s``, with new numbers and times."""
+    """The camera repeats the last image before ``start_s``, with new numbers and times."""
 
 
 class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
-    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the picture's
+    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the image's
     width.
     """
 
@@ -207,7 +207,7 @@ def read_faults(path: Path) -> Faults:
     Raises
     ------
     UserError
-        If there is none, or it has a mistake: key, value given and what is allowed.
+        If there is none, or it has a mistake: key, value and allowed values.
     """
     where = str(path)
     document = parse_toml(read_toml(path, where, "name a faults file"), where)

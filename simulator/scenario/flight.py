@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _LOOK_EVERY_S, _MIN_STEP_S = 60.0, 1.0
 MAX_FRAMES = 1_000_000
-"""Number of frames above which a run is taken for a mistake."""
+"""Number of frames above which a run is treated as a mistake."""
 
 
 def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> Flight:

@@ -58,7 +58,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     Raises
     ------
     UserError
-        If there is none, or the file has a mistake: file, key, value given and what is allowed.
+        If there is none, or the file has a mistake: file, key, value and allowed values.
     """
     return parse_scenario(scenario_source(name_or_path), *_origin("scenario", name_or_path))
 
@@ -69,7 +69,7 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     Raises
     ------
     UserError
-        If there is none, or the file has a mistake: file, key, value given and what is allowed.
+        If there is none, or the file has a mistake: file, key, value and allowed values.
     """
     text = str(name_or_path)
     if (target := target_in(text)) is not None:
@@ -93,7 +93,7 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
     Raises
     ------
     UserError
-        If it cannot be read, or has a mistake: key, value given and what is allowed.
+        If it cannot be read, or has a mistake: key, value and allowed values.
     """
     where = str(path)
     raw = toml_table(read_toml(Path(path), f"--vary {where}", "give a TOML file of ranges"), where)
@@ -180,7 +180,7 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
     Raises
     ------
     UserError
-        If it has a mistake: key, value given and what is allowed.
+        If it has a mistake: key, value and allowed values.
     """
     raw = toml_table(content, where)
     scenario = convert_document(raw, Scenario, where)

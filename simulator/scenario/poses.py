@@ -123,7 +123,7 @@ def scene_at(
     q_camera_from_target_wxyz : (4,) unit quaternion, Hamilton, scalar first; it is normalised.
     t_camera_from_target_m : (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
     frame : of the plan, whose moment it is.
-    index : number of the picture, which keys its noise; ``frame`` unless given.
+    index : number of the image, which keys its noise; ``frame`` unless given.
 
     Raises
     ------

@@ -89,7 +89,7 @@ class NormalPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class PoseList(Section, frozen=True, kw_only=True, tag_field="kind", tag="list"):
-    """Poses of a CSV file beside the recipe, in order: the format of `render --poses` or `recipes --samples`."""
+    """Poses of a CSV file next to the recipe, in order: the format of `render --poses` or `recipes --samples`."""
 
     file: str
 
@@ -182,7 +182,7 @@ AnyPoses = PoseList | AboutTrajectory | Sequences
 class Recipe(Document, frozen=True, kw_only=True):
     """A recipe file, read and checked.
 
-    ``base`` names a built-in recipe or a file beside this one, whose sections stand where this file has none of that
+    ``base`` names a built-in recipe or a file next to this one, whose sections stand where this file has none of that
     name. A recipe with ``members`` is the data sets of those recipes. ``frames`` are drawn where no number is asked
     for. ``poses`` take the place of range, attitude and placement; of flights also that of the sky.
     """

@@ -26,7 +26,7 @@ _HEADER = re.compile(r"\[+([\w.]+)\]+")
 
 
 def show_scenario(name: str) -> str:
-    """Return a built-in scenario's file with every further key as a comment: its default, and what is allowed.
+    """Return a built-in scenario's file with every further key as a comment: its default and allowed values.
 
     It is a scenario file: without a change it flies as the built-in one.
 
@@ -44,7 +44,7 @@ def show_scenario(name: str) -> str:
 
 
 def show_recipe(name: str) -> str:
-    """Return a built-in recipe's file with every further key as a comment: its default, and what is allowed.
+    """Return a built-in recipe's file with every further key as a comment: its default and allowed values.
 
     Raises
     ------

@@ -51,11 +51,11 @@ def build_scene(
     Parameters
     ----------
     world : state at mid-exposure.
-    camera, sensor, exposure_s, optics : what takes the picture.
+    camera, sensor, exposure_s, optics : imaging chain.
     target : model that is drawn.
     com_target_m : its centre of mass in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp, lights : how it is lit and drawn. shutter : global unless given.
+    quality, bands, environment, lamp, lights : lighting and rendering. shutter : global unless given.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

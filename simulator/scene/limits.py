@@ -29,7 +29,7 @@ FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
 def scene_problem(scene: SceneState) -> str | None:
-    """Return the first field of a scene that is out of range, with what is allowed; None if it can be drawn."""
+    """Return the first field of a scene that is out of range, with the allowed range; None if it can be drawn."""
     c, (earth, moon, *others) = scene.camera, scene.bodies
     names = [b.name for b in scene.bodies]
     if scene.central_body not in names or len(set(names)) < len(names):

@@ -35,7 +35,7 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
     Returns
     -------
-    The scene there; its key of random numbers and its epoch's text stay the picture's own.
+    The scene there; its key of random numbers and its epoch's text stay the image's own.
     """
     if dt_s == 0.0:
         return scene

@@ -50,7 +50,7 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     exposure, noise : factors. noise is of standard deviations. psf_sigma_px : width of the Gaussian PSF.
     pedestal_dn : the detector's black level. glow_share : of the optics. boxes : number of area lights.
-    lamp : whether one was lit. environment : the layers' name, or empty.
+    lamp : True if one was lit. environment : the layers' name, or empty.
     craft : number of the craft, whose differences from its model are the scene's target's.
     """
 
@@ -71,9 +71,9 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     Attributes
     ----------
-    redraws : how often each of the recipe's constraints had the pose drawn again.
+    redraws : number of poses drawn again for each of the recipe's constraints.
     raw : the Euler angles, where the attitude was drawn as such. background : where it is a view of a library.
-    pair, sequence : where frames belong together. varied : by `--vary` or a recipe's [vary].
+    pair, sequence : group of frames. varied : changes by `--vary` or a recipe's [vary].
     """
 
     redraws: dict[str, int] = msgspec.field(default_factory=dict)

@@ -69,7 +69,7 @@ class SceneState(BodyStates):
     t_s : seconds since the scenario's start.
     frame_index, seed : key of this frame's random numbers.
     exposure_s : integration time [s]. shutter : when each row is exposed.
-    optics : what the lens does to the light besides bending it.
+    optics : effects of the lens other than distortion.
     quality : preset of the renderer.
     bands : ``mono`` (panchromatic) or ``rgb``.
     q_camera_from_target_wxyz, t_camera_from_target_m : pose of the model frame in the camera.
@@ -82,9 +82,9 @@ class SceneState(BodyStates):
     bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
         ``r_camera_eci_m`` less it is the place above its ground.
     sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
-    central_body : name of what the target circles. lamp : a lamp on the chaser, where it has one lit.
+    central_body : name of the body that the target orbits. lamp : lamp on the chaser, if lit.
     lights : area lights; absent where there are none.
-    sample : what a recipe drew beside all this; absent where that is nothing.
+    sample : further random draws of a recipe; absent if there are none.
     """
 
     epoch_utc: str

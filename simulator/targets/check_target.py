@@ -36,7 +36,7 @@ def check_target(target: Target, where: str) -> None:
     Raises
     ------
     UserError
-        Naming what is wrong, where, and what to do.
+        With problem, place and remedy.
     """
     for part in target.parts:
         check_part(part, where)

@@ -54,7 +54,7 @@ def content_sha256(
     The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
     keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
     float32 and its triangles as little-endian uint32, and its texture coordinates as float32 where it has
-    some; then each picture's name and bytes. Each block is preceded by its length in bytes (uint64).
+    some; then each image's name and bytes. Each block is preceded by its length in bytes (uint64).
     Textures that a material does not have are left out of the JSON.
     """
     head: dict[str, Any] = {

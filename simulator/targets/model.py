@@ -30,8 +30,8 @@ class Material:
     turned : the grain runs around that direction, as a lathe leaves it, instead of along it.
     base_color_texture : name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture
         coordinates; none when empty.
-    metallic_roughness_texture : a picture whose green and blue multiply ``roughness`` and ``metallic``.
-    normal_texture : a picture of normals in the tangent frame, green towards the picture's top.
+    metallic_roughness_texture : an image whose green and blue multiply ``roughness`` and ``metallic``.
+    normal_texture : an image of normals in the tangent frame, green towards the image's top.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Part:
     positions_m : (N, 3) float32, target frame.
     normals : (N, 3) float32, outward unit normals.
     triangles : (M, 3) indices, counter-clockwise seen from outside.
-    uv : (N, 2) float32 texture coordinates as in glTF, (0, 0) the upper left corner of a picture; or None.
+    uv : (N, 2) float32 texture coordinates as in glTF, (0, 0) the upper left corner of an image; or None.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Edge:
 
     An edge can be seen only when at least one of its faces looks at the camera; ``normals`` is empty for
     thin members (rods) that are seen from everywhere. A rod's edge is its axis: the mesh lies ``radius_m``
-    from it (the mean of a tapered rod), and what a camera sees is the pair of lines beside it.
+    from it (the mean of a tapered rod), and what a camera sees is the pair of lines next to it.
     """
 
     name: str

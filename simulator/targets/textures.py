@@ -51,7 +51,7 @@ def check_picture(data: bytes, where: str) -> None:
 
 
 def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
-    """Return the embedded pictures of a document."""
+    """Return the embedded images of a document."""
     out = []
     for k, image in enumerate(document.get("images") or []):
         view = document["bufferViews"][image["bufferView"]]

@@ -1,6 +1,6 @@
 """Command ``python -m tools.boards``: starts an emulated board, tests it, and writes any board's row of the table.
 
-``prove`` (`make board-qemu`) sends the same pictures to the host's own estimator and to an emulated board over each of
+``prove`` (`make board-qemu`) sends the same images to the host's own estimator and to an emulated board over each of
 its lines; ``start`` leaves a board running for a host of your own; ``service`` holds the unit against its page;
 ``compare`` makes a row of two ledgers.
 """

@@ -24,7 +24,7 @@ SHARE, NEAR_DEG, NEAR_M = 0.95, 0.1, 0.010
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """A board's run beside the host's.
+    """A board's run next to the host's.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Agreement:
 
 
 def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agreement:
-    """Return a board's rows beside the host's, frame by frame.
+    """Return a board's rows next to the host's, frame by frame.
 
     Raises
     ------

@@ -57,8 +57,8 @@ class BoardLine:
 
     Parameters
     ----------
-    name : of the command line. text : for people. scenario : whose pictures go over it.
-    binning : pixels that its sensor joins, so that the line carries a picture in seconds.
+    name : of the command line. text : for people. scenario : whose images go over it.
+    binning : pixels that its sensor joins, so that the line carries an image in seconds.
     """
 
     name: str

@@ -29,7 +29,7 @@ FOLDER = Path(__file__).parents[2] / "assets" / "earth"
 
 
 def cooked() -> Iterator[tuple[str, ByteArray | Float32Array]]:
-    """Yield names and contents of the files: pictures as OpenCV writes them, arrays as they are."""
+    """Yield names and contents of the files: images as OpenCV writes them, arrays as they are."""
     sources = day_and_coast()
     mask = make_mask(sources)
     yield MASK, mask

@@ -5,7 +5,7 @@ white paint absorbs 0.17 to 0.28 of sunlight, black paint 0.96, aluminised Kapto
 (optical solar reflectors) 0.05 to 0.10. Metals as in glTF: base colour is the reflectance at normal incidence; their
 non-metallic share stands for scattering in machining marks and creases: mirrors alone would show black sky.
 Colours of blankets and cells of the crewed craft are judged on public photographs. Tango's own stand in
-``tango_materials``, in proportion to its public pictures.
+``tango_materials``, in proportion to its public images.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Makes the pages and pictures of docs/ that are made with the software itself."""
+"""Makes the pages and images of docs/ that are made with the software itself."""

@@ -1,4 +1,4 @@
-"""The picture of captured images with the craft's axes in docs/datasets.md, after figure 1 of the data-set paper.
+"""The figure of captured images with the craft's axes in docs/datasets.md, after figure 1 of the data-set paper.
 
 python -m tools.docs.axes_picture docs/images/datasets/axes.jpg
 """

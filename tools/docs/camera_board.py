@@ -1,4 +1,4 @@
-"""Makes the picture of docs/hil_camera.md that shows what a board sees of the simulated camera, through Aravis.
+"""Makes the image of docs/hil_camera.md that shows what a board sees of the simulated camera, through Aravis.
 
     python -m tools.docs.camera_board -o docs/images
 
@@ -62,7 +62,7 @@ def seen(settings: CameraSettings, camera: dict[str, object], model: BoardModel)
 
 
 def main() -> None:
-    """Write the picture."""
+    """Write the image."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--out", type=Path, required=True)
     out = parser.parse_args().out

@@ -1,4 +1,4 @@
-"""Makes the two montages of docs/camera.md: what each noise term, and each part of the lens, does to one picture."""
+"""Makes the two montages of docs/camera.md: what each noise term, and each part of the lens, does to one image."""
 
 from __future__ import annotations
 

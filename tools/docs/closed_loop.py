@@ -1,8 +1,8 @@
-"""Makes the pictures of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's.
+"""Makes the images of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's.
 
     python -m tools.docs.closed_loop LEDGER -o docs/images
 
-LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is flown anew, without pictures.
+LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is flown anew, without images.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def main() -> None:
-    """Write both pictures and print the forecast's table."""
+    """Write both images and print the forecast's table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ledger", type=Path)
     parser.add_argument("-o", "--out", type=Path, required=True)

@@ -1,4 +1,4 @@
-"""Make docs/gallery.md and its pictures with our own software: python -m tools.docs.gallery."""
+"""Make docs/gallery.md and its images with our own software: python -m tools.docs.gallery."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -67,7 +67,7 @@ def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango")
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
-    """Return an sRGB picture as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
+    """Return an sRGB image as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
 
 
 def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
-    """Return a picture whose given share lies below the shoulder, or some stops brighter."""
+    """Return an image whose given share lies below the shoulder, or some stops brighter."""
     return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
 
 
@@ -248,7 +248,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
 
 
 def write_jpeg(path: Path, rgb: np.ndarray) -> None:
-    """Write a picture as well as so many bytes allow."""
+    """Write an image as well as this many bytes allow."""
     image = np.ascontiguousarray(rgb[..., ::-1])
     for quality in (JPEG, 70, 55, 40):
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
@@ -258,7 +258,7 @@ def write_jpeg(path: Path, rgb: np.ndarray) -> None:
 
 
 def main(names: list[str] | None = None) -> None:
-    """Draw, write and describe every picture, or those that are named."""
+    """Draw, write and describe every image, or those that are named."""
     folder = DOCS / "images" / "gallery"
     folder.mkdir(parents=True, exist_ok=True)
     lines = [

@@ -1,4 +1,4 @@
-"""Make the pictures of the README and the documents with our own software: python -m tools.docs.pictures."""
+"""Make the images of the README and the documents with our own software: python -m tools.docs.images."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def draw(
 
 
 def main() -> None:
-    """Draw the hero picture, the montage with truth, and one tile per kind of scene."""
+    """Draw the hero image, the montage with truth, and one tile per kind of scene."""
     IMAGES.mkdir(exist_ok=True)
     with fa.Renderer() as renderer:
         # as the gallery's: without the detector's noise, developed like a photograph

@@ -1,4 +1,4 @@
-"""The small pictures of the console's scenario chooser: ``python -m tools.docs.scenario_pictures``."""
+"""The small images of the console's scenario chooser: ``python -m tools.docs.scenario_pictures``."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from flyaround.simulator.scenario.plan import plan_flight
 FOLDER = Path("assets") / "scenarios"
 WIDTH_PX, JPEG_QUALITY = 240, 82
 MIDDLE = 0.4
-"""Share of the flight after which the picture is taken."""
+"""Share of the flight after which the image is taken."""
 OTHERWISE = {"tango-eclipse-pass": 0.05}
 """Scenarios that show more at another one."""
 
 
 def main() -> None:
-    """Write a picture of each built-in scenario beside its file."""
+    """Write an image of each built-in scenario next to its file."""
     with Renderer() as renderer:
         for name in list_scenarios():
             scenario = load_scenario(name)

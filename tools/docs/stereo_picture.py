@@ -1,4 +1,4 @@
-"""The picture of a stereo pair in docs/datasets.md.
+"""The image of a stereo pair in docs/datasets.md.
 
 python -m tools.docs.stereo_picture docs/images/datasets/stereo.jpg
 """
@@ -24,7 +24,7 @@ SAMPLE, SEED, WIDTH_PX = 3, 11, 960
 
 
 def main() -> None:
-    """Draw both cameras' pictures of one instant side by side."""
+    """Draw both cameras' images of one instant side by side."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("output", type=Path)
     output = parser.parse_args().output

@@ -1,4 +1,4 @@
-"""docs/targets.md and its pictures, one of each built-in craft: `python -m tools.docs.targets`."""
+"""docs/targets.md and its images, one of each built-in craft: `python -m tools.docs.targets`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PICTURES = "images/targets"
 
 
 def write_docs(targets: Sequence[Target], folder: Path) -> None:
-    """Write ``targets.md`` and its pictures below ``folder``."""
+    """Write ``targets.md`` and its images below ``folder``."""
     place = folder / PICTURES
     place.mkdir(parents=True, exist_ok=True)
     lines = [INTRODUCTION]

@@ -1,4 +1,4 @@
-"""Ten pictures that most tell a drawing from a photograph: python -m tools.docs.ten_pictures FOLDER.
+"""Ten images that most tell a drawing from a photograph: python -m tools.docs.ten_pictures FOLDER.
 
 Run before and after a change, they are the two columns of docs/validation/ten_pictures.md. Radiance of the preset
 ``high``, one tone curve, no noise.

@@ -33,7 +33,7 @@ class Case:
     Parameters
     ----------
     name : str
-        Shown beside the verdict.
+        Shown next to the verdict.
     file : str
         Path relative to the root.
     before, after : str

@@ -1,9 +1,9 @@
-"""Closed loops on drawn pictures without a link: the board's estimator answers in this process, its errors are kept.
+"""Closed loops on drawn images without a link: the board's estimator answers in this process, its errors are kept.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9007 --pose truth --any-view   # on the truth
     python -m tools.studies.drawn_loop OUT --seeds 7000-7004               # on the estimator's poses
 
-Each flight writes ``OUT/SCENARIO-SEED.npz``: what came of it, and of every picture time, true pose and measured one.
+Each flight writes ``OUT/SCENARIO-SEED.npz``: what came of it, and of every image time, true pose and measured one.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def seeds_of(told: str) -> range:
 
 
 def main() -> None:
-    """Fly what is asked for; a flight whose file is there is not flown again."""
+    """Fly what is requested; a flight whose file is there is not flown again."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", default="9000-9003", help="FIRST-LAST")

@@ -1,6 +1,6 @@
 """The proof of docs/hil_closed_loop.md: how many flights arrive, and whether the filter's sigma is right.
 
-    python -m tools.studies.loop_figures --seeds 3000-3049   # on noisy poses and on the truth, without pictures
+    python -m tools.studies.loop_figures --seeds 3000-3049   # on noisy poses and on the truth, without images
     python -m tools.studies.loop_figures --drawn OUT         # flights of tools.studies.drawn_loop
 
 It prints a table in Markdown. NEES is of the twelve states that the covariance is of: position and velocity of the

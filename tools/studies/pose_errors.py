@@ -26,7 +26,7 @@ PARTS = {"across": slice(0, 2), "along": slice(2, 3), "tilt": slice(3, 5), "roll
 
 @dataclass(frozen=True, eq=False)
 class FlightErrors:
-    """Errors of one flight's accepted poses, one row a picture.
+    """Errors of one flight's accepted poses, one row an image.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Stage at which `hybrid` loses a pose: each image of a data set judged stage by stage against the truth.
 
-    python -m tools.studies.pose_stages SET            # a table in Markdown, a line a picture
+    python -m tools.studies.pose_stages SET            # a table in Markdown, a line an image
     python -m tools.studies.pose_stages SET --limit 10
 
 A data set is a folder that `flyaround capture` wrote or `flyaround convert` made of another's.
@@ -67,7 +67,7 @@ EDGES_PX = 360
 
 @dataclass(frozen=True)
 class StageRow:
-    """One picture, stage by stage; see the module."""
+    """One image, stage by stage; see the module."""
 
     frame: int
     range_m: float
@@ -219,7 +219,7 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
-    """Return a pose beside the truth refined to its end, and the better score of that and of the truth refined."""
+    """Return a pose next to the truth refined to its end, and the better score of that and of the truth refined."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))

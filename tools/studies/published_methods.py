@@ -136,7 +136,7 @@ class Study:
     ----------
     folder : the data set. reports : folder of the evaluations, gone on with when there are any.
     feasible : so many of the feasible frames alone; None: all frames. workers : processes.
-    evaluate : whether to evaluate what is missing; else tables are of the frames that every method has answered.
+    evaluate : True if to evaluate what is missing; else tables are of the frames that every method has answered.
     """
 
     def __init__(

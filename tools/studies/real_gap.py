@@ -1,26 +1,26 @@
 """Differences between images of a real mock-up and rendered ones: one cause swapped at a time.
 
-    python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: pictures and test.json in SPEED's form
+    python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: images and test.json in SPEED's form
     python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
 
-Each picture gets a twin of ours: the craft at its pose under light fitted to it, the mock-up's surfaces, the recipe's
-lens and noise. Then one thing of the twin is replaced by another of ours, or by the picture's own:
+Each image gets a twin of ours: the craft at its pose under light fitted to it, the mock-up's surfaces, the recipe's
+lens and noise. Then one thing of the twin is replaced by another of ours, or by the image's own:
 
 | row | what is swapped |
 |---|---|
 | light: one box | the boxes that were fitted for the strongest of them alone |
 | light: of the recipe | for those of a frame of the recipe `lightbox` |
-| light: theirs, smooth | the brightness over some 24 px and more for the picture's |
+| light: theirs, smooth | the brightness over some 24 px and more for the image's |
 | material: flight | the mock-up's surfaces for the flight model's |
 | lens: sharp | blur and glow for none |
 | lens: soft | for twice the blur and three times the glow |
 | noise: none | the detector's noise for none |
-| background: theirs | what lies outside the craft for the picture's, noise and screen and stray light |
-| inside: theirs | what lies inside for the picture's: all but the background |
+| background: theirs | what lies outside the craft for the image's, noise and screen and stray light |
+| inside: theirs | what lies inside for the image's: all but the background |
 | model: bent | the estimator's model for one bent at random, 8 mm along each axis |
 
-NCC is of the silhouette's pixels with the picture; the estimator is given `tango` and never the truth. Nothing of the
-pictures is written.
+NCC is of the silhouette's pixels with the image; the estimator is given `tango` and never the truth. Nothing of the
+images is written.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ SHOWN_PX = 420
 
 @dataclass(frozen=True, eq=False)
 class SwapRow:
-    """One picture of a row: its likeness to the real one, and how the estimator fares on it."""
+    """One image of a row: its likeness to the real one, and how the estimator fares on it."""
 
     ncc: float
     deg: float
@@ -92,7 +92,7 @@ class SwapRow:
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """A picture's twin: the scene that it is drawn from, and the silhouette."""
+    """An image's twin: the scene that it is drawn from, and the silhouette."""
 
     reference: Reference
     scene: SceneState
@@ -278,7 +278,7 @@ def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
 
 
 def main() -> None:
-    """Measure the pictures of a folder and their twins."""
+    """Measure the images of a folder and their twins."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)

@@ -1,7 +1,7 @@
 """Gain of each saving of the software path: the bench scenes with all, and with one switched off, in turns.
 
-`python -m tools.studies.savings [NAME...]` draws with a renderer for each name beside one that has all, and prints
-the processor time [ms] that a frame takes more, scene by scene, their sum, and the largest difference of the pictures.
+`python -m tools.studies.savings [NAME...]` draws with a renderer for each name next to one that has all, and prints
+the processor time [ms] that a frame takes more, scene by scene, their sum, and the largest difference of the images.
 `python -m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s].
 What was found and removed: docs/lab/2026-11-savings.md.
 """

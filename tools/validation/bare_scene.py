@@ -1,4 +1,4 @@
-"""A bare stage for proofs: a target before the camera, the Sun where it is asked for, nothing else."""
+"""A bare stage for proofs: a target before the camera, the Sun where it is requested, nothing else."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A target's outline against a picture of the real craft: ``python -m tools.validation.outline PICTURE --side=+x``.
+"""A target's outline against an image of the real craft: ``python -m tools.validation.outline PICTURE --side=+x``.
 
-Pose and focal length are fitted to the picture's outline, and what is left is the model's fault: the overlap of the two
-filled outlines (area of both over area of either) and the distance from one to the other. The picture's outline comes
+Pose and focal length are fitted to the image's outline, and what is left is the model's fault: the overlap of the two
+filled outlines (area of both over area of either) and the distance from one to the other. The image's outline comes
 from a JSON file of polygons traced by hand (``--outline``), or from its brightness where the sky behind is black.
 """
 
@@ -36,7 +36,7 @@ SIDES = {
     "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 }
-"""Camera axes (right, down, forward) in the target's, to start from: upright as Tango's public pictures are."""
+"""Camera axes (right, down, forward) in the target's, to start from: upright as Tango's public images are."""
 TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))
 START_RANGES = (6.0,)
 """First guesses of the range in widths of the craft."""
@@ -74,7 +74,7 @@ class _Mesh:
 
 
 def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target | None = None) -> Fit:
-    """Fit pose and focal length of a pinhole with its axis in the picture's middle; measure what is left.
+    """Fit pose and focal length of a pinhole with its axis in the image's middle; measure what is left.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def overlay(image: ByteArray, fit: Fit) -> ByteArray:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Fit one picture, print what was found, write the overlay; 2 for a user's mistake."""
+    """Fit one image, print what was found, write the overlay; 2 for a user's mistake."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.outline", description=__doc__)
     parser.add_argument("picture", type=Path)
     parser.add_argument("--side", choices=SIDES, default="+z", help="axis that the camera looks from")

@@ -21,7 +21,7 @@ class Row:
 
     Attributes
     ----------
-    asked : False for what is reported beside a goal that another row must reach.
+    asked : False for what is reported next to a goal that another row must reach.
     """
 
     what: str

@@ -20,14 +20,14 @@ class Answer:
 
 
 class Brightest:
-    """Made once for a target and a camera, then asked picture by picture."""
+    """Made once for a target and a camera, then asked image by image."""
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
         # the model holds the target's wireframe, keypoints and so on
         self._model, self._camera = model, camera
 
     def estimate(self, image: np.ndarray) -> Estimate:
-        """Return the pose in an (H, W) picture."""
+        """Return the pose in an (H, W) image."""
         y, x = np.nonzero(image >= 0.5 * image.max())
         c = self._camera
         ray = np.array([(x.mean() - c.cx_px) / c.fx_px, (y.mean() - c.cy_px) / c.fy_px, 1.0])

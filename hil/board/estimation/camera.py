@@ -27,7 +27,7 @@ class CameraIntrinsics:
     ----------
     distortion_model : ``none``, ``brown_conrady`` or ``kannala_brandt``.
     distortion : coefficients in OpenCV's order.
-    encoding : transfer function of the pictures as they are delivered; estimators are handed linear ones.
+    encoding : transfer function of the images as they are delivered; estimators are handed linear ones.
     """
 
     width_px: int

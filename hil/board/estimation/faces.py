@@ -46,7 +46,7 @@ class Faces:
         Raises
         ------
         KeyError, ValueError
-            If a field is missing or a number names what is not there.
+            If a field is missing or an index is out of range.
         """
         try:
             data = zlib.decompress(base64.b64decode(record["corners"], validate=True))

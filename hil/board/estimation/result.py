@@ -1,4 +1,4 @@
-"""Result of an estimator for one image, and the distinct poses beside the best one."""
+"""Result of an estimator for one image, and the distinct poses next to the best one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Alternative:
     Parameters
     ----------
     q_camera_from_target_wxyz, t_camera_from_target_m : the pose.
-    score : what poses were ranked by, larger is better; only differences within one result mean anything.
+    score : rank of the pose, larger is better; only differences within one result are meaningful.
     """
 
     q_camera_from_target_wxyz: Array
@@ -37,11 +37,11 @@ class PoseResult:
 
     Parameters
     ----------
-    accepted : whether the pose may be used. reason : why not, else empty.
+    accepted : True if the pose may be used. reason : cause of a decline, else empty.
     q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
         there is none. A declined result still carries its best pose.
-    confidence : 0..1. stages_ms : time of each stage in order. counts : what each stage found.
-    evidence : what the method made the decision from, of a type of its own; None if it keeps none.
+    confidence : 0..1. stages_ms : time of each stage in order. counts : number of results of each stage.
+    evidence : data of the decision, of a type of the method; None if it keeps none.
     covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
     method : its name.
     """

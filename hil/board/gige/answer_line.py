@@ -32,9 +32,9 @@ class AnswerLine:
 
     Parameters
     ----------
-    url : where the host takes poses. hello : what this board is. key : shared with the host.
-    timeout_s : how long to try to reach it, and to wait for its first word.
-    silence_s : a host that says nothing for so long is gone.
+    url : address of the host for poses. hello : description of this board. key : key shared with the host.
+    timeout_s : time-out for reaching it, and for its first message.
+    silence_s : time without messages after which the host is considered gone.
 
     Raises
     ------

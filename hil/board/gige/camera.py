@@ -39,7 +39,7 @@ class CameraSettings:
     roi_px : x, y, width, height of the part that is read.
     pixel_format : by its GenICam name, such as Mono8.
     packet_bytes : of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
-    software_trigger : a picture for each trigger, else the camera runs freely.
+    software_trigger : an image for each trigger, else the camera runs freely.
     packet_socket : read the stream by a packet socket, which holds more, where this program may (root).
     """
 
@@ -149,7 +149,7 @@ class GigeCamera:
         Raises
         ------
         LinkError
-            If the camera refuses, or sends pictures of a size that none should have.
+            If the camera refuses, or sends images of a size that none should have.
         """
         self.stop()
         arv = self._aravis
@@ -178,8 +178,8 @@ class GigeCamera:
     def deaf(self) -> bool:
         """True if the stream misses the camera's packets and must be restarted.
 
-        Before its filter is set, a packet socket hears what other programs say. Aravis takes that for pictures, too:
-        where one's number seems to be among the next hundred, the true ones up to it count as late and are thrown away.
+        Before its filter is set, a packet socket receives the packets of other programs, which Aravis parses as images.
+        If one's number seems to be among the next hundred, the true ones up to it count as late and are dropped.
         """
         return (
             self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS

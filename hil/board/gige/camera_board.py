@@ -41,9 +41,9 @@ class CameraBoardOptions:
     camera_file : intrinsics of the whole detector (CAMERA.json); None takes those of the host of ``answer_url``.
     poses_file : .csv or JSON lines; None writes to the standard output, unless the poses go to a host.
     answer_url, key, timeout_s : the host that takes poses, what it asks for, how long to try to reach it.
-    most_frames : end after so many; None goes on until stopped.
-    silence_s : a host that says nothing for so long is gone.
-    dark_s : a stream without a whole picture for so long is begun anew.
+    most_frames : end after this many; None goes on until stopped.
+    silence_s : time without messages after which the host is considered gone.
+    dark_s : a stream without a whole image for this long is begun anew.
     """
 
     settings: CameraSettings = field(default_factory=CameraSettings)
@@ -68,7 +68,7 @@ def run_camera_board(
     Parameters
     ----------
     url : ``gige://ADDRESS``.
-    make_estimator : from a camera JSON object. hello : what this board is, for the host that takes poses.
+    make_estimator : makes one from a camera JSON object. hello : description of this board for the host.
 
     Raises
     ------

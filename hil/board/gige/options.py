@@ -1,4 +1,4 @@
-"""Options of a board at a camera: a table beside that of the link's agent, and the options made of both."""
+"""Options of a board at a camera: a table next to that of the link's agent, and the options made of both."""
 
 from __future__ import annotations
 

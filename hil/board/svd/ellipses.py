@@ -67,7 +67,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
 
     References
     ----------
-    Xie & Ji (2002), A new efficient ellipse detection method, ICPR: two points are taken for the ends of the major
+    Xie & Ji (2002), A new efficient ellipse detection method, ICPR: two points are treated as the ends of the major
     axis, every third one votes for the minor half axis, a one-dimensional accumulator. Each winner is then
     fitted to the edges near it by least squares.
     """

@@ -165,8 +165,8 @@ def reprojection(
 
     Notes
     -----
-    From picture to model: the other way is smallest for a craft too far away, whose corners crowd around a few
-    of the picture's (tried: the right pose leads half as often).
+    From image to model: the other way is smallest for a craft too far away, whose corners crowd around a few
+    of the image's (tried: the right pose leads half as often).
     """
     error, inliers = np.zeros(len(q)), np.zeros(len(q))
     to = np.ascontiguousarray(image.points.T, np.float32)
@@ -197,12 +197,12 @@ def reprojection(
 def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
     """Return a (B, C) mask of visible model corners that are mutual nearest neighbours with an image corner.
 
-    One corner of the picture is one corner of the craft: what crowds around it, hidden or not drawn, pulls aside.
+    One corner of the image is one corner of the craft: what crowds around it, hidden or not drawn, pulls aside.
 
     Parameters
     ----------
     way : array (B, C, 2)
-        From each corner to the picture's nearest one [px].
+        From each corner to the image's nearest one [px].
     nearest : array (B, C)
         Its index.
     """

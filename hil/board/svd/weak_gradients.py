@@ -1,7 +1,7 @@
 """Weak gradient elimination (WGE): keeps strong edges of the spacecraft, removes the Earth's texture and noise.
 
 Sharma, Ventura & D'Amico (2018), J. Spacecraft and Rockets, doi 10.2514/1.A34124, image processing, WGE. The
-histogram of the normalised gradient magnitude is taken for an exponential distribution, ``F(g) = 1 - exp(-g /
+histogram of the normalised gradient magnitude is treated as an exponential distribution, ``F(g) = 1 - exp(-g /
 mean)``; gradients below the threshold ``g* = -mean ln(1 - 0.99)`` are eliminated.
 """
 

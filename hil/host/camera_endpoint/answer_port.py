@@ -1,6 +1,6 @@
 """Port for poses of boards that read the camera: a session like any link's, with images from elsewhere.
 
-A GigE Vision camera takes nothing back. So the board connects here as it would to a host; the pictures that the stream
+A GigE Vision camera takes nothing back. So the board connects here as it would to a host; the images that the stream
 sends meanwhile count as those it was sent, each by its number since acquisition started, and each has one outcome.
 """
 
@@ -35,7 +35,7 @@ class AnswerPort:
     Parameters
     ----------
     terms : connection of the board, with camera and target.
-    report : given each picture's outcome, with the number that it was announced by as ``frame_id``.
+    report : given each image's outcome, with the number that it was announced by as ``frame_id``.
     note : given a sentence on boards that come and go.
 
     Raises
@@ -99,7 +99,7 @@ class AnswerPort:
         record : FrameRecord
             With the ``frame_id`` that its outcome is reported by.
         number : int
-            The board's number of the picture.
+            The board's number of the image.
         """
         record = record.at(handed_over_ns=now_ns())
         if self._board.link is None or self._board.ack is None:

@@ -26,7 +26,7 @@ class CameraLedger:
 
     Parameters
     ----------
-    folder : where the files go; None keeps none. link : where boards answer.
+    folder : output folder; None for no files. link : address for answers of boards.
     flown : what the record of the run says of it.
 
     Raises

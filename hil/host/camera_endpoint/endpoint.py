@@ -1,7 +1,7 @@
 """Process of the endpoint: commands of one controller, frames when due, and the packet stream.
 
 It cannot authenticate: GVCP knows no secret, and an address can be forged. So it hears one interface and listed
-addresses alone, sends pictures to its controller's address and nowhere else, and holds no more than was set up at its
+addresses alone, sends images to its controller's address and nowhere else, and holds at most was set up at its
 start, whatever it is sent.
 """
 

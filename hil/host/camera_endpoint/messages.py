@@ -32,7 +32,7 @@ class EndpointConfig:
     ----------
     allowed : addresses that are heard.
     xml, xml_name : the GenICam description and the file name it is served under.
-    answers : where boards say their poses; None: nowhere.
+    answers : address at which boards send their poses; None for none.
     loss_share : stream packets that are left out, to try a client's requests. loss_seed : which ones.
     """
 
@@ -73,7 +73,7 @@ class FrameWanted:
 
     Parameters
     ----------
-    request_id : comes back with the picture. number : since acquisition started, from 0. t_s : the same in time.
+    request_id : comes back with the image. number : since acquisition started, from 0. t_s : the same in time.
     exposure_s, gain_db : as the controller has set them.
     """
 

@@ -37,7 +37,7 @@ class TakenPicture:
 
     Parameters
     ----------
-    image : (H, W) digital numbers of the whole detector. scene : None where nobody knows.
+    image : (H, W) digital numbers of the whole detector. scene : None if unknown.
     """
 
     image: Image
@@ -91,7 +91,7 @@ class LoopedPictures:
     ----------
     images : (H, W) each. bits : of their numbers. exposure_s : they were taken with.
     black_dn : number of a pixel that no light falls on.
-    scenes : that they were drawn of, one each; none where nobody knows.
+    scenes : their scenes, one each; empty if unknown.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ def check_one_channel(plan: Plan) -> None:
     Raises
     ------
     UserError
-        If the pictures are in colour.
+        If the images are in colour.
     """
     if plan.bands != "mono":
         raise UserError(

@@ -101,7 +101,7 @@ class CameraTerms:
     Parameters
     ----------
     bits : of the detector's numbers. exposure_us, rate_hz : before a controller changes them.
-    scenario : what is flown. target : what is looked at.
+    scenario, target : names.
     """
 
     width_px: int

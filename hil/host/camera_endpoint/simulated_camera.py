@@ -50,7 +50,7 @@ def run_camera(
 
     Parameters
     ----------
-    pictures : where its pictures come from.
+    pictures : source of the images.
     ledger : records each image and the answer of a board, if ``config`` has an answer port.
     on_opened : called once it can be discovered, with the URL for answers.
     on_note : called with a sentence when a controller or board comes, goes or is refused.

@@ -45,7 +45,7 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
 class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
     """Result of a closed loop; ``final_error_m`` is the true distance from the end of the path.
 
-    ``final_error_deg`` is the larger of the camera's error of pointing and that of the target's estimated attitude.
+    ``final_error_deg`` is the larger of the camera's pointing error and the error of the target's estimated attitude.
     ``keep_out_violations`` counts periods of control that began inside the sphere and outside the corridor.
     """
 
@@ -64,11 +64,11 @@ class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
 class LedgerSummary(msgspec.Struct, frozen=True, kw_only=True):
     """Summary of a run; ``sent = accepted + declined + dropped_total`` always holds.
 
-    Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is a frame of all sent
-    without an answer within ``deadline_ms``: late, dropped, or never sent on to the board. ``accepted_wrong`` of the
-    ``accepted_known`` accepted poses whose truth is known are beyond 5 deg or 5 % of the range. Of ``time_faults``
-    answers the times that the board reports cannot be, and are left out.
-    ``killed`` and an ``unknown`` truth stand in no file: a report of a run without a summary says them.
+    Percentiles are over answered frames, medians of errors over accepted ones. A deadline miss is a frame without an
+    answer within ``deadline_ms``: late, dropped, or not sent to the board. ``accepted_known`` counts accepted poses
+    with a known truth, ``accepted_wrong`` those of them beyond 5 deg or 5 % of the range. ``time_faults`` counts
+    answers with impossible times of the board, which are ignored. The values ``killed`` and ``unknown`` occur only in
+    reports of runs without a summary.
     """
 
     schema: Literal["flyaround.ledger_summary"] = "flyaround.ledger_summary"
@@ -216,12 +216,12 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
 
     Parameters
     ----------
-    run : the fields of ``LedgerSummary`` that rows do not tell: started_utc, ended, mode, truth, url, ...
+    run : fields of ``LedgerSummary`` that do not follow from rows: started_utc, ended, mode, truth, url, ...
 
     Raises
     ------
     AssertionError
-        If the counts do not add up: a frame was lost from the books.
+        If the counts do not add up, so that a frame is missing.
     """
     tally = rows if isinstance(rows, LedgerTally) else LedgerTally(rows)
     outcomes, columns = tally.outcomes, tally.columns

@@ -82,7 +82,7 @@ class BoardSession:
 
     Parameters
     ----------
-    config : how the board connects. tell : says something to the run. in_flight : the frames that were sent.
+    config : settings of the link. tell : sends a message to the run. in_flight : frames sent.
     """
 
     def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:

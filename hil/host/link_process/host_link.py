@@ -66,7 +66,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
     Raises
     ------
     UserError
-        If no format of the link, or not the one that was asked for, holds them whole.
+        If no format of the link, or not the one that was requested, holds them whole.
     """
     holding = formats_of(bits, *(channels or (1,)))
     for candidate in holding:

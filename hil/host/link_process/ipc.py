@@ -34,17 +34,17 @@ class LinkConfig:
 
     Parameters
     ----------
-    url : where the board connects; port 0 takes a free one.
-    mode, truth : whether frames wait for poses; where the truth goes.
-    timeout_s : how long a frame waits for its pose, and the run for a board that went away.
-    truth_url : where truth loggers connect; None for no such endpoint.
+    url : address for the board; port 0 takes a free one.
+    mode, truth : pace of the run; destination of the truth.
+    timeout_s : time-out of a frame's pose, and of the run for a lost board.
+    truth_url : address for truth loggers; None for no such endpoint.
     compression, pixel_format : the host's wishes; auto takes what is quick on the line, and holds the image whole.
-    silence_s : a board that asked for the time, and then says nothing for so long, is gone.
+    silence_s : a board that asked for the time, and then says nothing for this long, is gone.
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
-    adds_faults : whether more of the line may come during the run.
+    adds_faults : True if more of the line may come during the run.
     utc_minus_monotonic_ns : of this machine's clocks, read once for a run.
-    key : that boards and truth loggers must prove to have; None asks nobody.
+    key : key that boards and truth loggers must prove to have; None for no authentication.
     """
 
     url: str
@@ -86,7 +86,7 @@ class FrameJob:
     Parameters
     ----------
     record : FrameRecord
-        With the time at which the camera hands the picture over, on the monotonic clock that all processes of this
+        With the time at which the camera hands the image over, on the monotonic clock that all processes of this
         machine share.
     bits : int
         Of the detector's numbers.

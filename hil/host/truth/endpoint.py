@@ -105,8 +105,8 @@ class TruthEndpoint:
 
     Parameters
     ----------
-    url : where loggers connect. board_url : where boards do, for one that knocks here.
-    key : that a logger must prove to have, within ``PROOF_NS``; None asks nobody.
+    url : address for loggers. board_url : address for boards, named to one that connects here.
+    key : key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
     """
 
     def __init__(self, url: str, board_url: str, key: bytes | None = None) -> None:

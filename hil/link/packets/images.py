@@ -118,7 +118,7 @@ def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) ->
     Raises
     ------
     PacketError
-        If the image does not fit the format, or zstd is asked for where it is not installed.
+        If the image does not fit the format, or zstd is requested where it is not installed.
     """
     if encoding == Encoding.PNG:
         if not fits(image, pixel_format):

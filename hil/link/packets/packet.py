@@ -47,7 +47,7 @@ class Packet:
 
     Parameters
     ----------
-    type : what the payload is.
+    type : type of the payload.
     payload : its bytes.
     session_id : chosen by the host; 0 before the handshake is complete.
     sequence : counts the sender's packets, modulo 2**32.

@@ -42,10 +42,10 @@ class Hello:
     ----------
     encodings : bit mask, ``1 << Encoding``.
     pixel_formats : bit mask, in the order of ``PIXEL_FORMATS``.
-    window : how many frames the board can hold, the one in work included.
+    window : number of frames that the board can hold, the one in progress included.
     model_name, model_sha256 : the target model it carries; an empty hash is not checked.
     method, board : the estimator, and a free text that names the board.
-    takes_fields : whether it reads the optional fields of FRAME_HEADER.
+    takes_fields : True if it reads the optional fields of FRAME_HEADER.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO
@@ -102,7 +102,7 @@ class HelloAck:
     encoding : the compression chosen from what the board offered.
     window : frames that may be on their way or in work at once (credits).
     target_name, target_sha256 : what the host flies; an empty hash is not checked.
-    takes_fields : whether optional fields are agreed: of FRAME_HEADER and of POSE.
+    takes_fields : True if optional fields are agreed: of FRAME_HEADER and of POSE.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK

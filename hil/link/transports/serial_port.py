@@ -19,7 +19,7 @@ except ImportError:
 BITS_PER_BYTE = 10
 """A start bit, eight data bits and a stop bit."""
 PIECE_S = 0.01
-# the other side hears of this one by whole packets: none takes longer than this
+# longest duration of a chunk: only whole packets show the other side that this one is alive
 CHUNK_S, MIN_CHUNK_BYTES = 0.25, 64
 CATCH_UP_S = 0.1
 
@@ -27,8 +27,8 @@ CATCH_UP_S = 0.1
 class SerialTransport(StreamTransport):
     """Serial port at one baud rate, 8N1, with RTS/CTS on request.
 
-    Bytes are written no faster than the line carries them: what waits in a driver or an adapter is late without anyone
-    knowing, and a pseudo-terminal takes any amount at once.
+    Bytes are written no faster than the line carries them: a driver or adapter would buffer them unnoticed, and a
+    pseudo-terminal takes any amount at once.
 
     Packets may be lost or damaged, never reordered. A serial line has no connection, so the other side's leaving shows
     only as silence or as BYE. There is no flow control: a receiver that does not read loses bytes.
@@ -69,7 +69,7 @@ class SerialTransport(StreamTransport):
         piece = max(1, int(self._bytes_per_s * PIECE_S))
         self._free_s = max(
             self._free_s, time.monotonic()
-        )  # a pause is not made up for, a long sleep below is
+        )  # a pause is not caught up with, a late wake-up below is
         try:
             for at in range(0, len(view), piece):
                 part = view[at : at + piece]

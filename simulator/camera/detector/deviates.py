@@ -41,7 +41,7 @@ _UNDECIDED = 255
 def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
     """Call ``work(k, rows)`` for each fixed band of rows, on two threads.
 
-    The bands depend on the picture's height alone, so that the result does not depend on the number of threads.
+    The bands depend on the image's height alone, so that the result does not depend on the number of threads.
     """
     edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int).tolist()
     list(_threads(os.getpid()).map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))

@@ -98,7 +98,7 @@ def start_noise(
 
     Parameters
     ----------
-    shape : (H, W) or (H, W, bands) of the picture.
+    shape : (H, W) or (H, W, bands) of the image.
     """
     if sensor.detector is not None or int(np.prod(shape)) < MIN_THREADED_VALUES:
         return lambda: draw_noise(shape, sensor, seed, frame_index)

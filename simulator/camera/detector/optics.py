@@ -29,7 +29,7 @@ class Optics:
         ``psf_sigma_px`` of aberrations; ``kernel`` as measured. The sensor recipe's own blur comes on top.
     psf_sigma_px : standard deviation of the Gaussian part [px].
     kernel : measured PSF, odd number of rows and columns, one value per pixel; its sum is one.
-    focus_distance_m : what is in focus; 0 means infinity. Where ``defocus`` is on, the picture is blurred by the disc
+    focus_distance_m : what is in focus; 0 means infinity. Where ``defocus`` is on, the image is blurred by the disc
         that belongs to the target's distance.
     natural_vignetting : share that reaches a pixel falls as cos^4 of the angle from the axis.
     mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii at 45 degrees from
@@ -39,7 +39,7 @@ class Optics:
     scatter_share : share of the light that glass and dust scatter into the wings of the PSF, which fall with the power
         2.5 of the distance: bloom round what is bright, a veil over what is dark. 0 for none; about 0.01 in a good
         lens, 0.03 in a dusty one.
-    veiling_glare_sr : light of the Sun scattered into the picture, radiance over irradiance at one degree from the
+    veiling_glare_sr : light of the Sun scattered into the image, radiance over irradiance at one degree from the
         Sun [sr-1]; it falls with the square of the angle. 0 for none.
     glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
     """

@@ -248,12 +248,12 @@ def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
     """Apply a Gaussian blur times ``gain``, in pieces of rows, so that OpenCV uses no threads.
 
-    They spin for two milliseconds after it, while the driver is to draw the next frame. A picture of more than a
-    megapixel is shared out between two threads of Python; beside one, another draws the noise.
+    They spin for two milliseconds after it, while the driver is to draw the next frame. An image of more than a
+    megapixel is shared out between two threads of Python; next to one, another draws the noise.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the picture is multiplied first.
+    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the image is multiplied first.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):

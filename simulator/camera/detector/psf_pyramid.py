@@ -1,7 +1,7 @@
 """A wide convolution kernel as small kernels on the levels of an image pyramid; fast and never negative.
 
 Each level of the pyramid (Burt & Adelson 1983) has a few taps of its own, which are fitted to a transfer function by
-non-negative least squares: light has no negative taps, so that nothing beside the Sun's disc can turn dark. Going down
+non-negative least squares: light has no negative taps, so that nothing next to the Sun's disc can turn dark. Going down
 and up with the binomial filter keeps the sum of a point's light, and its centroid, wherever the point lies.
 """
 
@@ -44,7 +44,7 @@ class Pyramid:
 
     Parameters
     ----------
-    taps : (2 n + 1, 2 n + 1) at full size, half, quarter, ... of the picture, row by row as the light spreads.
+    taps : (2 n + 1, 2 n + 1) at full size, half, quarter, ... of the image, row by row as the light spreads.
     """
 
     taps: tuple[Float32Array, ...]

@@ -20,7 +20,7 @@ class Detector:
     quantum_efficiency_curve : instead of that, (wavelength [m], electrons per photon) in ascending order, straight
         between and nothing beyond; of a colour detector each band has its own stretch of it.
     full_well_e : charge that a pixel holds [e]. gain_e_per_dn : system gain [e DN-1]. black_level_dn : offset.
-    read_noise_e : of each read-out. row_noise_e, column_noise_e : common to a row or column of one frame.
+    read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise common to a row or column of one frame.
     dark_current_e_s : at ``dark_reference_c``, doubling every ``dark_doubling_c`` kelvin; ``temperature_c`` now.
     dsnu_e : offset that differs from pixel to pixel and stays. dark_nonuniformity : the same of dark current, a share.
     prnu : share by which sensitivity differs from pixel to pixel.

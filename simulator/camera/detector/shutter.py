@@ -27,7 +27,7 @@ class Shutter:
     ----------
     kind : ``global``, all rows at once; ``rolling``, one after the other from the top.
     readout_s : of a rolling shutter: the rows' number times the time from one row to the next [s].
-    motion_blur : whether the motion during the exposure is integrated; without it, a picture is an instant.
+    motion_blur : True to integrate the motion during the exposure; otherwise an image is an instant.
     """
 
     kind: ShutterKind = "global"

@@ -158,11 +158,11 @@ class Camera:
         """Return how strongly the lens bends straight lines: the largest curvature of a great circle's image [px
         rad-2].
 
-        A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much beside its bent picture.
+        A straight line seen under a small angle a lies up to ``a**2 / 8`` times as much next to its bent image.
 
         Parameters
         ----------
-        bounds_px : x0, y0, x1, y1 of the part of the image that is asked for.
+        bounds_px : x0, y0, x1, y1 of the part of the image that is requested.
         """
         if self.distortion.is_none:
             return 0.0

@@ -13,7 +13,7 @@ shaders/craft/lens.glsl.
 tests/simulator/camera/test_distortion.py runs every round trip over it, with OpenCV's projection beside.
 
 A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;
-beyond, the picture goes on in proportion, so that what is outside the field of view can never land inside.
+beyond, the image goes on in proportion, so that what is outside the field of view can never land inside.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         Raises
         ------
         UserError
-            If too little is given, or what is given disagrees.
+            If values are missing or contradict each other.
         """
         pitch = _two(self.pixel_pitch_um, both=True)
         size, angle = (_two(v, both=False) for v in (self.sensor_size_mm, self.aperture_angle_deg))

@@ -55,7 +55,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class JpegPixels:
-    """Decoded pixels of a lossy picture."""
+    """Decoded pixels of a lossy image."""
 
     pixels: NDArray[Any]
 

@@ -1,7 +1,7 @@
 """Checks of the two shares that decide whether a frame is feasible, computed independently.
 
 The silhouette is filled by OpenCV on the CPU. Steps along the wireframe are taken in double precision, sample by
-sample, from the clean twin or from a picture that was drawn again; where that cannot tell on which side of the noise a
+sample, from the clean twin or from an image that was drawn again; where that cannot tell on which side of the noise a
 step is, either answer is right.
 """
 

@@ -32,7 +32,7 @@ class ShowableTriangles:
     ----------
     nearest_m, farthest_m : (M,) camera z that each may give there. parts : (M,) numbers of their parts, from 1.
     cones : (M, 3, 3) camera frame, corners' normals (rows) moved outward by the rounding: what is shown is a positive
-        combination of the three. is_sure : whether one of them covers the centre whatever the rounding.
+        combination of the three. is_sure : True if one of them covers the centre whatever the rounding.
     """
 
     nearest_m: FloatArray

@@ -273,7 +273,7 @@ def _first(hits: Hits) -> Hits:
 
 
 def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySampler) -> IntArray:
-    """Select (K, 2) pixels x, y to test: random ones on the mask and beside it, and some on every part."""
+    """Select (K, 2) pixels x, y to test: random ones on the mask and next to it, and some on every part."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
     on = lit_pixels(mask)

@@ -1,7 +1,7 @@
 """Check of the images: a sample is drawn again from its records and must be the same image.
 
 A record's hash tells of accidents only: who changes an image can change its hash. The same renderer draws the same
-bytes; another one may round otherwise, so pictures are compared blurred, each pixel to what the noise and a shift of a
+bytes; another one may round otherwise, so images are compared blurred, each pixel to what the noise and a shift of a
 fraction of a pixel would leave.
 """
 
@@ -75,7 +75,7 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
-    seed : decides which; nobody who may alter a data set should know it beforehand.
+    seed : selects the frames; it must not be known beforehand to anyone who could alter the data set.
     """
     if share <= 0 or not frames:
         return []
@@ -199,7 +199,7 @@ def check_same_layers(
     Parameters
     ----------
     layers, again : as they were read, and as they are drawn, by name.
-    is_same_renderer : the picture is the same to the byte, so that rounding at few pixels alone is allowed.
+    is_same_renderer : the image is the same to the byte, so that rounding at few pixels alone is allowed.
     """
     most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
     wrong = []

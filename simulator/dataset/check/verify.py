@@ -73,7 +73,7 @@ class CheckReport:
     ----------
     n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
     redraw_seed : decides which; with it the same ones are drawn again.
-    n_exported : frames whose contents were compared in each export. not_checked : what could not be checked, and why.
+    n_exported : frames whose contents were compared in each export. not_checked : impossible checks, with the reason.
     """
 
     n_frames: int

@@ -99,10 +99,10 @@ class DatasetFormat:
 
     Parameters
     ----------
-    name : on the command line, and of the folder beside the native layout. title : what it is.
-    carries, lacks : what it does and does not hold, as they stand in a sentence.
-    writer : makes what writes a data set of a card into an output; None of a format that is read alone.
-    read : the pictures with poses of a folder or a list, None of a folder of another kind; None of a format that is
+    name : name on the command line, and of the folder next to the native layout. title : description.
+    carries, lacks : its contents and omissions, as parts of a sentence.
+    writer : makes the writer of a data set, given card and output; None for a format that is only read.
+    read : the images with poses of a folder or a list, None of a folder of another kind; None of a format that is
         written alone.
     problem : why a data set of a card cannot be written so, or None.
     needs : the module that writing needs, and the extra that installs it.

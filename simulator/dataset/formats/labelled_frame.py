@@ -40,7 +40,7 @@ class LabelledFrame:
     Parameters
     ----------
     number : in its data set. read : the bytes of one of its files by the ending of its native name: ``png``,
-        ``mask.png``, ``json``, ``depth.exr``. where : what errors call it.
+        ``mask.png``, ``json``, ``depth.exr``. where : name in messages.
     split : train, validation, test, or empty where the data set is not split.
     decoded : layers that were decoded before, by name.
     """

@@ -52,7 +52,7 @@ def frame_paths(folder: Path, k: int) -> FramePaths:
 def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
     """PNG bytes of a mono or RGB image of 8 or 16 bits.
 
-    OpenCV's own choice of one filter and run lengths takes a third of the time of any level that is asked for, also the
+    OpenCV's own choice of one filter and run lengths takes a third of the time of any level that is requested, also the
     lowest, for the same size: noise does not compress.
     """
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])

@@ -35,7 +35,7 @@ UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
 
 @dataclass(frozen=True, eq=False)
 class PosedPicture:
-    """One picture and the pose of the target in its camera.
+    """One image and the pose of the target in its camera.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class PosedPictures:
     ----------
     labels : the list that they were read from. camera : of the set itself; None where it holds none.
     usual_camera, usual_target : names of built-in ones that such a set was made with; empty where that differs.
-    encoding : transfer function of the pictures of a set without a camera's file.
+    encoding : transfer function of the images of a set without a camera's file.
     """
 
     labels: Path

@@ -1,4 +1,4 @@
-"""SPARK: ``SPLIT.csv`` of file names, positions and quaternions with the scalar last, pictures in ``images/SPLIT/``.
+"""SPARK: ``SPLIT.csv`` of file names, positions and quaternions with the scalar last, images in ``images/SPLIT/``.
 
 Columns ``sequence filename Tx Ty Tz Qx Qy Qz Qw`` as in SPARK 2022's second stream: the pose of the craft in the
 camera, x right, y down, z forward. ``camera.json`` is in SPEED+'s form.
@@ -77,7 +77,7 @@ def read_spark(place: Path) -> PosedPictures | None:
     Raises
     ------
     UserError
-        If it holds several lists, a row has a mistake, or a picture is missing.
+        If it holds several lists, a row has a mistake, or an image is missing.
     """
     lists = [place] if place.is_file() else sorted(place.glob("*.csv"))
     lists = [path for path in lists if path.suffix == ".csv" and _is_spark(path)]

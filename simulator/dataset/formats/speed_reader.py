@@ -44,7 +44,7 @@ def read_speedplus(place: Path) -> PosedPictures | None:
     Raises
     ------
     UserError
-        If it is one of several such sets, has pictures without poses, or a picture is missing.
+        If it is one of several such sets, has images without poses, or an image is missing.
     """
     return _read(place, "speedplus")
 

@@ -1,4 +1,4 @@
-"""Writers of SPEED and SPEED+: a JSON list of file names, quaternions and positions beside the images.
+"""Writers of SPEED and SPEED+: a JSON list of file names, quaternions and positions next to the images.
 
 SPEED: ``images/SPLIT/imgNNNNNN.jpg``, ``SPLIT.json`` with ``filename q_vbs2tango r_Vo2To_vbs_true``, and the other
 lists that its public loader opens, empty. SPEED+: ``synthetic/images/imgNNNNNN.jpg``, ``synthetic/SPLIT.json`` with

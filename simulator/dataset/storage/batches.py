@@ -45,7 +45,7 @@ class FrameBatches:
     Raises
     ------
     UserError
-        From `add` or at the end, if the store is full or refuses; what it did not take has no name there.
+        From `add` or at the end, if the store is full or refuses; files that were not stored have no name there.
     """
 
     def __init__(self, store: Store, *, most_bytes: int = MAX_BYTES, most_s: float = MAX_S) -> None:

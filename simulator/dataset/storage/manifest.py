@@ -35,7 +35,7 @@ def manifest_lines(files: Files) -> bytes:
 def read_manifest(store: Store) -> dict[int, dict[str, str]]:
     """Return hashes by name for each frame; the last line of a name counts. Empty without a manifest.
 
-    What is no line, as the last one of a writer that lost power, is left out: its file is verified by other means.
+    An incomplete last line, after a loss of power, is ignored: its file is verified by other means.
 
     Raises
     ------

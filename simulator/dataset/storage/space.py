@@ -45,7 +45,7 @@ def refuse_without_room(store: Store, n_frames: int, each_bytes: int) -> None:
     Raises
     ------
     UserError
-        With what is needed and what there is.
+        With the space needed and available.
     """
     free = store.free_bytes()
     need = n_frames * each_bytes

@@ -160,7 +160,7 @@ def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> in
 
 
 def _append_pictures(document: Json, blob: bytearray, pictures: tuple[TextureImage, ...]) -> None:
-    """Embed the pictures after the vertex data, as one texture each, in order."""
+    """Embed the images after the vertex data, as one texture each, in order."""
     if not pictures:
         return
     document["samplers"] = [

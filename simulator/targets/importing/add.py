@@ -62,7 +62,7 @@ class ImportOptions:
     scale, units : factor to metres, or mm, cm, m, in. up : y or z.
     recentre : move the origin to the middle of the box about the model.
     any_size : take a size that no spacecraft has.
-    decimate : reduce to at most so many triangles.
+    decimate : reduce to at most this many triangles.
     strict : refuse what is missing, open, branches or is one-sided, unless one of the next three allows it.
     fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches; openings are
         filled where that leaves a solid.
@@ -91,9 +91,9 @@ class Findings:
 
     Parameters
     ----------
-    shape : what poses, masks and labels depend on.
-    look : what pictures alone depend on.
-    repairs : what was mended without loss.
+    shape : findings that affect poses, masks and labels.
+    look : findings that affect images alone.
+    repairs : repairs without loss.
     """
 
     shape: list[str] = field(default_factory=list)

@@ -40,7 +40,7 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
     """Boresight at the target's centre of mass, then rotated by constant angles.
 
     ``right_deg`` and ``below_deg`` turn the boresight to the right of and below the target; ``roll_deg``
-    turns the camera clockwise about it. ``down`` is what the picture's down side follows; ``auto`` takes the
+    turns the camera clockwise about it. ``down`` is what the image's down side follows; ``auto`` takes the
     first of nadir, cross_track, along_track that stays clear of the boresight all through the flight.
     """
 

@@ -51,7 +51,7 @@ class WheelTrack:
 
     Parameters
     ----------
-    wheels : what was flown.
+    wheels : wheels of the chaser.
     q_eci_from_camera_wxyz, omega_rad_s, momentum_nms, torque_nm : (n, 4) and (n, 3) at the start of each period,
         rate, wheels' momentum and torque on the body along the camera's axes.
     error_rad : (n,) angle from where the camera should look.

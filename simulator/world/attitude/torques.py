@@ -41,7 +41,7 @@ def torque_on(
     ----------
     orbit : gives the position. inertia_kg_m2 : (3, 3), body axes. epoch : of the orbit's start.
     constant_nm : fixed in the body, such as a leak's [N m].
-    gravity_gradient : whether the central body turns it.
+    gravity_gradient : True for the torque by the central body's gravity gradient.
     residual_dipole_a_m2 : magnetic moment fixed in the body, in the Earth's field [A m2].
     """
     J, fixed = np.asarray(inertia_kg_m2, float), np.array(constant_nm, float)

@@ -52,7 +52,7 @@ thesis. 1 R is 1e10 / (4 pi) photons m-2 s-1 sr-1."""
 
 @dataclass(frozen=True, kw_only=True)
 class Earth(Body):
-    """The body whose centre GCRS starts from."""
+    """The Earth, whose centre is the origin of GCRS."""
 
     def geocentric_state(self, now: Instant) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002 - it stays there
         """Return zeros."""
@@ -68,7 +68,7 @@ class Earth(Body):
         return EARTH_POLAR_RADIUS_M
 
     def pole_eci(self, now: Instant) -> FloatArray:
-        """Return the celestial intermediate pole; polar motion (0.6 arcsec) has no part in it."""
+        """Return the celestial intermediate pole; polar motion (0.6 arcsec) is left out."""
         return pole_eci(now)
 
 

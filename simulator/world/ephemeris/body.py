@@ -43,12 +43,12 @@ class BodyAir:
     Parameters
     ----------
     rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
-    rayleigh_dispersion_um : factors of wavelength^-2 [um^2] and wavelength^-4 [um^4] that are added to its 1.
+    rayleigh_dispersion_um : coefficients of wavelength^-2 [um^2] and wavelength^-4 [um^4], added to 1.
     rayleigh_height_m, aerosol_height_m : scale heights [m].
     density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between
         and beyond them. At most `MAX_LAYERS` of them.
     aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], its single-scattering albedo.
-    aerosol_exponent : Angstrom's, of its fall with wavelength. aerosol_g : asymmetry of its phase function.
+    aerosol_exponent : Angstrom exponent. aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
     airglow_w_m2_sr : radiance of the night's glow straight up [W m-2 sr-1], by the name of the band. airglow_m : height
         of its lower and upper edge [m].
@@ -83,19 +83,19 @@ class Body(ABC):
 
     Parameters
     ----------
-    name : lower case. title : as it stands in a sentence. mu_m3_s2 : gravitational parameter.
-    radius_m, flattening : of the ellipsoid; altitudes count from the (equatorial) radius. mean_radius_m : of a sphere
-        like it.
+    name : lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
+    radius_m, flattening : equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
+    mean_radius_m : radius of a sphere of similar size.
     j2 : second zonal harmonic of its plain gravity, with ``radius_m``. turn_rad_s : sidereal rotation.
-    lowest_m : perigee altitude below which an orbit is taken for a mistake.
-    reach_m : radius of its sphere of influence, beyond which a craft does not circle it (Vallado 2013, sec. 12.2).
-    sun_distance_m : mean distance from the Sun, by which exposures are metered.
-    albedo : mean reflectance, and where there is no map that of all its ground. albedo_map : path of an
+    lowest_m : perigee altitude below which an orbit is treated as a mistake.
+    reach_m : radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
+    sun_distance_m : mean distance from the Sun, for metering.
+    albedo : mean reflectance, used everywhere if there is no map. albedo_map : path of an
         equirectangular grey image of the reflectance (full scale: one), north up, 180 degrees west at its left.
-    air : None where there is none. surface : the passes that draw it; docs/adr/0025-bodies-are-objects.md.
-    layer : switch of the environment that draws it.
-    degrees : of its harmonics that ``forces.gravity_degree`` may ask for. acting : other keys of [forces] that are
-        modelled there. has_field : whether its magnetic field turns a residual dipole.
+    air : None without atmosphere. surface : render passes; docs/adr/0025-bodies-are-objects.md.
+    layer : switch of the environment that shows it.
+    degrees : allowed values of ``forces.gravity_degree``. acting : other keys of [forces] that are modelled.
+    has_field : True if its magnetic field exerts a torque on a residual dipole.
     """
 
     name: str
@@ -146,7 +146,7 @@ class Body(ABC):
         return self.turn_rad_s > SLOWEST_TURN_RAD_S
 
     def distance_problem(self, distance_m: float) -> str | None:
-        """Return what is wrong with a distance from its centre, as the end of a sentence; None if nothing is."""
+        """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is."""
         allowed = None
         if not distance_m >= self.radius_m + self.lowest_m:
             allowed = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
@@ -163,8 +163,8 @@ class BodyState:
 
     Parameters
     ----------
-    name : of the body. r_eci_m : its centre, GCRS axes from the Earth's centre; apparent, of the body that is circled
-        geometric. q_fixed_from_eci_wxyz : orientation of its axes.
+    name : name of the body. r_eci_m : its centre, GCRS axes from the Earth's centre; apparent, but geometric for the
+        central body. q_fixed_from_eci_wxyz : orientation of its axes.
     """
 
     name: str
@@ -235,7 +235,7 @@ def body_named(name: str) -> Body:
     Raises
     ------
     UserError
-        If there is none, or what a package adds under that name is no body.
+        If there is none, or a package's object of that name is no body.
     """
     if name in BUILT_IN:
         module, attribute = BUILT_IN[name]

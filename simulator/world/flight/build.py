@@ -44,7 +44,7 @@ class TargetStart:
     ----------
     r_eci_m, v_eci_m_s : (3,) centre of mass from the centre of the body it circles, GCRS axes.
     attitude : at the start and from there. inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its own.
-    history : an attitude read from a file, which takes the place of what ``attitude`` propagates.
+    history : attitude read from a file, which replaces the propagation by ``attitude``.
     ephemeris : the orbit that is followed instead of being propagated from ``r_eci_m`` and ``v_eci_m_s``.
     """
 
@@ -75,7 +75,7 @@ def propagate_flight(
     forces : on both craft; the plain gravity of the body, a point mass with J2, unless given.
     body : what they circle.
     burns : of both craft; the chaser's are for one in free flight.
-    chaser_ephemeris : what the chaser follows; its mode is then `FollowedChaser`.
+    chaser_ephemeris : ephemeris that the chaser follows; its mode is then `FollowedChaser`.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
     if forces is None:

@@ -44,9 +44,9 @@ class Flight:
     ----------
     epoch : the start. duration_s : length [s].
     orbit, attitude : the target's propagated tracks; the orbit's is from the centre of ``body``.
-    guidance : how the chaser moves. n_rad_s : the target's mean motion at the start.
-    pointing : how the camera looks.
-    controlled : the chaser's track when it flies by thrusters. recording : what is played back instead.
+    guidance : guidance of the chaser. n_rad_s : the target's mean motion at the start.
+    pointing : attitude of the camera.
+    controlled : the chaser's track if it flies by thrusters. recording : recorded flight to play back instead.
     burns : of both craft, which the orbits hold already.
     """
 

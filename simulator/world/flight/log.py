@@ -44,7 +44,7 @@ class ThrustState:
 
     Parameters
     ----------
-    phase : what the chaser is about, one word or two.
+    phase : phase of the chaser, one or two words.
     acceleration_lvlh_m_s2 : of the thrusters alone, along the target's LVLH axes. mass_kg : of the chaser.
     delta_v_m_s : given since the start.
     """

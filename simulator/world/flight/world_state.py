@@ -27,7 +27,7 @@ class WorldState(BodyStates):
     bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
         ``r_target_eci_m`` less it is the orbit.
     sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
-    central_body : what the target circles; LVLH is taken about it.
+    central_body : body that the target orbits, and the centre of LVLH.
     """
 
     epoch_utc: str

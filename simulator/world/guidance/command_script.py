@@ -82,7 +82,7 @@ class ScriptedTrack:
     ----------
     orbit : of the target. pointing : of the camera while it tracks. script : what was flown.
     times_s, states, commands : at the start of each step. guarded_s : when the guard first overruled, or None.
-    overruled : whether it did, at each step.
+    overruled : True if it did, at each step.
     """
 
     orbit: OrbitTrack

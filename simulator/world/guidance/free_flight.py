@@ -43,7 +43,7 @@ class _BoundedFlight(Chaser, frozen=True, kw_only=True):
         raise NotImplementedError
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the initial state beside a target on a circular orbit."""
+        """Return the initial state next to a target on a circular orbit."""
         return self._start(n_rad_s, 0.0, 0.0)
 
     def start_lvlh(self, orbit: Elements, mu_m3_s2: float) -> tuple[FloatArray, FloatArray]:

@@ -44,19 +44,19 @@ class KeepOut(Section, frozen=True, kw_only=True):
         """Limit an operator's acceleration to what the sphere allows. Return it, and whether it was overruled.
 
         The command passes while the chaser, after this step of it, could still stop outside the sphere or
-        inside the corridor. Otherwise what it asks inward is taken away and the chaser brakes; inside the
-        sphere it is driven out at the retreat speed. What it asks sideways stays.
+        inside the corridor. Otherwise the inward part is removed and the chaser brakes; inside the
+        sphere it is driven out at the retreat speed. The sideways part stays.
 
         Parameters
         ----------
-        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command. dt_s : the command is held so long.
-        brake_m_s2 : deceleration that the chaser has.
+        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command. dt_s : duration of the command.
+        brake_m_s2 : available deceleration.
         """
         p, v, a = position_lvlh_m, velocity_lvlh_m_s, asked_m_s2
         distance = float(np.linalg.norm(p))
         out = p / max(distance, 1e-9)
         later_p, later_v = p + v * dt_s + a * (dt_s * dt_s / 2), v + a * dt_s
-        # half the braking time at the present speed is as far as braking from it takes
+        # the braking distance is half the braking time times the present speed
         stopped = later_p + later_v * (float(np.linalg.norm(later_v)) / (2 * brake_m_s2))
         closing = max(-float(later_v @ out), 0.0)
         reach = float(np.linalg.norm(later_p)) - closing * closing / (2 * brake_m_s2)

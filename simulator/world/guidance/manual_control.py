@@ -44,7 +44,7 @@ class SteeringCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ChaserState:
-    """State of the chaser beside the target at ``t_s``.
+    """State of the chaser next to the target at ``t_s``.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: Orbit
 
     Parameters
     ----------
-    state : where the chaser is.
+    state : state of the chaser.
     command : held over the step.
     dt_s : step [s], positive.
     orbit : the target's track, for the difference of gravity.
@@ -112,7 +112,7 @@ def guarded_command(
 
     Parameters
     ----------
-    state, command, dt_s : what would be stepped. frame : the target's LVLH frame now.
+    state, command, dt_s : step to check. frame : the target's LVLH frame now.
     keep_out : the sphere. brake_m_s2 : with which the chaser can stop.
     """
     p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
@@ -134,7 +134,7 @@ def predicted_drift_lvlh_m(
 
     Parameters
     ----------
-    orbit : of the target. chaser : its state now. horizon_s : how far ahead. samples : from now to then.
+    orbit : orbit of the target. chaser : state now. horizon_s : length of the prediction. samples : number of states.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

@@ -27,7 +27,7 @@ class ControlledTrack:
 
     Parameters
     ----------
-    orbit : the target's track. period_s : of control.
+    orbit : the target's track. period_s : control period.
     position_eci_m, velocity_eci_m_s : (n, 3) chaser minus target along GCRS axes.
     thrust_eci_m_s2 : (n, 3) acceleration held over each period.
     mass_kg : (n,) of the chaser.
@@ -67,14 +67,14 @@ def fly_controlled(
 ) -> ControlledTrack:
     """Simulate the chaser under its guidance to the end of the target's track.
 
-    At the start of each period the Clohessy-Wiltshire equations foretell where the chaser would coast to; the
-    thrusters are asked for what is missing to the guidance's velocity, and for a tenth of what is missing to
+    At the start of each period the Clohessy-Wiltshire equations predict where the chaser would coast to; the
+    thrusters are requested what is missing to the guidance's velocity, and for a tenth of what is missing to
     its position. A mode with a method ``impulse_lvlh`` decides for itself.
 
     Parameters
     ----------
     orbit : the target's track. guidance : path to follow, or a mode that decides impulses itself.
-    n_rad_s : mean motion. thrusters : of the chaser. keep_out : what it must not enter.
+    n_rad_s : mean motion. thrusters : thrusters of the chaser. keep_out : sphere that it must not enter.
     """
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
@@ -122,7 +122,7 @@ def path_impulse(
 ) -> FloatArray:
     """Return the velocity change (3,) that brings the chaser to its path, LVLH [m s-1].
 
-    What is missing to the velocity of the aim, and a tenth of what is missing to its position.
+    It corrects the velocity to that of the aim, and the position over `_PULL_IN_PERIODS` periods.
 
     Parameters
     ----------

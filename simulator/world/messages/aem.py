@@ -38,7 +38,7 @@ _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
     """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
 
-    Between two lines the body turns at a constant rate about a fixed axis; that rate is what is returned.
+    Between two lines the body rotates at a constant rate about a fixed axis; that rate is returned.
     Lines must therefore be closer together than half a turn.
 
     Raises
@@ -64,7 +64,7 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    spline : over the flight. end_s : of what was asked for; from there it turns on at its last rate.
+    spline : over the flight. end_s : of what was requested; from there it turns on at its last rate.
     """
 
     spline: RotationSpline

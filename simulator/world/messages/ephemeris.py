@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ROUNDING_S = 1e-6
 """Tolerance of times outside a span, for rounding [s]."""
 _METRES_FASTER = 100.0
-"""Multiple of the circular speed above which velocities are taken for metres per second."""
+"""Multiple of the circular speed above which velocities are treated as metres per second."""
 _SHORT_RAD = 0.5
 """Angle between two lines up to which the chord approximates the velocity [rad]."""
 _CHORD_SHARE = 0.02

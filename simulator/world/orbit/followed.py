@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _LOOK_EVERY_S = 60.0
 _THRUST_M_S2 = 2e-3
-"""Mean acceleration beyond the force model that is taken for a burn [m s-2]: ten times the Earth's gravity anomalies
+"""Mean acceleration beyond the force model that is treated as a burn [m s-2]: ten times the Earth's gravity anomalies
 in low orbit, a tenth of a station's reboost."""
 
 
@@ -135,14 +135,14 @@ def follow(
     relative: tuple[FloatArray, FloatArray] | None = None,
     burns: tuple[Burn, ...] = (),
 ) -> FollowedTrack:
-    """Return the track of a followed target and, if ``relative`` is given, of a chaser in free flight beside it.
+    """Return the track of a followed target and, if ``relative`` is given, of a chaser in free flight next to it.
 
     What the ephemeris has beyond the forces of the scenario (higher harmonics, the air of the day) acts on both craft
     alike: only the difference of the forces between the two moves them apart.
 
     Parameters
     ----------
-    target : the followed one. duration_s : span [s]. forces : what pulls the craft apart.
+    target : followed target. duration_s : span [s]. forces : forces that act on the difference.
     relative : chaser minus target at t = 0, along GCRS axes. burns : of the chaser.
 
     Raises

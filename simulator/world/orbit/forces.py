@@ -149,7 +149,7 @@ class EarthForces:
     Parameters
     ----------
     sky : Earth orientation, Sun and Moon over the flight.
-    forces : what acts besides gravity of the Earth; masses are needed for drag and sunlight.
+    forces : forces besides the Earth's gravity; masses are needed for drag and sunlight.
     harmonics : of degree 2 and up; None leaves a round Earth.
     """
 

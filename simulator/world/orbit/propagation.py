@@ -132,7 +132,7 @@ class OrbitTrack:
 
     Parameters
     ----------
-    forces : what it was propagated under.
+    forces : forces of the propagation.
     duration_s : end of the propagated span [s].
     solution : [r, v] or [r, v, rho, rho'] along GCRS axes, and its derivative ``solution.rate``.
     burns : of the target, which are in ``solution`` already.
@@ -177,7 +177,7 @@ def propagate(
     burns: tuple[Burn, ...] = (),
     along: Solution | None = None,
 ) -> OrbitTrack:
-    """Propagate the target and, if ``relative`` is given, a chaser in free flight beside it.
+    """Propagate the target and, if ``relative`` is given, a chaser in free flight next to it.
 
     The chaser is integrated as its difference from the target: metres beside seven million metres would lose
     the last digits of the range, their difference does not. The span is cut wherever a burn starts or ends.
@@ -186,7 +186,7 @@ def propagate(
     ----------
     r_eci_m, v_eci_m_s : (3,) target at t = 0, GCRS.
     duration_s : span [s].
-    forces : what accelerates the two.
+    forces : forces on both craft.
     relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
     burns : of both craft; the chaser's are for one in free flight.
     along : the target's states where something else than the forces gives them; only the difference is integrated.

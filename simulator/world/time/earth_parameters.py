@@ -20,7 +20,7 @@ class EarthParameters:
     """The table, one row a day at 0 h UTC.
 
     Outside it the nearest row holds: UT1 then drifts from the truth by up to half a second a year and the
-    pole by up to 0.5 arcsec, because the length of the day cannot be foretold.
+    pole by up to 0.5 arcsec, because the length of the day cannot be predicted.
 
     Parameters
     ----------

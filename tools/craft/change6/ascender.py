@@ -4,7 +4,7 @@ Public record: an octagonal body about 1.5 m wide in golden insulation, four sph
 folding wings that are nearly round, small thrusters round the deck, and on top the grips that the orbiter's three claws
 pull in and the port through which the samples pass (CNSA and CGTN releases on Chang'e-5 and -6, 2020 and 2024;
 Hu et al., Design and verification of the docking mechanism of Chang'e-5, Sci. China Technol. Sci. 2021). About 700 to
-800 kg with propellant. Sizes below the body's width are read off published pictures and are estimates.
+800 kg with propellant. Sizes below the body's width are read off published images and are estimates.
 
 Frame: origin at the middle of the lower deck's underside, z along the docking axis away from the engine, wings on +-y.
 """

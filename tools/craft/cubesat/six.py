@@ -92,7 +92,7 @@ def _pieces(detail: Detail) -> list[Piece]:
 
 
 def _front(detail: Detail) -> list[Piece]:
-    """-z: the camera, a star tracker beside it, a GNSS patch, a laser ranger."""
+    """-z: the camera, a star tracker next to it, a GNSS patch, a laser ranger."""
     z = -END_M
     n = facets(detail, 32)
     return [

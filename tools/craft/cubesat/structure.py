@@ -81,7 +81,7 @@ def structure(
     Parameters
     ----------
     rings_z_m : heights of bars across the sides, where the ribs between units show.
-    screws_z_m : heights of the rows of screws that hold the panel boards, beside the cells.
+    screws_z_m : heights of the rows of screws that hold the panel boards, next to the cells.
     screws_lift_m : how far above the boards their heads sit: ``RIB_M`` on the ribs.
     """
     x, y, z = frame.half

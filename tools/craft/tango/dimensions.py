@@ -1,6 +1,6 @@
 """Tango's dimensions in the SPEED frame [m]: origin on the bottom plate, z out of the solar panel.
 
-Keypoints: the SPEED data set's published labels. Sizes of the fittings: measured from public pictures of
+Keypoints: the SPEED data set's published labels. Sizes of the fittings: measured from public images of
 the PRISMA mission's Tango. Two views of one feature agree to 1 to 5 mm for most, to 10 to 16 mm for the
 bar and the rod, and to 25 mm for the faint tips of the spikes.
 """

@@ -71,7 +71,7 @@ def _connector(detail: Detail) -> list[Piece]:
 
 
 def _side_box() -> list[Piece]:
-    """Return the small white box on the +x face, and the grey cover beside it."""
+    """Return the small white box on the +x face, and the grey cover next to it."""
     (_, y0, z0), (x1, y1, z1) = SIDE_BOX_LOW_M, SIDE_BOX_HIGH_M
     shell = box(SIDE_BOX_LOW_M, SIDE_BOX_HIGH_M)
     below = [(y0 - 0.003, z0), (y1 + 0.003, z0), (y1 - 0.004, z0 - 0.012), (y0 + 0.004, z0 - 0.012)]
@@ -89,7 +89,7 @@ def _side_box() -> list[Piece]:
 
 
 def _rod(detail: Detail) -> list[Piece]:
-    """Return the rod along z off the -x face, its two clips, and the small marks beside it."""
+    """Return the rod along z off the -x face, its two clips, and the small marks next to it."""
     face = -BODY_X_M
     bar = rod(
         (ROD_X_M, ROD_Y_M, ROD_BOTTOM_M), (ROD_X_M, ROD_Y_M, ROD_TOP_M), ROD_RADIUS_M, facets(detail, 24)

@@ -27,7 +27,7 @@ MATERIALS = (
     Material(name="aluminium", base_color=(0.17, 0.17, 0.175), metallic=0.4, roughness=0.5),
     Material(name="instrument-black", base_color=(0.02, 0.02, 0.02), roughness=0.35),
 )
-"""Greys in proportion to public pictures of Tango, white paint at 0.75; `tango-mli` wraps the sides."""
+"""Greys in proportion to public images of Tango, white paint at 0.75; `tango-mli` wraps the sides."""
 
 MLI = Material(name="mli", base_color=(0.83, 0.62, 0.27), metallic=0.7, roughness=0.35, crinkle=0.9)
 """Aluminised polyimide, coloured by the film; its non-metallic share stands for scattering in creases."""

@@ -1,6 +1,6 @@
 """Tango as a mock-up in a laboratory: the flight model's shape, other surfaces, a bright rim and lines on its panel.
 
-As pictures of SPEED+'s lightbox show it: the panel's rim is bare and bright, cells are joined by thin bright lines,
+As images of SPEED+'s lightbox show it: the panel's rim is bare and bright, cells are joined by thin bright lines,
 its face mirrors light boxes with blurred edges, sides are foil of which one is smooth and one creased, brackets are
 black.
 """
@@ -50,7 +50,7 @@ MATERIALS = (
     Material(name="aluminium", base_color=(0.06, 0.06, 0.06), roughness=0.4),
     Material(name="instrument-black", base_color=(0.02, 0.02, 0.02), roughness=0.35),
 )
-"""Greys fitted to pictures: docs/validation/real.md."""
+"""Greys fitted to images: docs/validation/real.md."""
 _SURFACES = {
     "panel_interconnects": "panel-substrate",
     "body_bottom_sheet": "foil-bottom",

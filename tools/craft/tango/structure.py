@@ -32,7 +32,7 @@ CELL_M = 0.0004
 """Cells stand this far proud of the substrate: 0.15 mm of wafer, 0.15 of cover glass, the rest adhesive."""
 TAB_M = 0.0002
 TAB_INSET_M = 0.0006
-"""Free space between an interconnect and the cells beside it."""
+"""Free space between an interconnect and the cells next to it."""
 
 
 def build_panel(detail: Detail = "full", d: TangoDimensions = SPEED) -> list[Piece]:

@@ -1,4 +1,4 @@
-"""Pictures of a folder beside ours at the same poses, under light fitted to each: a page, and fit.json beside it."""
+"""Images of a folder next to ours at the same poses, under light fitted to each: a page, and fit.json next to it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the light of each picture and write the page; return 2 with one sentence if a picture cannot be used."""
+    """Fit the light of each image and write the page; return 2 with one sentence if an image cannot be used."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--poses", required=True, type=Path, help="SPEED's list of poses")

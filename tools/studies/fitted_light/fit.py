@@ -1,7 +1,7 @@
-"""The light of a picture whose pose is known: boxes about the craft, their radiances by least squares.
+"""The light of an image whose pose is known: boxes about the craft, their radiances by least squares.
 
 Light adds up, so the craft is drawn once under each of many boxes, small, and their radiances are the non-negative
-weights whose sum is nearest to the picture. What is clipped there asks for no more than that the sum is clipped too.
+weights whose sum is nearest to the image. What is clipped there asks for at most that the sum is clipped too.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ _MIN_PIXELS = 30
 
 @dataclass(frozen=True, eq=False)
 class LightBasis:
-    """A picture, small, and the craft under each candidate box.
+    """An image, small, and the craft under each candidate box.
 
     Parameters
     ----------
     scene : at full size, without lights. lights : (K) of radiance `_UNIT`.
-    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) the picture's.
+    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) the image's.
     material : (P,) index into the target's materials. inner : (P,) whether it is the neighbours' too.
     """
 
@@ -67,7 +67,7 @@ class LightBasis:
 
 @dataclass(frozen=True, eq=False)
 class FittedLight:
-    """Boxes of a picture, its black level, and what the sum leaves [DN rms]."""
+    """Boxes of an image, its black level, and what the sum leaves [DN rms]."""
 
     lights: tuple[AreaLight, ...]
     black_dn: float
@@ -80,7 +80,7 @@ def scene_at_pose(reference: Reference, target: Target) -> SceneState:
     Raises
     ------
     UserError
-        If the pose of the picture is not known.
+        If the pose of the image is not known.
     """
     if reference.pose is None:
         raise UserError(f"{reference.path}: its pose is not known; give the list of poses with --poses")

@@ -1,4 +1,4 @@
-"""Pictures of a craft whose pose is known beside ours at the same pose, under light fitted to each."""
+"""Images of a craft whose pose is known next to ours at the same pose, under light fitted to each."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class CraftLook:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FittedPair:
-    """A picture and ours at its pose.
+    """An image and ours at its pose.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class FittedPair:
     ncc, ssim : correlation and structural similarity inside the silhouette.
     gradient_moved_dn : earth mover's distance of the histograms of gradients inside it [DN per pixel].
     outline_px : from our outline, where it shows, to the nearest edge of theirs, median; None where none shows.
-    fitted_on : whether the materials were fitted on this picture.
+    fitted_on : True if the materials were fitted on this image.
     """
 
     reference: Reference
@@ -114,7 +114,7 @@ def fit_pictures(
 
     Parameters
     ----------
-    materials : fit the brightness of the materials too, on every second picture, and use it in all.
+    materials : fit the brightness of the materials too, on every second image, and use it in all.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def fit_pictures(
     Raises
     ------
     UserError
-        If the pose of a picture is not known, or the craft is not in it.
+        If the pose of an image is not known, or the craft is not in it.
     """
     steps = 2 * len(references)
     bases = []
@@ -249,7 +249,7 @@ def _ridges(image: ByteArray) -> BoolArray:
 
 
 def check_pictures(references: Sequence[Reference], camera: Camera) -> None:
-    """Raise if light cannot be fitted to one of the pictures.
+    """Raise if light cannot be fitted to one of the images.
 
     Raises
     ------

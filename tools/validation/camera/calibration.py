@@ -1,4 +1,4 @@
-"""Calibrates the simulated camera as one calibrates a real one: OpenCV, and twenty pictures of a board."""
+"""Calibrates the simulated camera as one calibrates a real one: OpenCV, and twenty images of a board."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int 
 
 
 def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[ByteArray]:
-    """8-bit pictures of the chessboard all over the image: a lens of 0.7 px blur, half a digital number of noise."""
+    """8-bit images of the chessboard all over the image: a lens of 0.7 px blur, half a digital number of noise."""
     plan = replace(plan_recipe("calibration-chessboard", count, seed=seed, quality="high"), camera=camera)
     sensor = replace(sensor_preset("ideal"), blur_sigma_px=0.7, gaussian_variance=(0.5 / 255) ** 2)
     images = []

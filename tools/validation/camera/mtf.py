@@ -67,11 +67,11 @@ def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
 def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
     """MTF across a nearly upright edge at frequencies [cycles per pixel]; the pixel's own is in it.
 
-    The edge is found in the picture: a straight line through each row's centroid of slope.
+    The edge is found in the image: a straight line through each row's centroid of slope.
 
     References
     ----------
-    ISO 12233:2017, Electronic still picture imaging: resolution and spatial frequency responses, annex C.
+    ISO 12233:2017, Electronic still image imaging: resolution and spatial frequency responses, annex C.
     """
     height, width = image.shape
     slope = np.abs(np.diff(image, axis=1))

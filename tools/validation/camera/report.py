@@ -1,6 +1,6 @@
 """The camera, proved: ``python -m tools.validation.camera`` measures it as one measures a real one.
 
-Calibration by OpenCV from pictures of a board, the detector by EMVA 1288, photon noise by chi-square, the transfer
+Calibration by OpenCV from images of a board, the detector by EMVA 1288, photon noise by chi-square, the transfer
 function from a slanted edge.
 """
 

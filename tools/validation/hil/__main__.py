@@ -1,6 +1,6 @@
-"""The camera's constant latency: 300 pre-drawn pictures looped at 30 Hz; figures for docs/validation/hil.md.
+"""The camera's constant latency: 300 pre-drawn images looped at 30 Hz; figures for docs/validation/hil.md.
 
-``make proof-latency SECONDS=600``: exit 1 where a goal is missed. With ``--saturate`` pictures come faster than the
+``make proof-latency SECONDS=600``: exit 1 where a goal is missed. With ``--saturate`` images come faster than the
 line takes them, and what is judged is the round trip of clock requests meanwhile.
 """
 

@@ -1,6 +1,6 @@
 """Timing of the host's camera: looped images, at a constant latency, to a board that answers at once.
 
-Each picture carries its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so
+Each image carries its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so
 that pixels and ledger are held against each other in every frame.
 """
 

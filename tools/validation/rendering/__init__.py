@@ -1,1 +1,1 @@
-"""Pictures against integrals, published figures and a path tracer: `python -m tools.validation.rendering`."""
+"""Images against integrals, published figures and a path tracer: `python -m tools.validation.rendering`."""

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about Earth, air, Moon, Sun and stars: our pictures against published figures."""
+"""Rows of the rendering page about Earth, air, Moon, Sun and stars: our images against published figures."""
 
 from __future__ import annotations
 

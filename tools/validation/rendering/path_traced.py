@@ -1,4 +1,4 @@
-"""Tango path traced by Mitsuba 3: the same mesh, materials, Sun, even sky and camera, as an independent picture.
+"""Tango path traced by Mitsuba 3: the same mesh, materials, Sun, even sky and camera, as an independent image.
 
 Needs the extra ``[validation]``, and for Mitsuba's LLVM back end a newer libLLVM than many systems have.
 
@@ -48,7 +48,7 @@ class Difference:
     Parameters
     ----------
     median, p95 : relative difference of radiance on the target's inner pixels.
-    flip : mean HDR-FLIP over the whole picture, 0..1, seen at 67 pixels a degree; NaN without its evaluator.
+    flip : mean HDR-FLIP over the whole image, 0..1, seen at 67 pixels a degree; NaN without its evaluator.
     """
 
     median: float
@@ -116,7 +116,7 @@ def load() -> Any:  # noqa: ANN401 - a module without types
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A path-traced picture.
+    """A path-traced image.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: i
     """Return the radiance under the scene's Sun and the same sky from everywhere.
 
     Sun and sky are traced apart and added: one sampler that had to choose between 33 lights would be noisier. What was
-    traced is kept in the cache folder: it takes a minute of a processor for 1000 samples of a picture of 320 pixels.
+    traced is kept in the cache folder: it takes a minute of a processor for 1000 samples of an image of 320 pixels.
 
     Parameters
     ----------

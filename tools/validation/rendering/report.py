@@ -1,4 +1,4 @@
-"""The picture's radiometry, measured: ``python -m tools.validation.rendering`` writes the table.
+"""The image's radiometry, measured: ``python -m tools.validation.rendering`` writes the table.
 
 Each module of ``PARTS`` gives rows by its function ``rows(renderer)``.
 """
@@ -77,7 +77,7 @@ def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
 
 
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    """Measure, print and write the page; 0 when every goal that is asked for is met."""
+    """Measure, print and write the page; 0 when every goal that is requested is met."""
     parser = argparse.ArgumentParser(description="Measure the radiance of the picture.")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(arguments)

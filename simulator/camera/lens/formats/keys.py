@@ -32,7 +32,7 @@ class Keys:
     where : str
         Name of the file, for messages.
     form : str
-        What the format is called in messages, for example "ROS calibration".
+        Name of the format in messages, for example "ROS calibration".
     path : str
         Key of the table within the file, with its dot.
     """

@@ -94,7 +94,7 @@ def camera_file(
     size : width and height of the image.
     intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
     coefficients : of the model in OpenCV's order, None if the file has none.
-    notes : what the file says beyond this camera.
+    notes : further content of the file, for the user.
     encoding : of the images, as the file has it; None if it says nothing.
 
     Raises

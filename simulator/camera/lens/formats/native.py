@@ -33,7 +33,7 @@ def read_native(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        With the key that is wrong and what is allowed.
+        With the wrong key and the allowed values.
     """
     raw = document.table["camera"] if _holds_camera(document) else document.table
     kind: type[CameraFile | LensFile] = (

@@ -141,7 +141,7 @@ def _check_roi(keys: Keys, size: list[float]) -> None:
 
 
 def _rectified_note(keys: Keys) -> list[str]:
-    """Return a note if R and P describe another, rectified image; the picture drawn is the raw one of K and D."""
+    """Return a note if R and P describe another, rectified image; the image drawn is the raw one of K and D."""
     rotation = keys.numbers("rectification_matrix", "rectification", "R")
     projection = keys.numbers("projection_matrix", "projection", "P")
     differs = False

@@ -39,7 +39,7 @@ class CameraFormat:
     name : str
         Name on the command line.
     title : str
-        What users call its files.
+        Name of its files for users.
     recognises : callable
         True for a document that has the marks of this format.
     read : callable

@@ -13,8 +13,8 @@ from flyaround.simulator.runtime.untrusted_files import MOST_DEEP
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-MAX_YAML_BYTES = 1_000_000  # libyaml takes a second for as much
-# possessive, so that no length of digits is tried twice
+MAX_YAML_BYTES = 1_000_000  # parsed in a second by libyaml
+# possessive quantifiers prevent backtracking over long digits
 NUMBER = r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
 _SCALARS: tuple[tuple[re.Pattern[str], Callable[[str], Any]], ...] = (
     (re.compile(r"|~|null|Null|NULL"), lambda _: None),
@@ -29,7 +29,7 @@ _TAGS = re.compile(r"tag:yaml\.org,2002:(?:opencv-(?:nd-)?matrix|map|seq|str|int
 def scalar(text: str) -> Any:  # noqa: ANN401 - number, truth value, text or None
     """Convert a plain value as YAML 1.2 does.
 
-    YAML 1.1, which PyYAML's own loaders read, takes 1e-05 for text, 0640 for 416 and 640:480 for 38880.
+    In YAML 1.1, which PyYAML's own loaders read, 1e-05 is text, 0640 is 416 and 640:480 is 38880.
     """
     for pattern, convert in _SCALARS:
         if pattern.fullmatch(text):

@@ -1,7 +1,7 @@
 """Coarse convex bodies that represent the craft in visibility tests and as its silhouette.
 
 Each connected piece is one hull; a piece that fills its hull badly is cut in two where the hulls of the halves are
-smallest, the worst first. What matters is the outline: to an estimator light beside it is a sign of a wrong pose.
+smallest, the worst first. What matters is the outline: to an estimator light next to it is a sign of a wrong pose.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Wireframe proposed from creases: sharp and open edges chained into straight stretches.
 
-Stretches carry the mean normals of the faces on their two sides. Those that show in pictures are kept, the best first.
+Stretches carry the mean normals of the faces on their two sides. Those that show in images are kept, the best first.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def propose_wireframe(
 
 
 def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """Join collinear stretches with a small gap and the same faces beside them."""
+    """Join collinear stretches with a small gap and the same faces next to them."""
     out: list[_Stretch] = []
     a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
     for s in stretches:
@@ -266,7 +266,7 @@ def _split(
 def _mean_normals(
     chain: list[tuple[int, bool]], p: FloatArray, ends: IntArray, sides: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return the (1 or 2, 3) normals beside a stretch, weighted by edge length."""
+    """Return the (1 or 2, 3) normals next to a stretch, weighted by edge length."""
     total = np.zeros((2, 3))
     for k, backwards in chain:
         length = float(np.linalg.norm(p[ends[k, 1]] - p[ends[k, 0]]))

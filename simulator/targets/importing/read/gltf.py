@@ -61,7 +61,7 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
     Raises
     ------
     UserError
-        If a buffer or picture is missing, the geometry is compressed, or the file breaks glTF's rules.
+        If a buffer or image is missing, the geometry is compressed, or the file breaks glTF's rules.
     """
     document: object
     if data[:4] == b"glTF":

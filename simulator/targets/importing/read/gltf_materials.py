@@ -33,7 +33,7 @@ class GltfMaterials:
     Parameters
     ----------
     document : the parsed JSON.
-    reader : takes the pictures.
+    reader : takes the images.
     image_bytes : callable
         Returns the bytes of an embedded image; None for one in a file of its own.
     lost : set of str

@@ -13,7 +13,7 @@ _CONTINUED = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
-    """A file beside the model that is missing or unreadable; its message says which and why, without a path."""
+    """A file next to the model that is missing or unreadable; its message says which and why, without a path."""
 
 
 def text_lines(data: bytes) -> list[str]:

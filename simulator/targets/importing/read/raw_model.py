@@ -27,7 +27,7 @@ class RawPart:
     face_material : (F,) index into the model's materials.
     normals : (N, 3) as the file has them, or None.
     face_colour : (F, 3) linear colour of the vertices or of a texture, NaN where there is none; or None.
-    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the picture's top left, NaN where there are
+    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the image's top left, NaN where there are
         none; or None.
     """
 

@@ -61,11 +61,11 @@ class PictureReader:
     ----------
     model : path of the model.
     notes : list of str
-        What was done to the pictures.
+        What was done to the images.
     missing : dict
         Names of the textures that were not read, with the reason; their materials keep their factor colour.
     count, pixels, n_bytes : int
-        Totals of the pictures so far.
+        Totals of the images so far.
     """
 
     model: Path
@@ -109,7 +109,7 @@ class PictureReader:
         return self._read[place]
 
     def from_bytes(self, name: str, data: bytes) -> TextureImage | None:
-        """Return a picture as a texture; None if it cannot be read, which `faults` then reports.
+        """Return an image as a texture; None if it cannot be read, which `faults` then reports.
 
         Raises
         ------
