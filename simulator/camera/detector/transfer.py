@@ -70,7 +70,7 @@ def encode_numbers(
     if encoding == "linear":
         return numbers
     if numbers.ndim == 3 and encoding == "srgb":
-        numbers = cv2.transform(numbers, np.array(SRGB_FROM_BANDS))
+        numbers = np.asarray(cv2.transform(numbers, np.array(SRGB_FROM_BANDS)), np.uint16)
     return np.asarray(_curve(encoding, _black_dn(converter(sensor, encoding)))[numbers])
 
 
