@@ -68,9 +68,10 @@ class Widgets:
     def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
         """Yield the width of each of ``count`` cells, which lie in columns."""
         columns, width = self.columns(least, fewest)
+        start, step = self.imgui.get_cursor_pos_x(), width + self.imgui.get_style().item_spacing.x
         for k in range(count):
             if k % columns:
-                self.imgui.same_line()
+                self.imgui.same_line(start + k % columns * step)
             yield width
 
     # --- text
