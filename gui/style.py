@@ -31,6 +31,8 @@ BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
 
 PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)
 """Fill of a primary action's button: `BLUE`, darker, so that letters read on it."""
+BRIGHT = 0.2
+"""Luminance of a fill from which on dark letters have the greater contrast."""
 GUARDED: Rgba = (0.42, 0.14, 0.06, 1.0)
 """Fill of the abort button while its guard is closed."""
 
@@ -63,6 +65,15 @@ def contrast(front: Rgba, back: Rgba) -> float:
     """Contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
     bright, dark = sorted((luminance(over(front, back)), luminance(back)), reverse=True)
     return (bright + 0.05) / (dark + 0.05)
+
+
+def letters_on(fill: Rgba) -> Rgba:
+    """Return the colour of letters on a fill: dark on a bright one."""
+    return GROUND if luminance(over(fill, GROUND)) > BRIGHT else INK
+
+
+LIT = over((*ACCENT[:3], 0.45), GROUND)
+"""Fill of a button whose command is on; opaque, for buttons over pictures."""
 
 
 def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding has no types

@@ -68,9 +68,10 @@ class Widgets:
     def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
         """Yield the width of each of ``count`` cells, which lie in columns."""
         columns, width = self.columns(least, fewest)
+        start, step = self.imgui.get_cursor_pos_x(), width + self.imgui.get_style().item_spacing.x
         for k in range(count):
             if k % columns:
-                self.imgui.same_line()
+                self.imgui.same_line(start + k % columns * step)
             yield width
 
     # --- text
@@ -172,7 +173,7 @@ class Widgets:
         label : instead of the command's title. width : 0 for that of the label, -1 for the rest of the line.
         on : lit. icon : of another command or state. fill : colour; that of a primary action if the command is one.
         """
-        fill = fill or (style.PRIMARY if name in PRIMARY else (*style.ACCENT[:3], 0.45) if on else None)
+        fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
         # numbers change while a button is down, which must not make it another one
         words = " ".join(a for a in arguments if isinstance(a, str))

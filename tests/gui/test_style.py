@@ -68,3 +68,9 @@ def test_figures_read_on_their_plate(colour: style.Rgba) -> None:
 def test_without_an_outline_pale_letters_would_not_read_on_cloud() -> None:
     assert style.contrast(style.ACCENT, CLOUD) < 3.0
     assert style.contrast(style.INK, CLOUD) < 1.5
+
+
+@pytest.mark.parametrize("name", ["PRIMARY", "GUARDED", "LIT", "WARN", "BAD", "EDGE", "RAISED"])
+def test_letters_read_on_every_button(name: str) -> None:
+    fill = getattr(style, name)
+    assert style.contrast(style.letters_on(fill), fill) >= 4.5
