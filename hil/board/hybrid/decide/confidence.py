@@ -19,8 +19,8 @@ ACCEPT_AT = 0.93
 
 # Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
 # five other craft (tools/studies/confidence_fit.py).
-BIAS = -15.5
-WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66, -12.0, 0.1, 0.1)
+BIAS = -14.23
+WEIGHTS = (-0.12, -1.23, 4.24, 10.78, 0.73, -0.42, -1.06, -2.43, -22.6, 0.45, -0.01)
 
 # Share of the craft that may be burnt out.
 BURNT = 0.3
