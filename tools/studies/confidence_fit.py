@@ -131,7 +131,7 @@ def main() -> None:
         each = ", ".join(f"{s} {taken[[n == s for n in names]].mean():.2f}" for s in dict.fromkeys(names))
         print(f"bar {bar}: accepted {taken.sum()} of {len(rows)}, wrong {(taken & ~y).sum()}; {each}")
     for s in dict.fromkeys(names):
-        own = [r for r in rows if r["set"] == s and r["right"] and r["covariance"] is not None]
+        own = [r for r in rows if r["set"] == s and r["right"] and r.get("covariance") is not None]
         squared = np.array([np.array(r["error"]) @ np.linalg.solve(r["covariance"], r["error"]) for r in own])
         if own:
             factor = float(np.quantile(squared, 0.95)) / CHI2_95
