@@ -67,16 +67,16 @@ def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
             "off_m": float(off_m),
             "size_px": float(evidence.size_px),
             "accepted": bool(result.accepted),
-            "squared": _squared(truth, result),
+            "range_m": float(np.linalg.norm(truth.t_camera_from_target_m)),
+            "error": _error(truth, result),
+            "covariance": None if result.covariance is None else np.asarray(result.covariance).tolist(),
         }
         rows.append(row)
     return rows
 
 
-def _squared(truth: Any, result: Any) -> float | None:  # noqa: ANN401 - a record and an answer
-    """Return the square of the error over its covariance, None without one."""
-    if result.covariance is None:
-        return None
+def _error(truth: Any, result: Any) -> list[float]:  # noqa: ANN401 - a record and an answer
+    """Return the error of a pose: rotation vector [rad] and translation [m], camera axes."""
     scored = frame_record(
         np.asarray(truth.q_camera_from_target_wxyz, float),
         np.asarray(truth.t_camera_from_target_m, float),
@@ -84,8 +84,7 @@ def _squared(truth: Any, result: Any) -> float | None:  # noqa: ANN401 - a recor
         result.t_camera_from_target_m,
         accepted=result.accepted,
     )
-    error = np.concatenate([np.radians(scored.turn_camera_deg), scored.shift_camera_m])
-    return float(error @ np.linalg.solve(np.asarray(result.covariance), error))
+    return [*np.radians(scored.turn_camera_deg).tolist(), *np.asarray(scored.shift_camera_m).tolist()]
 
 
 def fitted(X: Array, y: Array) -> Array:
@@ -132,11 +131,12 @@ def main() -> None:
         each = ", ".join(f"{s} {taken[[n == s for n in names]].mean():.2f}" for s in dict.fromkeys(names))
         print(f"bar {bar}: accepted {taken.sum()} of {len(rows)}, wrong {(taken & ~y).sum()}; {each}")
     for s in dict.fromkeys(names):
-        own = [r["squared"] for r in rows if r["set"] == s and r["right"] and r["squared"] is not None]
+        own = [r for r in rows if r["set"] == s and r["right"] and r.get("covariance") is not None]
+        squared = np.array([np.array(r["error"]) @ np.linalg.solve(r["covariance"], r["error"]) for r in own])
         if own:
-            factor = float(np.quantile(own, 0.95)) / CHI2_95
+            factor = float(np.quantile(squared, 0.95)) / CHI2_95
             print(
-                f"{s}: covariance factor {factor:.2f}, inside {np.mean(np.array(own) < CHI2_95):.2f} of {len(own)}"
+                f"{s}: covariance factor {factor:.2f}, inside {np.mean(squared < CHI2_95):.2f} of {len(own)}"
             )
 
 

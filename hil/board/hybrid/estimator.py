@@ -22,16 +22,18 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
     TRIED,
     Evidence,
+    confidence,
     decide,
     decided,
     doubtful,
-    error_scale,
+    told_covariance,
 )
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
 from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
+from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
 from flyaround.hil.board.hybrid.prepare import prepare
@@ -50,6 +52,9 @@ from flyaround.hil.board.hybrid.refine.synthetic_view import draw_at
 from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Proposals, SearchSetup
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
+
+# Confidences between which a pose in the light of lamps is held against near leans, accepted or not.
+LIKELY, CLEAR = 0.1, 0.99
 
 # Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
 ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
@@ -196,10 +201,12 @@ def _tilted(choice: Choice) -> Selection:
 
 
 def _accepted_in_doubt(choice: Choice) -> bool:
-    """Return True if a first round would accept the pose, with a confidence that wrong ones have too."""
+    """Return True if a first round would accept the pose in doubt; in the light of lamps, also if it nearly would."""
     if not choice.image.setup.has_faces or choice.proposals.thorough:
         return False
     evidence = _evidence(choice)
+    if evidence.regime is Regime.LAMPS:
+        return LIKELY < confidence(evidence) < CLEAR
     return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
 
@@ -246,7 +253,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     if frame.shows_all:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
-        pose = replace(pose, covariance=error_scale(evidence) * pose.covariance)
+        pose = replace(pose, covariance=told_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # not by what they explain: the rounds were judged on different cuts of the image
     return result if first is None or result.confidence > first.confidence else first

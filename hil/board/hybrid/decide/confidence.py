@@ -19,8 +19,8 @@ ACCEPT_AT = 0.93
 
 # Bias and weights of ``terms``: a ridge logistic fit on development frames of Tango in orbit and in a laboratory and of
 # five other craft (tools/studies/confidence_fit.py).
-BIAS = -15.5
-WEIGHTS = (1.73, -0.45, 7.65, 3.69, 2.29, -0.55, -1.16, -0.66, -12.0, 0.1, 0.1)
+BIAS = -17.24
+WEIGHTS = (1.0, -0.91, 5.48, 11.32, 1.65, -0.275, -1.64, -2.42, -23.0, 0.336, -0.08)
 
 # Share of the craft that may be burnt out.
 BURNT = 0.3
@@ -42,10 +42,13 @@ SURE = 0.97
 # A share explained of what the craft covers below which that is what is wrong with a pose.
 LITTLE = 0.3
 
-# What is told of a pose's errors, over the covariance that the witnesses above were fitted with: so much for a craft of
-# so many pixels, and growing with its size to this power. What is not drawn is the same share of a craft whatever its
-# size, and noise is less of a large one. Fitted on 414 poses of seeds 9501 and 9502 that are right and accepted.
-ERRORS, ERRORS_AT_PX, ERRORS_POWER = 0.23, 400.0, 1.2
+# Factor on the covariance for a craft of so many pixels, and the power by which it grows with the size: what is not
+# drawn is the same share of a craft of any size, and noise is less of a large one.
+ERRORS, ERRORS_AT_PX, ERRORS_POWER = 0.32, 400.0, 1.2
+
+# Standard deviations that the light of lamps adds, for the craft is not quite the model: rotation [rad], and position
+# over range (tools/studies/confidence_fit.py).
+LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.010, 0.008
 
 # Fewer edge samples decide nothing; the least support by edges that a decision by edges alone takes: share of the
 # model's length drawn before empty space and before a texture, and share of the samples found.
@@ -152,14 +155,14 @@ def terms(e: Evidence, score: float) -> Array:
     )
 
 
-def error_scale(e: Evidence) -> float:
-    """What the covariance of a pose judged by the whole picture is multiplied by before it is told.
-
-    On the half of the frames that it was not fitted on (of each, the even and the odd ones) 92 to 95 % of the errors
-    lie inside the ellipsoid of 95 %; before it was 99 %, the median of their squares over it 1.1 where 5.35 is that of
-    normal errors: it is 3.6 now, for their tails are heavier than normal ones.
-    """
-    return ERRORS * (max(e.size_px, SMALLEST_PX) / ERRORS_AT_PX) ** ERRORS_POWER
+def told_covariance(e: Evidence, pose: PoseFit) -> Array:
+    """Return the (6, 6) covariance of a pose that was judged by the whole image: rotation [rad], position [m]."""
+    scale = ERRORS * (max(e.size_px, SMALLEST_PX) / ERRORS_AT_PX) ** ERRORS_POWER
+    covariance = scale * pose.covariance
+    if e.regime is Regime.LAMPS:
+        away = LAMPS_SIGMA_SHARE * float(np.linalg.norm(pose.t))
+        covariance = covariance + np.diag([LAMPS_SIGMA_RAD**2] * 3 + [away**2] * 3)
+    return np.asarray(covariance)
 
 
 def doubtful(e: Evidence) -> bool:

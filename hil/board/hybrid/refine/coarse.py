@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shado
 # Hypotheses of a region looked at at first and where those did not settle it, and those refined of them. Before empty
 # space eight of a learned proposal's sixteen led as far as all; before the Earth three of 266 development frames were
 # lost.
-ASKED, TEXTURED_ASKED, ALL_ASKED, LEADERS = 8, 16, 24, 4
+ASKED, TEXTURED_ASKED, ALL_ASKED, LEADERS = 8, 16, 32, 4
 
 # Those refined in the light of lamps, where the proposal is less sure and the model less right.
 LAMPS_LEADERS = 7

@@ -36,8 +36,8 @@ Array = np.ndarray
 # Diameter of the bounding sphere over the diagonal of a region; two of them for sources that often hold a part.
 SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
 
-# Poses proposed for one crop, and looks of the second round.
-POSES, QUARTERS = 16, 4
+# Poses proposed for one crop; those of a second look, and the looks that it takes the mean of.
+POSES, MORE_POSES, QUARTERS = 16, 24, 4
 
 # Logit of a craft by which a crop may be behind the surest.
 DOUBT = 5.0
@@ -201,7 +201,9 @@ class LearnedProposer:
                 # a quarter turn takes (x, y) to (y, -x)
                 back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
             p += back / QUARTERS
-        return self._proposal(first.source, crop, np.log(p), float(craft.mean()), float(size.mean()))
+        return self._proposal(
+            first.source, crop, np.log(p), float(craft.mean()), float(size.mean()), MORE_POSES
+        )
 
     def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
         """Return the log-likelihood of a pose by the network alone, less that of the most likely pose.
@@ -254,9 +256,15 @@ class LearnedProposer:
         return crop.moved(0.5 * (self.camera.fx_px + self.camera.fy_px), shift, log_size)
 
     def _proposal(
-        self, source: Region, crop: ImageCrop, log_p: Array, craft: float, log_size: float
+        self,
+        source: Region,
+        crop: ImageCrop,
+        log_p: Array,
+        craft: float,
+        log_size: float,
+        most: int = POSES,
     ) -> LearnedProposal:
-        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, POSES)
+        modes = pose_modes(log_p, self.points, self._focal(crop), log_size, most)
         score = modes.log_likelihood / CORRELATED
         swing = crop.swing()
         q = quat.multiply(quat.from_matrix(swing), modes.q)
