@@ -33,8 +33,8 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Diameter of the bounding sphere over the diagonal of a region; two of them for sources that often hold a part.
-SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = (1.15,), (1.3, 2.4), ("saliency", "straight")
+# Diameter of the bounding sphere over the diagonal of a region, and of one of a source that often holds a part.
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = 1.15, 1.7, ("saliency", "straight")
 
 # Poses proposed for one crop; those of a second look, and the looks that it takes the mean of.
 POSES, MORE_POSES, QUARTERS = 16, 24, 4
@@ -150,16 +150,17 @@ class LearnedProposer:
         if not regions:
             return []
         camera = self.camera
-        starts = [
-            (r, size)
-            for r in regions
-            for size in (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX)
-        ]
-        sources = [r for r, _ in starts]
-        crops = [
-            ImageCrop.at(camera, 0.5 * (r.x0 + r.x1), 0.5 * (r.y0 + r.y1), size * r.diagonal_px)
-            for r, size in starts
-        ]
+        starts = {
+            k: ImageCrop.at(
+                camera,
+                0.5 * (r.x0 + r.x1),
+                0.5 * (r.y0 + r.y1),
+                (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX) * r.diagonal_px,
+            )
+            for k, r in enumerate(regions)
+        }
+        chosen = self._apart(list(starts), starts, len(starts))
+        crops, sources = [starts[k] for k in chosen], [regions[k] for k in chosen]
         for look in range(LOOKS):
             log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
             sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - DOUBT]

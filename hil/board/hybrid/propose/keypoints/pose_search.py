@@ -21,7 +21,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, RE
 Array = np.ndarray
 
 # Attitudes of the grid: neighbours are about 15 degrees apart; and of the one that only places the craft.
-ATTITUDES, PLACING_ATTITUDES = 4000, 1200
+ATTITUDES, PLACING_ATTITUDES = 3200, 1200
 
 # Sizes compared about the network's, and the standard deviation of its logarithm.
 SIZES, SIZE_SIGMA = (0.92, 1.0, 1.09), 0.08
@@ -36,7 +36,7 @@ OUTLIERS = 0.05
 CORRELATED = 8.0
 
 # Attitudes refined, the least angle between them [rad], and steps of each half of the refinement.
-REFINED, APART_RAD, STEPS = 28, float(np.radians(11.0)), 5
+REFINED, APART_RAD, STEPS = 20, float(np.radians(11.0)), 5
 
 # Least curvature of a log-probability [1 / bins^2], which keeps steps short where it is flat or convex.
 LEAST_CURVATURE = 0.01
@@ -162,18 +162,18 @@ def _grid_maxima(
     """Return the best poses of the grid that are apart, and their log-likelihoods: (N, 4), (N, 3), (N,)."""
     q, R = _grid(attitudes)
     table = np.log(_smoothed(p, GRID_BINS)).astype(np.float32)
-    k_at = (np.arange(len(points), dtype=np.int32)[:, None] * 2 + np.arange(2, dtype=np.int32)) * BINS
+    row = (np.arange(len(points), dtype=np.int32) * 2 + np.arange(2, dtype=np.int32)[:, None]) * BINS
     centre = (np.arange(BINS) + 0.5) * STEP - REACH
     middle = (p @ centre / p.sum(axis=-1)).mean(axis=0)
     # weak perspective: the middle of the keypoints is where the middle of their means is
-    turned = np.einsum("nij,kj->nki", R[:, :2], (points - points.mean(axis=0)).astype(np.float32))
+    turned = R[:, :2] @ (points - points.mean(axis=0)).astype(np.float32).T
     away = _distance(focal)
     scores = np.empty((len(sizes), len(q)), np.float32)
-    shift = ((middle + REACH) / STEP).astype(np.float32)
+    shift = ((middle + REACH) / STEP).astype(np.float32)[:, None]
     for score, factor in zip(scores, sizes):  # noqa: B905 - Python 3.9 has no strict=
         at = (turned * np.float32(focal / away * factor / STEP) + shift).astype(np.int32)
         np.clip(at, 0, BINS - 1, out=at)
-        at += k_at
+        at += row
         score[:] = table.ravel().take(at).sum(axis=(1, 2))
     size = sizes[scores.argmax(axis=0)]
     best = scores.max(axis=0)
@@ -184,7 +184,7 @@ def _grid_maxima(
         if not kept or np.abs(q[kept] @ q[k]).max() < np.cos(0.5 * APART_RAD):
             kept.append(int(k))
     z = away / size[kept]
-    off = np.einsum("nij,j->ni", R[kept], points.mean(axis=0))
+    off = R[kept] @ points.mean(axis=0)
     xy = middle * (z / focal)[:, None] - off[:, :2]
     return q[kept], np.column_stack([xy, z]), best[kept]
 
@@ -196,7 +196,7 @@ def _distance(focal: float) -> float:
 
 def _projected(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
     """Return (N, K, 2) projections [half sides] and (N, K, 3) points in the crop's camera [radii]."""
-    seen = np.einsum("nij,kj->nki", R, points) + t[:, None]
+    seen = points @ R.transpose(0, 2, 1) + t[:, None]
     z = np.maximum(seen[..., 2:], LEAST_DEPTH)
     return focal * seen[..., :2] / z, seen
 
@@ -225,12 +225,16 @@ def _newton(
     slope, weight = slope / STEP, np.maximum(-curve, LEAST_CURVATURE) / STEP**2
     x, y, z = seen[..., 0], seen[..., 1], np.maximum(seen[..., 2], LEAST_DEPTH)
     arm = seen - t[:, None]
-    nought = np.zeros_like(z)
-    du = np.stack([focal / z, nought, -focal * x / z**2], axis=-1)
-    dv = np.stack([nought, focal / z, -focal * y / z**2], axis=-1)
-    J = np.stack([np.concatenate([np.cross(arm, d), d], axis=-1) for d in (du, dv)], axis=2)
-    H = np.einsum("nkia,nki,nkib->nab", J, weight, J)
-    g = np.einsum("nkia,nki->na", J, slope)
+    nought, arm_x, arm_y, arm_z = np.zeros_like(z), arm[..., 0], arm[..., 1], arm[..., 2]
+    # slopes of u and v by a turn about each axis (the arm's cross product with those by a move) and by a move
+    a, b, c = focal / z, -focal * x / z**2, -focal * y / z**2
+    by_u = np.stack([arm_y * b, arm_z * a - arm_x * b, -arm_y * a, a, nought, b], axis=-1)
+    by_v = np.stack([arm_y * c - arm_z * a, -arm_x * c, arm_x * a, nought, a, c], axis=-1)
+    J = np.stack([by_u, by_v], axis=2)
+    J = J.reshape(len(q), -1, 6)
+    transposed = J.transpose(0, 2, 1)
+    H = transposed @ (J * weight.reshape(len(q), -1, 1))
+    g = (transposed @ slope.reshape(len(q), -1, 1))[..., 0]
     # wide distributions shrink towards their middle: without the prior, so would the craft
     prior = CORRELATED / (SIZE_SIGMA * distance) ** 2
     H[:, 5, 5] += prior
