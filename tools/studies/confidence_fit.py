@@ -53,9 +53,9 @@ def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
             continue
         result = estimator.estimate(grey(read_png(paths.image), camera.encoding))
         evidence = result.evidence
-        if not isinstance(evidence, Evidence) or evidence.score is None:
-            continue
         q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
+        if not isinstance(evidence, Evidence) or evidence.score is None or q is None or t is None:
+            continue
         off_m, share, turn_deg = frame_errors(
             truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m, q, t
         )
@@ -84,7 +84,8 @@ def _error(truth: Any, result: Any) -> list[float]:  # noqa: ANN401 - a record a
         result.t_camera_from_target_m,
         accepted=result.accepted,
     )
-    return [*np.radians(scored.turn_camera_deg).tolist(), *np.asarray(scored.shift_camera_m).tolist()]
+    turn_deg, shift_m = np.array(scored.turn_camera_deg, float), np.array(scored.shift_camera_m, float)
+    return [*np.radians(turn_deg).tolist(), *shift_m.tolist()]
 
 
 def fitted(X: Array, y: Array) -> Array:

@@ -96,7 +96,7 @@ def train(folder: Path, state: Path, minutes: float, threads: int) -> None:
     torch.set_num_threads(threads)
     torch.manual_seed(0)
     trunk, heads = Trunk(), nn.ModuleDict({name: Head() for name in VIEWS})
-    both = nn.ModuleDict({"trunk": trunk.to(memory_format=torch.channels_last), "heads": heads})  # type: ignore[call-overload]
+    both = nn.ModuleDict({"trunk": trunk.to(memory_format=torch.channels_last), "heads": heads})
     adam = torch.optim.AdamW(both.parameters(), fit.RATE, weight_decay=fit.DECAY)
     mean = {k: v.clone() for k, v in both.state_dict().items()}
     steps, spent = 0, 0.0
@@ -150,7 +150,7 @@ def _step(both: nn.ModuleDict, adam: torch.optim.Optimizer, batch: Any, steps: i
     with torch.autocast("cpu", torch.bfloat16):
         features = both["trunk"](x)
         for name, size in sizes:
-            made.append(both["heads"][name](features[first : first + size]))  # type: ignore[index]
+            made.append(both["heads"][name](features[first : first + size]))
             first += size
     logits, whole = (torch.cat([m[k] for m in made]) for k in range(2))
     keypoints, loss = fit.loss((logits, whole), samples)

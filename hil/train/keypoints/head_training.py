@@ -189,7 +189,7 @@ class _HeadTraining:
     """The training of one head on the features of a trunk that stays as it is."""
 
     def __init__(self, trunk: Trunk, views: LitViews, earths: tuple[Float32Array, ...], seed: int) -> None:
-        self._trunk = trunk.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._trunk = trunk.to(memory_format=torch.channels_last)
         self._views, self._earths, self._seed = views, earths, seed
         self._head = Head()
         self._kept_back = min(KEPT_BACK, len(views.lit) // 5)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CHANNELS, BLOCKS = (64, 128, 192), (2, 2, 3)
 
 
-class _Residual(nn.Module):
+class _Residual(nn.Module):  # type: ignore[misc]
     """Two convolutions beside the identity (He et al. 2016)."""
 
     def __init__(self, channels: int) -> None:
@@ -39,7 +39,7 @@ class _Residual(nn.Module):
         return torch.relu(x + self.body(x))
 
 
-class Trunk(nn.Module):
+class Trunk(nn.Module):  # type: ignore[misc]
     """Return (B, 192, 8, 8) features of inputs (B, 2, 128, 128)."""
 
     def __init__(self) -> None:
@@ -59,10 +59,10 @@ class Trunk(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the features."""
-        return self.body(x)  # type: ignore[no-any-return]
+        return self.body(x)
 
 
-class Head(nn.Module):
+class Head(nn.Module):  # type: ignore[misc]
     """Return (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of a craft and log size, of a trunk's features."""
 
     def __init__(self) -> None:

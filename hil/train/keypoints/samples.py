@@ -342,7 +342,8 @@ def _compressed(picture: Float32Array, rng: Generator) -> Float32Array:
     """Return the picture after JPEG."""
     eight = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
     _, coded = cv2.imencode(".jpg", eight, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
-    return cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE).astype(np.float32) / np.float32(255)
+    decoded = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE))
+    return decoded.astype(np.float32) / np.float32(255)
 
 
 def _draw_cables(picture: Float32Array, rng: Generator) -> None:
@@ -364,8 +365,8 @@ def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
         smooth = cv2.GaussianBlur(
             rng.standard_normal((coarse, coarse), np.float32), (0, 0), BENT_OVER_PX * coarse / INPUT_PX
         )
-        smooth *= np.float32(BENT_PX / max(float(smooth.std()), 1e-6))
-        at[k] += cv2.resize(smooth, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_CUBIC)
+        wide = cv2.resize(smooth, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_CUBIC)
+        at[k] += wide * np.float32(BENT_PX / max(float(smooth.std()), 1e-6))
     return np.asarray(cv2.remap(picture, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 

@@ -155,5 +155,5 @@ class KeypointHead:
         arrays = {key: self.weights[key].astype(np.float16) for key in SHAPES if key in self.weights}
         data = io.BytesIO()
         text = np.frombuffer(json.dumps(sheet).encode(), np.uint8)
-        np.savez(data, sheet=text, keypoints_m=self.keypoints_m.astype(np.float32), **arrays)
+        np.savez(data, sheet=text, keypoints_m=self.keypoints_m.astype(np.float32), **arrays)  # type: ignore[arg-type]
         return data.getvalue()
