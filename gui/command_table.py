@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import shlex
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal
 
 from flyaround.simulator.errors import UserError
+from flyaround.simulator.runtime.toml_file import parse_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -252,8 +252,9 @@ def setting(
 @cache
 def _texts() -> dict[str, tuple[str, str]]:
     """Return title and help of each command by its name."""
-    text = files("flyaround.gui").joinpath("command_texts.toml").read_text("utf-8")
-    return {name: (title, about) for name, (title, about) in tomllib.loads(text).items()}
+    name = "command_texts.toml"
+    texts = parse_toml(files("flyaround.gui").joinpath(name).read_bytes(), name)
+    return {command: (title, about) for command, (title, about) in texts.items()}
 
 
 class CommandTable:

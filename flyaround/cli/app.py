@@ -65,7 +65,7 @@ ABOUT = {
     "overlay": "Draw labels over copies of a data set's images: the craft's axes, edges, keypoints, box, mask.",
     "estimate": "Estimate the pose of a target in images.",
     "evaluate": "Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html.",
-    "train": "Train a network on a data set, and evaluate it on every tenth frame, which is held out.",
+    "train": "Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.",
     "compare": "Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere.",
     "bench": "Measure the frame cost per scene and that of a reference pass of the same run.",
     "doctor": "Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones.",

@@ -42,6 +42,6 @@ def test_own_flight(tmp_path):
 
 
 def test_every_tutorial_is_tested():
-    # own_network.md needs PyTorch: tests/docs/test_own_network.py
+    # own_network.md and own_estimator.md need PyTorch: tests/docs/test_own_network.py, test_own_estimator.py
     text = Path(__file__).read_text()
     assert all(page.name in text for page in PAGES.glob("*_*.md"))
