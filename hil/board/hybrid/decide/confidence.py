@@ -32,8 +32,9 @@ NETWORK_DEFICIT, NETWORK_SURE = 12.0, 10.0
 LEAST_MARGIN, LEAST_PICTURE_MARGIN = 0.015, 0.005
 
 # Craft whose near-symmetries are told apart by the score alone; of others the margin must be this share of the score:
-# half turns of round bodies differ by 4 % of it. Of a craft without a network the logit must be that much higher.
-TRIED, UNTRIED_MARGIN, UNLOOKED = ("tango", "tango-mockup"), 0.1, 2.0
+# half turns of round bodies differ by 4 % of it. The logit must be that much higher for them, and for a craft without a
+# network.
+TRIED, UNTRIED_MARGIN, UNTRIED, UNLOOKED = ("tango", "tango-mockup"), 0.1, 3.0, 2.0
 
 # An accepted pose is held against its near minima where confidence is below this. A small margin alone is a twin's,
 # which was followed to its end: of 57 frames of seeds 9701 and 9702 checked for that one came out elsewhere.
@@ -121,7 +122,8 @@ def confidence(e: Evidence) -> float:
 
 def picture_confidence(e: Evidence, score: float) -> float:
     """Return the confidence in a pose that was judged by the whole image, 0 to 1."""
-    z = BIAS + float(np.dot(WEIGHTS, terms(e, score))) - (0.0 if e.looked else UNLOOKED)
+    z = BIAS + float(np.dot(WEIGHTS, terms(e, score)))
+    z -= (0.0 if e.tried else UNTRIED) + (0.0 if e.looked else UNLOOKED)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))
 
 
