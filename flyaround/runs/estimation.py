@@ -97,7 +97,9 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
         Annotated[float, Meta(ge=0.01, le=100_000)],
         typer.Option(help="How long to train, the drawing of views not counted."),
     ] = 6.0
-    views: Annotated[Count, typer.Option("-n", "--views", help="Views of a craft to draw.")] = 2000
+    views: Annotated[
+        Annotated[int, Meta(ge=25)], typer.Option("-n", "--views", help="Views of a craft to draw.")
+    ] = 2000
     steps: Annotated[
         Count | None,
         typer.Option(help="Steps instead of minutes: the same on every machine of a kind."),

@@ -134,7 +134,7 @@ def write(state: Path) -> None:
         start = f"heads.{name}."
         weights = {k[len(start) :]: v for k, v in mean.items() if k.startswith(start)}
         points = keypoints_m(board_model(load_target(name)))
-        head = KeypointHead(name, hashlib.sha256(data).hexdigest(), points, 1.0, arrays_of(weights))
+        head = KeypointHead(name, hashlib.sha256(data).hexdigest(), points, arrays_of(weights))
         write_atomic(WEIGHTS / f"{name}.npz", head.to_bytes())
 
 

@@ -26,7 +26,7 @@ from flyaround.hil.board.hybrid.decide.confidence import (
     decide,
     decided,
     doubtful,
-    told_covariance,
+    scaled_covariance,
 )
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
 from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
@@ -253,7 +253,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     if frame.shows_all:
         frame.keep("drawn", draw_at(setup.target, frame, pose.q, pose.t))
     if evidence.score is not None:
-        pose = replace(pose, covariance=told_covariance(evidence, pose))
+        pose = replace(pose, covariance=scaled_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
     # not by what they explain: the rounds were judged on different cuts of the image
     return result if first is None or result.confidence > first.confidence else first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -49,7 +50,7 @@ DISTINCT_RADII, LEAST_DISTINCT = 0.05, 6
 
 
 class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How a head does on views that its training did not see.
+    """Errors of a head on views that its training did not see.
 
     Parameters
     ----------
@@ -114,10 +115,16 @@ def train_head(
     Raises
     ------
     UserError
-        If the craft has too few distinct keypoints, or the disk is full.
+        If the craft has too few distinct keypoints or too many triangles, the disk is full, or a stopped run there was of
+        other views or is damaged.
     """
     target = load_target(name)
     model = board_model(target)
+    if model.faces is None:
+        raise UserError(
+            f"target {name!r} has too many triangles for a board to draw, so hybrid would use no network; add its "
+            "mesh again with --decimate 9000"
+        )
     points_m = keypoints_m(model)
     points = (points_m - model.centre_m) / model.radius_m
     _check_keypoints(target, points)
@@ -131,7 +138,7 @@ def train_head(
     state = partial / "head.pt"
     steps = training.run(budget, workers, state, lambda d, text: report(0.3 + 0.7 * d, text))
     kept = training.judged()
-    head = KeypointHead(name, trunk_sha256(), points_m, 1.0, arrays_of(training.mean))
+    head = KeypointHead(name, trunk_sha256(), points_m, arrays_of(training.mean))
     write_atomic(output, head.to_bytes())
     shutil.rmtree(partial)
     return HeadReport(
@@ -276,7 +283,18 @@ class _HeadTraining:
     def _restore(self, path: Path) -> None:
         if not path.exists():
             return
-        state = torch.load(path, weights_only=True)
-        self._head.load_state_dict(state["head"])
-        self._adam.load_state_dict(state["adam"])
-        self.mean, self._steps, self._spent_s = state["mean"], state["steps"], state["spent_s"]
+        try:
+            state = torch.load(path, weights_only=True)
+            self._head.load_state_dict(state["head"])
+            self._adam.load_state_dict(state["adam"])
+            self.mean, self._steps, self._spent_s = state["mean"], state["steps"], state["spent_s"]
+        except (
+            RuntimeError,
+            KeyError,
+            TypeError,
+            ValueError,
+            OSError,
+            EOFError,
+            pickle.UnpicklingError,
+        ) as error:
+            raise UserError(f"{path} is no state of a stopped training; remove it to begin again") from error

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from flyaround.hil.train.keypoints.views import LIGHTS, VIEW_PX, draw_earths, draw_views
-from flyaround.simulator.errors import write_error
+from flyaround.simulator.errors import UserError, write_error
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.task_pool import run_tasks
@@ -35,7 +37,7 @@ ARRAYS = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is drawn where.
+    """A folder of views to draw.
 
     Parameters
     ----------
@@ -70,14 +72,10 @@ def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None
     Raises
     ------
     UserError
-        If the disk is full, or a process is ended from outside.
+        If the disk is full, a process is ended from outside, or the folder holds other views.
     """
     try:
-        drawing.folder.mkdir(parents=True, exist_ok=True)
-        for name, (kind, shape) in ARRAYS.items():
-            path = drawing.folder / f"{name}.npy"
-            if not path.exists():
-                np.lib.format.open_memmap(path, "w+", kind, (drawing.views, *shape)).flush()
+        _begin(drawing)
         chunks = [k for k in range(-1, -(-drawing.views // CHUNK)) if not _mark(drawing, k).exists()]
         done = drawing.views - CHUNK * len([k for k in chunks if k >= 0])
         for k in run_tasks(_draw_chunk, chunks, workers, start=_start, arguments=(drawing,)):
@@ -86,6 +84,32 @@ def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None
             progress(min(done, drawing.views), drawing.views)
     except OSError as error:
         raise write_error(drawing.folder, error) from error
+
+
+def _begin(drawing: Drawing) -> None:
+    """Make the arrays, or check that those of a stopped run are of the same views."""
+    plan = [
+        list(drawing.paints),
+        [load_target(name).sha256 for name in drawing.paints],
+        drawing.views,
+        drawing.seed,
+    ]
+    kept = drawing.folder / "drawing.json"
+    drawing.folder.mkdir(parents=True, exist_ok=True)
+    if kept.is_file() and kept.read_bytes() != msgspec.json.encode(plan):
+        raise UserError(
+            f"{drawing.folder} holds views of another target, number or seed; give the same again, or remove the folder"
+        )
+    for name, (kind, shape) in ARRAYS.items():
+        path = drawing.folder / f"{name}.npy"
+        if not kept.is_file():
+            np.lib.format.open_memmap(path, "w+", kind, (drawing.views, *shape)).flush()
+            if hasattr(os, "posix_fallocate"):
+                # a write into a hole of a full disk would end the process by a signal
+                with path.open("r+b") as file:
+                    os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+    if not kept.is_file():
+        write_atomic(kept, msgspec.json.encode(plan))
 
 
 def earths_of(drawing: Drawing) -> Float32Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,3 +101,26 @@ def test_a_craft_with_too_few_keypoints_is_refused(monkeypatch: pytest.MonkeyPat
     with pytest.raises(UserError, match="distinct keypoints"):
         train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=1))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stopped_run_of_other_views_or_a_damaged_state_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(head_training, "CHECKPOINT", 1)
+
+    def stop(done, text):
+        if text.startswith("1 steps"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=3), report=stop)
+    for changed in ({"views": 50}, {"views": 25, "seed": 4}):
+        with pytest.raises(UserError, match="another target, number or seed"):
+            train_head(CRAFT, tmp_path / "a.npz", budget=Budget(steps=3), **changed)
+    (tmp_path / "a.npz.partial" / "head.pt").write_bytes(b"PK nothing")
+    with pytest.raises(UserError, match="no state of a stopped training"):
+        train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=3))
+
+
+def test_a_craft_that_a_board_cannot_draw_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(head_training, "board_model", lambda target: replace(board_model(target), faces=None))
+    with pytest.raises(UserError, match="decimate"):
+        train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=1))

@@ -157,7 +157,7 @@ def terms(e: Evidence, score: float) -> Array:
     )
 
 
-def told_covariance(e: Evidence, pose: PoseFit) -> Array:
+def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
     """Return the (6, 6) covariance of a pose that was judged by the whole image: rotation [rad], position [m]."""
     scale = ERRORS * (max(e.size_px, SMALLEST_PX) / ERRORS_AT_PX) ** ERRORS_POWER
     covariance = scale * pose.covariance

@@ -142,7 +142,7 @@ def head_bytes(**changed: object) -> bytes:
     rng = np.random.default_rng(2)
     weights = {k: rng.normal(0, 0.1, s).astype(np.float32) for k, s in SHAPES.items() if k != "keypoints_m"}
     points = rng.normal(size=SHAPES["keypoints_m"])
-    head = KeypointHead("tango", trunk_sha256(), points, 1.0, weights)
+    head = KeypointHead("tango", trunk_sha256(), points, weights)
     with np.load(io.BytesIO(head.to_bytes())) as arrays:
         kept = {key: arrays[key] for key in arrays.files}
     out = io.BytesIO()

@@ -52,8 +52,6 @@ class KeypointHead:
         Hash of the trunk that it was trained on.
     keypoints_m : (KEYPOINTS, 3) array
         Keypoints that it locates, target frame [m].
-    error_scale : float
-        Factor on the predicted covariance, calibrated on pictures that the training did not see.
     weights : dict of str to array
         As of ``SHAPES``, float32.
     """
@@ -61,7 +59,6 @@ class KeypointHead:
     craft: str
     trunk_sha256: str
     keypoints_m: Array
-    error_scale: float
     weights: Dict[str, Array]
 
     def __call__(self, features: Array) -> Tuple[Array, Array, Array]:
@@ -117,14 +114,10 @@ class KeypointHead:
                     raise ValueError(f"{key} has shape {weights[key].shape}, expected {shape}")
                 if not np.isfinite(weights[key]).all():
                     raise ValueError(f"{key} holds values that are not finite")
-            scale = float(sheet["error_scale"])
-            if not 0 < scale < 1e6:
-                raise ValueError(f"error_scale is {scale}")
             return KeypointHead(
                 str(sheet["craft"]),
                 str(sheet["trunk_sha256"]),
                 np.asarray(weights.pop("keypoints_m"), float),
-                scale,
                 weights,
             )
         except (
@@ -150,7 +143,6 @@ class KeypointHead:
             "version": VERSION,
             "craft": self.craft,
             "trunk_sha256": self.trunk_sha256,
-            "error_scale": self.error_scale,
         }
         arrays = {key: self.weights[key].astype(np.float16) for key in SHAPES if key in self.weights}
         data = io.BytesIO()
