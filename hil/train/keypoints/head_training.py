@@ -115,8 +115,8 @@ def train_head(
     Raises
     ------
     UserError
-        If the craft has too few distinct keypoints or too many triangles, the disk is full, or a stopped run there was of
-        other views or is damaged.
+        If the craft has too few distinct keypoints or too many triangles, the disk is full, or a run that was stopped
+        there was of other views or is damaged.
     """
     target = load_target(name)
     model = board_model(target)
