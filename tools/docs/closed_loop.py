@@ -1,4 +1,4 @@
-"""Makes the images of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's.
+"""Makes the image of docs/hil_closed_loop.md, an approach in its corridor with its errors, and prints the forecast.
 
     python -m tools.docs.closed_loop LEDGER -o docs/images
 
@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flyaround.hil.host.attitude_forecast import Forecasts, fly_forecasts, forecast_figure
+from flyaround.hil.host.attitude_forecast import Forecasts, fly_forecasts
 from flyaround.hil.host.closed_loop_run import STEPS_CSV
 from flyaround.simulator.reports.plots import BLUE, DIM, GREEN, ORANGE, VERMILION, figure_with_axes
 from flyaround.simulator.scenario.load import load_scenario
@@ -78,7 +78,7 @@ def two_curves(ax: Axes, t: np.ndarray, error: np.ndarray, sigma: np.ndarray, wh
 
 
 def forecasts() -> list[tuple[str, Forecasts]]:
-    """Plot the errors over the horizon, for each target's motion."""
+    """Return the errors over the horizon, for each target's motion."""
     return [
         (name, fly_forecasts(plan_flight(load_scenario(scenario), n=1), runs=RUNS, horizon_s=HORIZON_S))
         for name, scenario in SCENARIOS.items()
@@ -93,15 +93,13 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def main() -> None:
-    """Write both images and print the forecast's table."""
+    """Write the image and print the forecast's table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ledger", type=Path)
     parser.add_argument("-o", "--out", type=Path, required=True)
     given = parser.parse_args()
     save(approach_picture(read_steps(given.ledger)), given.out / "closed_loop.jpg")
-    found = forecasts()
-    save(forecast_figure(found), given.out / "attitude_forecast.jpg")
-    for name, errors in found:
+    for name, errors in forecasts():
         for model, of_model in (("rigid body", errors.rigid_body), ("constant rate", errors.constant_rate)):
             cells = " | ".join(f"{e.rms_deg:.2f} ({e.p95_deg:.2f})" for e in of_model[:: len(of_model) // 6])
             print(f"| {name}, {model} | {cells} |")

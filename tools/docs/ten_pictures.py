@@ -1,7 +1,7 @@
 """Ten images that most tell a drawing from a photograph: python -m tools.docs.ten_pictures FOLDER.
 
-Run before and after a change, they are the two columns of docs/validation/ten_pictures.md. Radiance of the preset
-``high``, one tone curve, no noise.
+Run them before and after a change of the renderer. Radiance of the preset ``high``, one tone curve, no noise. Five of
+them are scenes of the gallery, whose images docs/validation/ten_pictures.md shows.
 """
 
 from __future__ import annotations
