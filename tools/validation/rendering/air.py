@@ -31,13 +31,11 @@ VIEWS_DEG, AZIMUTHS_DEG = (10.0, 25.0, 40.0, 55.0, 66.0), (0.0, 90.0, 180.0)
 BANDS = ("panchromatic", "red", "green", "blue")
 FLAT_RADIUS_M = 6.4e8  # the solver's air is plane
 NOTES = """
-The air against PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and Nakajima-Tanaka
-corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66 deg from the
-zenith, at azimuths of 0 (towards the glint), 90 and 180 deg. Optical depths, phase functions and profiles are ours on
-both sides, the Earth's radius a hundredfold, for the solver's air is plane; `python -m tests.reference.make_disort`
-made the numbers. The largest differences are of light that the aerosol scatters forward twice: a low Sun ahead, over
-black ground. The sky over snow, which no camera here looks up at, is up to a third too bright near the horizon for the
-same reason.
+Relative differences from PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and
+Nakajima-Tanaka corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66 deg from the zenith, at azimuths of 0
+(towards the glint), 90 and 180 deg. Optical depths, phase functions and profiles are ours on both sides, the Earth's
+radius a hundredfold, because the solver's air is plane (`python -m tests.reference.make_disort`). The largest
+differences are of light that the aerosol scatters forward twice: a low Sun ahead, over black ground.
 """
 
 
@@ -126,7 +124,7 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physi
     up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [
         (
-            f"light that leaves the air over ground of albedo {albedo:g}, {name}, largest",
+            f"light leaving the air, albedo {albedo:g}, {name}, largest",
             goal,
             np.abs(up[k, ..., band]).max(),
         )
@@ -142,7 +140,7 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physi
     ]
     return [
         Row(
-            what=f"{what} relative difference",
+            what=what,
             against="PythonicDISORT",
             unit="1",
             goal=goal,

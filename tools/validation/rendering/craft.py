@@ -53,25 +53,17 @@ MITSUBA_VIEWS = (
     ((1.2, -1.4, 0.5), (-0.4, 0.9, -0.7), 2560, 4096),
 )
 NOTES = """
-Edges are of a plate wholly in the frame, their true places by OpenCV's projection of 400 points of each. A lens
-bends them; straight pieces of what is drawn lie up to 0.02 px on their inner side (docs/adr/0017), and where two pieces
-meet, in one row of a thousand, a sample between them may count for the wrong one: a seventh of a pixel by default.
-Where the driver clips a mesh far outside it, its rounding differs from ours and one row in a thousand is up to 0.16 px
-off (docs/adr/0003).
-Tango against Mitsuba: path traced to six bounces with the same mesh, glTF materials written again from their
-specification (cells have a coat of 0.9 here, so that both draw them without films and busbars), the Sun's disc as 32
-points and an even sky; the pixels compared are wholly on the target, one pixel from its silhouette,
-and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson et al. 2021) over the whole picture at 67
-pixels a degree; its goal is ours. The row before it leaves out too what lies beside a step of depth of more than 1 cm:
-outlines of one part before another are silhouettes as well. Our picture's light between parts is baked on nodes 2.5 cm
-apart by default and 0.9 cm in `high` (docs/adr/0009). Left in `high` are, most of all, a
-frame's rim mirrored in the cells beside it, light between parts in crevices narrower than a node, and the Sun in the
-1.4 mm gaps between cells, a third of a pixel wide. By default each surface in a pixel is lit as at one point, gaps have
-the area that seven samples find, and the shadow map's texels are 1 to 3 mm: of the pixels in which it differs from
-`high` by more than a tenth (8 to 12 % in the three views), 39 to 90 % lie beside edges 0.2 mm to 1 cm high, cells' rims
-and gaps above all, and 6 to 34 % beside higher ones. Their cure, shading the parts of a pixel apart, takes a sixth of
-`high`'s frame. So the 95th percentile is asked of `high`, the preset made for likeness, and reported of `default`, the
-preset made for fifteen pictures a second; every other row is asked of both.
+Edges: a plate wholly in the frame, true places by OpenCV's projection of 400 points of each edge. Through a lens,
+straight pieces lie up to 0.02 px on the inner side (docs/adr/0017); where two meet, a sample may count for the wrong
+one. Where the driver clips a mesh far outside it, one row in a thousand is up to 0.16 px off (docs/adr/0003).
+
+Tango against Mitsuba: path traced to six bounces with the same mesh and glTF materials (cells have a coat of 0.9 here,
+so that both draw them without films and busbars), the Sun's disc as 32 points and an even sky. Compared pixels are
+wholly on the target, one pixel from its silhouette, and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson et al.
+2021) at 67 pixels a degree; its goal is ours. "No steps" also leaves out pixels beside a step of depth of more than
+1 cm. What is left in `high`: a frame's rim mirrored in the cells beside it, light between parts in crevices narrower
+than a baked node (docs/adr/0009), and the Sun in the 1.4 mm gaps between cells. In `default` each surface in a pixel is
+lit as at one point and the shadow map's texels are 1 to 3 mm, so the 95th percentile is required of `high` alone.
 """
 
 
@@ -293,7 +285,7 @@ def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: floa
         )
         rows += [
             Row(
-                what=f"Position of straight edges of every slope{lens}, preset `{quality}`, {name}",
+                what=f"Straight edges{lens}, `{quality}`, {name}",
                 against="projection",
                 unit="px",
                 goal=goal,
@@ -361,7 +353,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
         limits = {
             "relative radiance, median": 0.03,
             "95th percentile": 0.10,
-            "95th percentile, outlines of parts before others left out too": 0.10,
+            "95th percentile, no steps": 0.10,
             "FLIP over the whole picture": 0.05,
         }
         worst = (
@@ -372,7 +364,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
         )
         out += [
             Row(
-                what=f"Tango at 6 m, Sun and even sky, preset `{quality}`, {name}, worst of three views",
+                what=f"Tango at 6 m, `{quality}`, {name}, worst of three views",
                 against=against,
                 unit="1",
                 goal=goal,

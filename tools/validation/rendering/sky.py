@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 LIGHT_M_S, PLANCK_J_S = 299_792_458.0, 6.62607015e-34
 NOTES = """
-The limb is that before the Sun, half down: what the ground hides of each pixel of its disc, beside the share of 48 by
-48 rays that meet the ellipsoid. A column's sum of the differences, along the limb's normal, is how far it is off there.
+The limb row compares how much of each pixel of the Sun's disc, half set, the ground hides with the share of 48 by 48
+rays that meet the ellipsoid, summed along the limb's normal.
 """
 
 
