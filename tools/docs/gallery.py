@@ -271,7 +271,7 @@ def main(names: list[str] | None = None) -> None:
             path = folder / f"{name}.jpg"
             if not names or name in names:
                 write_jpeg(path, picture(renderer))
-            lines += ["", f"## {caption}", "", f"![{caption}](images/gallery/{name}.jpg)"]
+            lines += ["", f"## {caption}", "", f"![{name}](images/gallery/{name}.jpg)"]
     (DOCS / "gallery.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -50,38 +50,33 @@ def _section(target: Target) -> str:
 
 INTRODUCTION = """# Targets
 
-Made by `python -m tools.docs.targets`; do not edit. Left and middle: the craft with the Sun behind the camera and a
-little light from the other side. Right: what can be seen of its wireframe (blue) and its keypoints (orange; those
-that the craft hides as rings).
-`flyaround targets --contact-sheet DIR` makes a larger page with all six sides, your own targets among them.
+Made by `python -m tools.docs.targets`. Left and middle: the craft with the Sun behind the camera and a little light
+from the other side. Right: its visible wireframe (blue) and its keypoints (orange; rings where the craft hides them).
+`flyaround targets --contact-sheet DIR` makes a larger page, your own targets included.
 
-Surfaces of their own kind, beside the metal, paint and glass of glTF. `draft` has one scale of creases, no tape and no
-contacts on cells.
+The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh. The pose
+estimator knows Tango best: it has a [network](hybrid.md#the-keypoint-network) for seven of these targets, and its
+confidence was fitted on Tango. For an added craft [train one](hybrid.md#a-craft-of-your-own), and check the exposure:
+`capture` says how much of the craft is burnt out, and proposes an exposure.
 
-- Foil (a material with `crinkle` and metalness): curved facets of 2 mm to 13 cm, sharp creases between them (Blair &
-  Kudrolli 2005). The film mirrors Sun and Earth; three tenths of its light go into the wide lobe of creases below a
-  millimetre, none is lost. Tape lies along seams. Facets below a pixel widen the lobe by the variance of their slopes
-  (Olano & Baker 2010).
-- Its colour is that of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton, film
-  outside: 0.40 of all sunlight), silver 0.26 (aluminised FEP 0.16 when new; both Fortescue et al. 2011, table 11.3).
+Surfaces beside the metal, paint and glass of glTF (`draft` has one scale of creases, no tape and no contacts on
+cells):
+
+- Foil (a material with `crinkle` and metalness): curved facets of 2 mm to 13 cm with sharp creases between them
+  (Blair & Kudrolli 2005), and tape along seams. Three tenths of the light go into the wide lobe of creases below a
+  millimetre. Facets below a pixel widen the lobe by the variance of their slopes (Olano & Baker 2010).
+- Its colour is that of the metal seen through its film: gold absorbs 0.37 of visible sunlight (aluminised Kapton,
+  film outside: 0.40 of all sunlight), silver 0.26 (aluminised FEP 0.16 when new; both Fortescue et al. 2011, table
+  11.3).
 - Cells and lenses (dark under polished glass): Fresnel reflection of cover glass with a quarter wave of magnesium
   fluoride, and of the cell with one of titanium oxide (Macleod 2010): blue, violet at a slant, white at grazing.
 - Cells in a lattice: no two alike in tilt (0.2 deg) and film; two busbars, and fingers, to their share of a pixel.
-- Sheets at the back of panels: reflectance that differs by some hundredths over decimetres, joints every 0.4 m.
+- Backs of panels: reflectance that differs by some hundredths over decimetres, joints every 0.4 m.
 
-The format is described in [formats/target.md](formats/target.md); `flyaround targets add FILE` adds a mesh.
-
-What is drawn and labelled is as right for an added craft as for these. The pose estimator is not: it has a learned
-proposal for seven of them, and its confidence was fitted on Tango. Of an added craft expect about half of the poses
-to be right and few or none to be accepted; [what training one takes](hybrid.md#a-craft-of-your-own). Check the exposure
-too: `capture` says how much of the craft is burnt out, and proposes an exposure.
-
-`python -m tools.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` holds a
-target against a picture of the real craft: it fits pose and focal length to the outline (polygons traced by hand, or
-what is brighter than `--threshold` before a black sky) and prints the overlap of the two filled outlines, area of both
-over area of either. Tango beside six public pictures 1200 pixels wide, the craft 700 wide in them: panel 0.985, bottom
-0.981, -y 0.984, +y 0.975, +x 0.971, -x 0.963; outlines lie 1 px apart in the median (1.5 mm). What is left is mostly
-what a tracing or a threshold cannot see: dark fittings before a dark sky, gaps between trusses."""
+`python -m tools.validation.outline PICTURE --side=+y [--target NAME] [--outline FILE.json] [-o OUT.png]` compares a
+target with a picture of the real craft: it fits pose and focal length to the outline and prints the overlap of the
+filled outlines, intersection over union. Tango beside six public pictures 1200 pixels wide: panel 0.985, bottom
+0.981, -y 0.984, +y 0.975, +x 0.971, -x 0.963; outlines lie 1 px apart in the median (1.5 mm)."""
 
 if __name__ == "__main__":
     write_docs([load_target(name) for name in built_in_targets()], Path(__file__).parents[2] / "docs")

@@ -32,10 +32,11 @@ BANDS = ("panchromatic", "red", "green", "blue")
 FLAT_RADIUS_M = 6.4e8  # the solver's air is plane
 NOTES = """
 Relative differences from PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and
-Nakajima-Tanaka corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66 deg from the zenith, at azimuths of 0
-(towards the glint), 90 and 180 deg. Optical depths, phase functions and profiles are ours on both sides, the Earth's
-radius a hundredfold, because the solver's air is plane (`python -m tests.reference.make_disort`). The largest
-differences are of light that the aerosol scatters forward twice: a low Sun ahead, over black ground.
+Nakajima-Tanaka corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66
+deg from the zenith, at azimuths of 0 (towards the glint), 90 and 180 deg. Optical depths, phase functions and
+profiles are ours on both sides, the Earth's radius a hundredfold, because the solver's air is plane (`python -m
+tests.reference.make_disort`). The largest differences are of light that the aerosol scatters forward twice: a low Sun
+ahead, over black ground.
 """
 
 

@@ -113,10 +113,10 @@ LOBES = (
 D65 = np.array([0.9505, 1.0, 1.089])
 SRGB_FROM_XYZ = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.204, 1.057]])
 NOTES = """
-Limbs from 400 km at eight heights of the Sun, from noon to dusk: our three bands beside the same air at 30 wavelengths,
-averaged over each band. Bands of 100 nm are not the colours of a screen: shown as such, the limb looks violet.
-`SRGB_FROM_BANDS` maps the bands, times `sunlight_balance`, to linear sRGB: the least squares over those limbs, sand,
-soil, leaves, sea, paints and lamps (these count double). It keeps white.
+Limbs from 400 km at eight heights of the Sun, from noon to dusk: our three bands beside the same air at 30
+wavelengths, averaged over each band. Bands of 100 nm are not the colours of a screen: shown as such, the limb looks
+violet. `SRGB_FROM_BANDS` maps the bands, times `sunlight_balance`, to linear sRGB: the least squares over those
+limbs, sand, soil, leaves, sea, paints and lamps (these count double). It keeps white.
 """
 
 

@@ -57,13 +57,14 @@ Edges: a plate wholly in the frame, true places by OpenCV's projection of 400 po
 straight pieces lie up to 0.02 px on the inner side (docs/adr/0017); where two meet, a sample may count for the wrong
 one. Where the driver clips a mesh far outside it, one row in a thousand is up to 0.16 px off (docs/adr/0003).
 
-Tango against Mitsuba: path traced to six bounces with the same mesh and glTF materials (cells have a coat of 0.9 here,
-so that both draw them without films and busbars), the Sun's disc as 32 points and an even sky. Compared pixels are
-wholly on the target, one pixel from its silhouette, and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson et al.
-2021) at 67 pixels a degree; its goal is ours. "No steps" also leaves out pixels beside a step of depth of more than
-1 cm. What is left in `high`: a frame's rim mirrored in the cells beside it, light between parts in crevices narrower
-than a baked node (docs/adr/0009), and the Sun in the 1.4 mm gaps between cells. In `default` each surface in a pixel is
-lit as at one point and the shadow map's texels are 1 to 3 mm, so the 95th percentile is required of `high` alone.
+Tango against Mitsuba: path traced to six bounces with the same mesh and glTF materials (cells have a coat of 0.9
+here, so that both draw them without films and busbars), the Sun's disc as 32 points and an even sky. Compared pixels
+are wholly on the target, one pixel from its silhouette, and above 2 % of the brightest. FLIP is HDR-FLIP (Andersson
+et al. 2021) at 67 pixels a degree; its goal is ours. "No steps" also leaves out pixels beside a step of depth of more
+than 1 cm. What is left in `high`: a frame's rim mirrored in the cells beside it, light between parts in crevices
+narrower than a baked node (docs/adr/0009), and the Sun in the 1.4 mm gaps between cells. In `default` each surface in
+a pixel is lit as at one point and the shadow map's texels are 1 to 3 mm, so the 95th percentile is required of `high`
+alone.
 """
 
 

@@ -43,11 +43,11 @@ SIZE, FIELD_RAD = 128, 0.046
 WIDE = 300e3  # height from which the whole Earth is seen [km]
 PHASES_DEG = (5.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 NOTES = """
-Full Earth: two thirds of the spherical albedo of 0.295 +- 0.008 (Penttila et al. 2022, Front. Remote Sens. 3, 790723),
-times an anisotropy near the Sun's direction of 1.27: our estimate, after angular distribution models as Su et al.
-(2021, Front. Remote Sens. 2, 747859) apply them to DSCOVR. Older photometry of the dark Moon (Allen 2000: 0.367; Mallama,
-Krobusek & Pavlov 2017: 0.434) contradicts both it and the reflectances below. The Moon's rows are means of the waxing
-and the waning Moon. "Twin": the same physics in double precision on the CPU.
+Full Earth: two thirds of the spherical albedo of 0.295 +- 0.008 (Penttila et al. 2022, Front. Remote Sens. 3,
+790723), times an anisotropy near the Sun's direction of 1.27: our estimate, after angular distribution models as Su
+et al. (2021, Front. Remote Sens. 2, 747859) apply them to DSCOVR. Older photometry of the dark Moon (Allen 2000:
+0.367; Mallama, Krobusek & Pavlov 2017: 0.434) contradicts both it and the reflectances below. The Moon's rows are
+means of the waxing and the waning Moon. "Twin": the same physics in double precision on the CPU.
 """
 
 

@@ -28,15 +28,15 @@ SIZE_PX = 64
 _HEIGHT_KM = 700.0
 _CLEAR = Environment(clouds=False, stars=False, planets=False, moon=False)
 NOTES = """
-From straight above: mean of the drawn radiance times pi over the Sun's irradiance on level ground, 450-750 nm. Desert:
-Libya 4, the mean of years of MODIS and OLI at the top of the air, 0.24, 0.34 and 0.45 in blue, green and red (Mishra
-et al. 2014, Remote Sensing 6, 1327). Snow: albedo 0.97 in the visible (Warren 1982; Grenfell, Warren & Mullen 1994) and
-its anisotropy from straight above (Hudson et al. 2006; higher Suns: Dumont et al. 2010, ACP 10, 2507). Forest: 0.025,
-0.05 and 0.03 in blue, green and red (MODIS MCD43, evergreen broadleaf). Sea: clear water (Morel & Maritorena 2001) and
-the glint of 6 m/s (Cox & Munk 1954). Cloud: optical depth 100, asymmetry 0.85; deep convective clouds are as bright
-(Doelling et al. 2013). The last four, and the air above them, by PythonicDISORT 1.8, Rayleigh 0.085, aerosol 0.05,
-ozone 0.022. City lights: 25 to 60 is our reading of maps of Suomi NPP's day-night band (Elvidge et al. 2017) around
-large cities, 50 km wide, clear and moonless; no table of such means is known to us.
+From straight above: mean of the drawn radiance times pi over the Sun's irradiance on level ground, 450-750 nm.
+Desert: Libya 4, the mean of years of MODIS and OLI at the top of the air, 0.24, 0.34 and 0.45 in blue, green and red
+(Mishra et al. 2014, Remote Sensing 6, 1327). Snow: albedo 0.97 in the visible (Warren 1982; Grenfell, Warren & Mullen
+1994) and its anisotropy from straight above (Hudson et al. 2006; higher Suns: Dumont et al. 2010, ACP 10, 2507).
+Forest: 0.025, 0.05 and 0.03 in blue, green and red (MODIS MCD43, evergreen broadleaf). Sea: clear water (Morel &
+Maritorena 2001) and the glint of 6 m/s (Cox & Munk 1954). Cloud: optical depth 100, asymmetry 0.85; deep convective
+clouds are as bright (Doelling et al. 2013). The last four, and the air above them, by PythonicDISORT 1.8, Rayleigh
+0.085, aerosol 0.05, ozone 0.022. City lights: 25 to 60 is our reading of maps of Suomi NPP's day-night band (Elvidge
+et al. 2017) around large cities, 50 km wide, clear and moonless; no table of such means is known to us.
 """
 
 
