@@ -1,6 +1,7 @@
 """Test vectors of the protocol: packets as bytes and as fields, for decoders written elsewhere.
 
-``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them anew.
+``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them anew, and with ``--session``
+``docs/hil_session.txt``.
 """
 
 from __future__ import annotations
@@ -198,7 +199,7 @@ SESSION: list[tuple[str, Message]] = [
     ("board", Credit(0, 1)),
     ("host", Bye("the run is over")),
 ]
-"""One session in lockstep on one frame, as docs/hil_protocol.md walks it."""
+"""One session in lockstep on one frame, as docs/hil_session.txt shows it."""
 
 
 def session_packets() -> list[tuple[str, Message, bytes]]:
@@ -261,6 +262,6 @@ def vectors() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    # --session: the bytes of the page
+    # --session: docs/hil_session.txt
     asked = session_text() if "--session" in sys.argv[1:] else json.dumps(vectors(), indent=1)
     sys.stdout.write(asked + "\n")
