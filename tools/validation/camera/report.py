@@ -7,18 +7,12 @@ function from a slanted edge.
 from __future__ import annotations
 
 import argparse
-import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flyaround.simulator.camera.detector.image_noise import start_noise
-from flyaround.simulator.camera.detector.optics import Optics
 from flyaround.simulator.camera.detector.presets import list_sensor_presets, sensor_preset
-from flyaround.simulator.camera.detector.sensor import Detector
-from flyaround.simulator.imaging.image_formation import digitise, expose
 from flyaround.simulator.render.renderer import Renderer
 from flyaround.simulator.runtime.files import write_atomic
 from tools.validation.camera.calibration import LENSES, calibrate
@@ -29,8 +23,6 @@ from tools.validation.camera.mtf import CASES, FREQUENCIES, compare, drawn_edge
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from flyaround.simulator.camera.detector.sensor import Sensor
-    from flyaround.simulator.runtime.arrays import Float32Array
 
 PAGE = Path("docs/validation/camera.md")
 GOALS = {"system gain [DN/e]": 0.01, "read noise [e]": 0.03}
@@ -63,12 +55,6 @@ TRANSFER_NOTE = (
     f"of the PSF times the pixel's, 0.05 to 0.45 cycles per pixel. Goal: within {MTF_GOAL} of full contrast. A PSF "
     "much narrower than 0.7 px cannot be represented on whole pixels without negative light: its kernel is the "
     "nearest one."
-)
-_RENDERER_S = 0.04  # that a picture takes
-COST_NOTE = (
-    "Blur, noise and quantisation of a 1920 x 1200 picture on two threads of the machine that made this page, best "
-    "of seven. As in a frame, the noise of `speed` and `thesis` is drawn before the picture is there: it is in the "
-    "processor's time and not in the wall time."
 )
 COUNT_NOTE = (
     "1e5 drawn counts against the Poisson law; 1e5 digital numbers of each detector, its pixels made equal, against "
@@ -210,45 +196,6 @@ def transfer(renderer: Renderer) -> Section:
     return lines, good
 
 
-def cost(_seed: int) -> Section:
-    """Time of blur and noise at 1920x1200: a report, no goal, as it depends on the machine."""
-    lines = [
-        "## Cost",
-        "",
-        COST_NOTE,
-        "",
-        "| sensor | wall [ms] | processor [ms] |",
-        "|---|---|---|",
-    ]
-    picture = np.full((1200, 1920), 30.0, np.float32)
-    picture[:400] = 0.0
-    lit = np.full_like(picture, 30.0)
-    lit[300:500, 800:1100] = 3e5
-    overflow = sensor_preset("imx174")
-    overflow = replace(overflow, detector=replace(overflow.detector or Detector(), blooming=0.5))
-    diffraction = Optics(f_number=8.0, psf="airy", psf_sigma_px=0.5)
-    cases: list[tuple[str, Sensor, Optics | None, Float32Array]]
-    cases = [(name, sensor_preset(name), None, picture) for name in list_sensor_presets()]
-    cases += [
-        (f"{name}, diffraction and aberrations (`airy`)", sensor_preset(name), diffraction, picture)
-        for name in ("imx174", "cmv4000")
-    ]
-    cases += [("imx174, 300 of 1920 columns overflow (`blooming`)", overflow, None, lit)]
-    for name, sensor, optics, light in cases:
-        runs = []
-        for k in range(7):
-            cpu = time.process_time()
-            noise = start_noise(light.shape, sensor, 1, k)
-            time.sleep(_RENDERER_S)
-            wall = time.perf_counter()
-            digitise(expose(light, sensor, 1e-3, 1.0, optics), sensor, 1, k, 1e-3, noise=noise)
-            runs.append((time.perf_counter() - wall, time.process_time() - cpu))
-        lines.append(
-            f"| {name} | {min(r[0] for r in runs) * 1e3:.1f} | {min(r[1] for r in runs) * 1e3:.1f} |"
-        )
-    return lines, True
-
-
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
     """Measure, print and write the page; 0 when every goal is met."""
     parser = argparse.ArgumentParser(description="Measure the simulated camera.")
@@ -268,7 +215,7 @@ def main(arguments: list[str] | None = None, say: Callable[[str], None] = print)
         "",
         *more,
     ]
-    for part in (detector, photons, cost):
+    for part in (detector, photons):
         more, also_met = part(options.seed)
         met &= also_met
         lines += ["", *more]
