@@ -17,10 +17,10 @@ SMALLER = {"--minutes 20 --threads 2": "--views 30 --steps 4", "-n 40 ": "-n 3 "
 def test_own_estimator(tmp_path):
     pytest.importorskip("torch", reason="the extra 'train'")
     parts = [
-        trimesh.creation.box((800, 600, 500)),
-        trimesh.creation.box((1800, 20, 400), trimesh.transformations.translation_matrix((300, 0, 150))),
+        trimesh.creation.box((0.8, 0.6, 0.5)),
+        trimesh.creation.box((1.8, 0.02, 0.4), trimesh.transformations.translation_matrix((0.3, 0, 0.15))),
     ]
-    trimesh.util.concatenate(parts).export(tmp_path / "my_craft.stl")
+    trimesh.util.concatenate(parts).export(tmp_path / "satellite.stl")
     text = PAGE.read_text()
     for words, fewer in SMALLER.items():
         assert words in text
