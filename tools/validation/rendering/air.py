@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 REFERENCE = Path("tests/reference/disort.csv")
 GROUNDS, SUNS_DEG = (0.0, 0.3, 0.8), (30.0, 60.0, 75.0)
 VIEWS_DEG, AZIMUTHS_DEG = (10.0, 25.0, 40.0, 55.0, 66.0), (0.0, 90.0, 180.0)
-BANDS = ("panchromatic", "red", "green", "blue")
 FLAT_RADIUS_M = 6.4e8  # the solver's air is plane
 NOTES = """
 Relative differences from PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and
@@ -125,12 +124,11 @@ def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physi
     up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [
         (
-            f"light leaving the air, albedo {albedo:g}, {name}, largest",
+            f"light leaving the air, albedo {albedo:g}, largest of all bands",
             goal,
-            np.abs(up[k, ..., band]).max(),
+            np.abs(up[k]).max(),
         )
         for k, (albedo, goal) in enumerate(zip(GROUNDS, (0.12, 0.08, 0.06), strict=True))
-        for band, name in enumerate(BANDS)
     ]
     measured += [
         ("the same, rms of all", 0.03, _rms(up)),
