@@ -20,7 +20,7 @@ def test_own_estimator(tmp_path):
         trimesh.creation.box((0.8, 0.6, 0.5)),
         trimesh.creation.box((1.8, 0.02, 0.4), trimesh.transformations.translation_matrix((0.3, 0, 0.15))),
     ]
-    trimesh.util.concatenate(parts).export(tmp_path / "satellite.stl")
+    trimesh.util.concatenate(parts).export(tmp_path / "satellite.obj")
     text = PAGE.read_text()
     for words, fewer in SMALLER.items():
         assert words in text
