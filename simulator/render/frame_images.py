@@ -134,9 +134,7 @@ class FrameImages:
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
-        """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels, and return their rows and columns
-        too.
-        """
+        """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels; also return their rows and columns."""
         window = slice(rect.y0, rect.y1), slice(rect.x0, rect.x1)
         size = rect.y1 - rect.y0, rect.x1 - rect.x0
         bands = () if self.bands == 1 else (self.bands,)

@@ -143,7 +143,7 @@ class UniformBlocks:
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
-        """The blocks in order of their binding."""
+        """Return the blocks in order of their binding."""
         return (
             self.frame,
             self.target,
