@@ -51,7 +51,7 @@ class FrameRequest:
     Parameters
     ----------
     labels : True for truth and mask, or a request for further layers.
-    timed : wait for the driver after every pass to time it; None leaves the renderer's setting.
+    timed : True to wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -118,7 +118,7 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         RuntimeError
-            If frames of an earlier, interrupted call are in progress: they would be confused with this one's.
+            If frames of an earlier, interrupted call are in flight: they would be confused with this one's.
         """
         if self.in_flight > 0:
             raise RuntimeError("frames of an interrupted run are in flight; open another producer")
@@ -217,7 +217,7 @@ class OpenRenderer:
             os.nice(self.gives_way)
         if self.progress is not None:
             publish_progress(self.progress)
-        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
+        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - callers need not load OpenGL
 
         prefetched = prefetch_maps_of(self.first)
         from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
@@ -294,7 +294,7 @@ def open_frames(
         ) as elsewhere:
             yield elsewhere
         return
-    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - processes that draw elsewhere need not load OpenGL
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     maps = prefetch_maps_of(first) if prefetched is None else prefetched

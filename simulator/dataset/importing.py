@@ -1,4 +1,4 @@
-"""Import of images with known poses from elsewhere, as a data set to evaluate estimators on."""
+"""Import of foreign images with known poses, as a data set for evaluating estimators."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MAX_PICTURE_BYTES = 500_000_000
-COLOUR_SAMPLES = 8  # images examined for colour, evenly over the set
+COLOUR_SAMPLES = 8  # images tested for colour, evenly over the set
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
     16,
-)  # an image is coloured if this share of pixels has bands this far apart, of 255
+)  # an image is in colour if this share of pixels has bands this far apart, of 255
 SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 
@@ -54,7 +54,7 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
     Raises
     ------
     UserError
-        If none is known, or the images are not of its size.
+        If none is known, or the images have another size.
     """
     if given is not None:
         camera, name = load_camera(given), f"camera {given}"
@@ -87,12 +87,12 @@ def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
 
 
 def check_grey(found: PosedPictures) -> None:
-    """Raise if images are in colour although the set's usual camera is monochrome; some are examined.
+    """Raise if sampled images are in colour although the set's usual camera is monochrome.
 
     Raises
     ------
     UserError
-        If one is in colour, so that another camera took it, whose lens is unknown.
+        If one is in colour: another camera, with an unknown lens, took it.
     """
     if not found.usual_camera or not found.pictures:
         return
@@ -107,7 +107,7 @@ def check_grey(found: PosedPictures) -> None:
 
 
 def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
-    """Return the card of a data set of imported images, not complete yet."""
+    """Return the card of a data set of imported images, marked incomplete."""
     source = f"{found.labels.resolve().parent.name}/{found.labels.name}"
     return DatasetCard(
         scenario_name=source,
@@ -148,7 +148,7 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
     Raises
     ------
     UserError
-        If it is not one, or larger than any that is read.
+        If it is not an image, or too large.
     """
     data = _data(path)
     image: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
@@ -164,10 +164,10 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
 def label_imported(
     k: int, picture: PosedPicture, image: NDArray[np.unsignedinteger], camera: Camera, target: Target
 ) -> tuple[ImportedTruth, ByteArray]:
-    """Return the record of image k and its mask (H, W), as they follow from pose, camera and model."""
+    """Return the record of image k and its mask (H, W), derived from pose, camera and model."""
     pose = picture.camera_from_target
-    seen = silhouette(camera, pose, target)
-    reason = infeasible_reason(seen.inside, 1.0, seen.box_amodal_px)
+    outline = silhouette(camera, pose, target)
+    reason = infeasible_reason(outline.inside, 1.0, outline.box_amodal_px)
     corners = box_3d_m(target)
     truth = ImportedTruth(
         source=picture.name,
@@ -177,28 +177,28 @@ def label_imported(
         t_camera_from_target_m=pose.t_m,
         camera=camera,
         keypoints=_keypoints(camera, pose, target),
-        box_px=mask_box(seen.mask),
-        box_amodal_px=seen.box_amodal_px,
+        box_px=mask_box(outline.mask),
+        box_amodal_px=outline.box_amodal_px,
         feasible=reason == "",
         infeasible_reason=reason,
-        silhouette_inside=seen.inside,
+        silhouette_inside=outline.inside,
         image_sha256=pixel_hash(image),
-        mask_sha256=pixel_hash(seen.mask),
+        mask_sha256=pixel_hash(outline.mask),
         box_3d_target_m=tuple(vec3(p) for p in corners),
         box_3d_px=tuple(pixel_or_none(p) for p in camera.project(pose.apply(corners))),
     )
-    return truth, seen.mask
+    return truth, outline.mask
 
 
 def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabel, ...]:
     points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
     pixels = camera.project(pose.apply(points))
     inside = camera.contains(pixels)
-    hidden = np.zeros(len(points), bool)
-    hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
+    is_hidden = np.zeros(len(points), bool)
+    is_hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
     states: list[KeypointState] = [
         "out_of_frame" if not on else "self_occluded" if behind else "visible"
-        for on, behind in zip(inside, hidden, strict=True)
+        for on, behind in zip(inside, is_hidden, strict=True)
     ]
     return tuple(
         KeypointLabel(name=k.name, target_m=k.position_m, pixel_px=pixel_or_none(at), state=state)

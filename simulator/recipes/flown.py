@@ -40,7 +40,7 @@ _LIT_SHARE = 0.5
 def flown_scene(
     rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
 ) -> SceneState:
-    """Return sample k of a recipe whose poses are flown, with the light and the sky of its moment."""
+    """Return sample k of a recipe whose poses come from flights, with light and sky of that time."""
     poses, document = recipe.poses, msgspec.json.encode(recipe)
     if isinstance(poses, Sequences):
         number, step = divmod(k, poses.frames)
@@ -66,7 +66,7 @@ def _flight(document: bytes, target: str, seed: int, number: int) -> Plan:
     """Return flight ``number`` of a recipe, encoded as JSON, with the recipe's target, camera and light."""
     recipe = msgspec.json.decode(document, type=Recipe)
     poses = recipe.poses
-    assert isinstance(poses, AboutTrajectory | Sequences)  # noqa: S101 - callers have seen to it
+    assert isinstance(poses, AboutTrajectory | Sequences)  # noqa: S101 - callers check this
     try:
         scenario = load_scenario(poses.scenario)
     except UserError as error:

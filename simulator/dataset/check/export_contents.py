@@ -1,4 +1,4 @@
-"""Contents of an exported file, entry by entry, for comparison with the file of another set of frames."""
+"""Contents of an exported file, entry by entry, for comparison with an independently written one."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
-"""Bounds on the difference between two JPEG decoders of the same image [DN]."""
+"""Bounds on the difference between two decoders of the same JPEG image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
-"""Tolerances of numbers recomputed with other versions of the libraries."""
+"""Tolerances of numbers computed with other versions of the libraries."""
 MAX_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
@@ -45,7 +45,7 @@ class Entry:
 
     Parameters
     ----------
-    key : unique within the file, or within the shards of a split. frame : number of the frame, if it belongs to one.
+    key : unique in the file, or in the shards of a split. frame : number of the frame, if the entry belongs to one.
     """
 
     key: str
@@ -61,7 +61,7 @@ class JpegPixels:
 
 
 def entries(name: str, data: bytes) -> Iterator[Entry]:
-    """Yield the contents of a file; an unknown file type is a single entry, its bytes.
+    """Yield the contents of a file; a file of unknown type is a single entry, its bytes.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def is_cut(name: str, last_bytes: bytes) -> bool:
     """Return True if a file is truncated, judged by its type."""
     suffix = Path(name).suffix
     if not last_bytes:
-        return suffix != ".txt"  # YOLO's label of an empty picture
+        return suffix != ".txt"  # an empty image has an empty YOLO label
     return not last_bytes.endswith(_ENDS.get(suffix, b""))
 
 
@@ -115,7 +115,7 @@ def is_same(expected: Any, found: Any) -> bool:  # noqa: ANN401 - any value of a
             and all(is_same(a, b) for a, b in zip(expected, found, strict=True))
         )
     if isinstance(expected, bytes) and expected != found and expected.startswith(_PNG):
-        # another version of the library compresses otherwise
+        # other versions of the library compress differently
         return bool(np.array_equal(decode_png(expected, "picture"), decode_png(found, "picture")))
     if isinstance(expected, float) and isinstance(found, int | float):
         return math.isclose(expected, found, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
@@ -154,11 +154,11 @@ def _json(data: bytes) -> Iterator[Entry]:
 
 
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    document = dict(pairs)
+    if len(document) < len(pairs):
         repeated = next(name for k, (name, _) in enumerate(pairs) if name in dict(pairs[:k]))
         raise ValueError(f"key {repeated!r} is there twice")
-    return found
+    return document
 
 
 def refuse_repeated_keys(data: bytes, where: str) -> None:
@@ -176,18 +176,18 @@ def refuse_repeated_keys(data: bytes, where: str) -> None:
 
 
 def _number_in(name: str) -> int | None:
-    found = re.search(r"\d+", Path(name).stem)
-    return int(found[0]) if found else None
+    digits = re.search(r"\d+", Path(name).stem)
+    return int(digits[0]) if digits else None
 
 
 def _lines(data: bytes) -> Iterator[Entry]:
     """Yield the lines of a table, with numbers rounded."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for line in data.decode().splitlines():
         text = ",".join(_rounded(cell) for cell in line.split(","))
-        seen[text] = seen.get(text, 0) + 1
+        counts[text] = counts.get(text, 0) + 1
         name = re.search(r"\w*?(\d+)(_rgb)?\.png", line)
-        yield Entry(f"line {text} ({seen[text]})", "", int(name[1]) if name else None)
+        yield Entry(f"line {text} ({counts[text]})", "", int(name[1]) if name else None)
 
 
 def _rounded(cell: str) -> str:

@@ -1,4 +1,4 @@
-"""Check of the wireframe: edges by name and place, and their visibility against rays."""
+"""Check of the wireframe: edges by name and position, and their visibility against rays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EDGE_NEAR_M = 0.05
 LONG_PX = 6.0
 MAX_STRETCHES = 60
-CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
+CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # within these margins of being visible, either label is accepted
 OWN_RADII = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
 SHARPEST_COSINE = 0.985
@@ -27,7 +27,7 @@ SHARPEST_COSINE = 0.985
 
 
 def check_wireframe(truth: Truth, target: Target) -> list[str]:
-    """Check edges by name and place, and the middles of visible and hidden stretches against rays."""
+    """Check edges by name and position, and the midpoints of visible and hidden intervals against rays."""
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
     pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
@@ -35,9 +35,9 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
     wrong, caster = [], ray_oracle(target, pose)
-    asked = 0
+    n_tested = 0
     order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
-    # rods are few and thin: all of them; of the other edges others in every frame
+    # all rods, which are few and thin; a different selection of the other edges in every frame
     for number in sorted(order.tolist(), key=lambda k: ahead[k].radius_m == 0):
         edge, wire = ahead[number], truth.wireframe[number]
         ends = np.array([edge.a_m, edge.b_m])
@@ -54,12 +54,12 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
             continue
         length = float(np.hypot(*(projected[1] - projected[0])))
         for k, (a, b) in enumerate(itertools.pairwise(bounds)):
-            if (b - a) * length < LONG_PX or asked >= MAX_STRETCHES:
+            if (b - a) * length < LONG_PX or n_tested >= MAX_STRETCHES:
                 continue
-            asked += 1
-            seen, middle = k % 2 == 1, (a + b) / 2
-            if not _stretch_agrees(caster, pose, edge, middle, seen=seen):
-                word = "seen" if seen else "hidden"
+            n_tested += 1
+            is_visible, middle = k % 2 == 1, (a + b) / 2
+            if not _stretch_agrees(caster, pose, edge, middle, seen=is_visible):
+                word = "seen" if is_visible else "hidden"
                 wrong.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
     return wrong
 
@@ -68,7 +68,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
     """Return True if the point at a share of the projected edge is visible or hidden as labelled."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]
-    # shares of the projection are shares of the edge over depth
+    # shares of the projection, divided by depth, are shares of the edge
     along = share / z[1] / ((1 - share) / z[0] + share / z[1])
     point = ends[0] + along * (ends[1] - ends[0])
     hits = caster.hits(point[:2] / point[2])
@@ -77,7 +77,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
     if seen:
         return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
-    # hidden: by something before it, or because all its faces look away
+    # hidden: by a surface in front of it, or because all its faces face away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
     return nearest < point[2] - CLEAR_M or max(facing, default=1.0) < CLEAR_COSINE
 

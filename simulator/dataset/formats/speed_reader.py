@@ -34,7 +34,7 @@ SHIRT_LISTS = ("roe1.json", "roe2.json")
 
 
 def read_speed(place: Path) -> PosedPictures | None:
-    """Read a folder like SPEED; None for another kind. Errors as of `read_speedplus`."""
+    """Read a folder like SPEED; None for another kind. Raises as `read_speedplus` does."""
     return _read(place, "speed")
 
 
@@ -52,7 +52,7 @@ def read_speedplus(place: Path) -> PosedPictures | None:
 def read_shirt(place: Path) -> PosedPictures | None:
     """Read a trajectory's folder of SHIRT, `lightbox` or `synthetic`; None for a folder of another kind.
 
-    Errors as of `read_speedplus`.
+    Raises as `read_speedplus` does.
     """
     return _read(place, "shirt")
 
@@ -64,19 +64,19 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
     else:
         lists = [path for path in lists if path.name not in SHIRT_LISTS]
     rows = {path: _rows(path) for path in lists if path.suffix == ".json"}
-    wanted = "speed" if kind == "speed" else "speedplus"
-    known = {path: found for path, found in rows.items() if found and _kind(found) == wanted}
-    if not known:
+    list_kind = "speed" if kind == "speed" else "speedplus"
+    readable = {path: found for path, found in rows.items() if found and _kind(found) == list_kind}
+    if not readable:
         bare = [path for path, found in rows.items() if found and _kind(found) == ""]
         if bare and kind == "speedplus":
             raise UserError(
                 f"{bare[0]} has no poses (the public test lists have none); give a list with poses, such as train.json"
             )
         return None
-    if len(known) > 1:
-        names = ", ".join(str(path) for path in known)
+    if len(readable) > 1:
+        names = ", ".join(str(path) for path in readable)
         raise UserError(f"{place} holds several sets ({names}); give one of these lists")
-    (labels, found), *_ = known.items()
+    (labels, found), *_ = readable.items()
     folders = _picture_folders(place, labels, kind)
     pictures = []
     for k, row in enumerate(found):
@@ -87,7 +87,7 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
         name = row.get("filename")
         t_s = SHIRT_SPACING_S * k if kind == "shirt" else 0.0
         pictures.append(PosedPicture(str(name), find_picture(labels, folders, name), pose, t_s))
-    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent), wanted, "tango")
+    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent), list_kind, "tango")
 
 
 def _lists(folder: Path, kind: str) -> list[Path]:
@@ -119,14 +119,14 @@ def _kind(rows: list[Any]) -> str | None:
 
 
 def _picture_folders(place: Path, labels: Path, kind: str) -> list[Path]:
-    beside = labels.parent
+    folder = labels.parent
     if kind == "shirt":
-        if place.is_dir() and place != beside:
+        if place.is_dir() and place != folder:
             return [place / "images", place]
-        domains = [name for name in ("lightbox", "synthetic") if (beside / name).is_dir()]
+        domains = [name for name in ("lightbox", "synthetic") if (folder / name).is_dir()]
         if len(domains) > 1:
             raise UserError(
                 f"{place} has pictures of {' and '.join(domains)}; give one of these folders within it"
             )
-        return [*(beside / name / "images" for name in domains), beside / "images", beside]
-    return [beside / "images" / labels.stem, beside / "images", beside]
+        return [*(folder / name / "images" for name in domains), folder / "images", folder]
+    return [folder / "images" / labels.stem, folder / "images", folder]

@@ -1,4 +1,4 @@
-"""The steps from a mesh file to a target: read, place, check, repair, shade, propose labels."""
+"""Import of a mesh file as a target: read, place, check, repair, shade, propose labels."""
 
 from __future__ import annotations
 
@@ -55,19 +55,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """A user's options about a mesh.
+    """A user's options for importing a mesh.
 
     Parameters
     ----------
-    scale, units : factor to metres, or mm, cm, m, in. up : y or z.
-    recentre : move the origin to the middle of the box about the model.
-    any_size : take a size that no spacecraft has.
+    scale, units : factor to metres, or one of mm, cm, m, in. up : y or z.
+    recentre : True to move the origin to the centre of the bounding box.
+    any_size : True to accept a size that no spacecraft has.
     decimate : reduce to at most this many triangles.
-    strict : refuse what is missing, open, branches or is one-sided, unless one of the next three allows it.
-    fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches; openings are
-        filled where that leaves a solid.
-    new_normals : compute normals even where the file's fit.
-    mass_kg, density_kg_m3 : of the uniform solid.
+    strict : True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows
+        them.
+    fill_holes, keep_holes, keep_non_manifold : treatment of open or non-manifold surfaces; holes are filled if the
+        result is a solid.
+    new_normals : True to recompute normals even if the file's are consistent.
+    mass_kg, density_kg_m3 : mass or density of the uniform solid.
     """
 
     scale: float | None = None
@@ -106,19 +107,19 @@ class Findings:
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
-    """Import a target from a mesh file. Return it with a line for each finding, assumption, repair and loss.
+    """Import a target from a mesh file; return it with a line for each finding, assumption, repair and loss.
 
     Raises
     ------
     UserError
-        If the file cannot be a target as it is: one sentence with what, where and what to do.
+        If the file cannot become a target; the message says why and what to do.
     """
     options = options or ImportOptions()
     _check_weights(options)
     ready = _target_file(path, name, options)
     if ready is not None:
-        taken = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
-        return ready, [taken, _summary(ready)]
+        note = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
+        return ready, [note, _summary(ready)]
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
@@ -126,10 +127,10 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     occluders = propose_occluders(bodies, extent)
     lines += _proposals(len(keypoints), len(wireframe), left_out, len(occluders.triangles))
     lines.append(how)
-    used = {p.material for p in parts}
-    kept = tuple(m for m in materials if m.name in used)
-    named = {name for m in kept for name in m.textures if name}
-    pictures = tuple(p for p in model.pictures.values() if p.name in named)
+    names_in_use = {p.material for p in parts}
+    materials_in_use = tuple(m for m in materials if m.name in names_in_use)
+    texture_names = {name for m in materials_in_use for name in m.textures if name}
+    pictures = tuple(p for p in model.pictures.values() if p.name in texture_names)
     if pictures:
         lines.append(
             f"took {len(pictures)} texture{'s' * (len(pictures) > 1)}: {', '.join(p.name for p in pictures)}"
@@ -137,8 +138,8 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     target = Target(
         name=name,
         title=f"{path.name}, imported",
-        sha256=content_sha256(kept, parts, keypoints, wireframe, occluders, pictures),
-        materials=kept,
+        sha256=content_sha256(materials_in_use, parts, keypoints, wireframe, occluders, pictures),
+        materials=materials_in_use,
         parts=tuple(parts),
         keypoints=keypoints,
         wireframe=wireframe,
@@ -164,7 +165,7 @@ def read_surface(
     Raises
     ------
     UserError
-        As `import_mesh`.
+        As in `import_mesh`.
     """
     model = read_mesh(path)
     if options.strict and model.faults:
@@ -172,20 +173,20 @@ def read_surface(
     check_numbers(model)
     check_count(model, options.decimate)
     check_parts(model)
-    found = Findings()
-    found.shape += place_model(
+    findings = Findings()
+    findings.shape += place_model(
         model, options.scale, options.units, options.up, recentre=options.recentre, any_size=options.any_size
     )
     if options.decimate is not None and model.triangle_count > options.decimate:
-        bake_textures(model)  # reduced faces are no longer where their texture coordinates say
-    bodies, extent = _bodies(model, options, found)
-    found.look += model.faults + model.notes
+        bake_textures(model)  # texture coordinates do not survive the reduction
+    bodies, extent = _bodies(model, options, findings)
+    findings.look += model.faults + model.notes
     everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
-    found.look += notes
+    findings.look += notes
     materials, notes = used_materials(bodies, everything)
-    found.look += notes
-    parts = _parts(bodies, materials, options, found.repairs)
-    return model, bodies, extent, materials, parts, found.lines()
+    findings.look += notes
+    parts = _parts(bodies, materials, options, findings.repairs)
+    return model, bodies, extent, materials, parts, findings.lines()
 
 
 def _check_weights(options: ImportOptions) -> None:
@@ -199,7 +200,7 @@ def _check_weights(options: ImportOptions) -> None:
 def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
     """Return the file itself if it is a target file and no option changes it.
 
-    A target file that is unsound is refused: as a plain mesh it would quietly lose its keypoints.
+    A damaged target file is refused: as a plain mesh it would silently lose its keypoints.
     """
     plain = replace(options, strict=False, any_size=False) == ImportOptions()
     if not plain or path.suffix.lower() != ".glb" or not holds_target(path):
@@ -255,11 +256,9 @@ def _checked(
     *,
     reduced: bool,
 ) -> list[MeshBody]:
-    """Return the bodies wound outwards; open outlines and non-manifold edges are counted, or refused by
-    ``--strict``.
-    """
+    """Return the bodies oriented outwards; open edges and non-manifold edges are counted or, if ``strict``, refused."""
     holes = rims = branches = one_sided = 0
-    lenient = not options.strict or reduced  # reducing may open seams and pinch edges
+    lenient = not options.strict or reduced  # reducing may open seams and merge edges
     out = []
     for body in bodies:
         where = f"{model.path}, part {body.name!r}"
@@ -271,8 +270,8 @@ def _checked(
             tried_to_fill=options.fill_holes,
         )
         holes, rims, branches = holes + counts[0], rims + counts[1], branches + counts[2]
-        turned, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
-        out.append(turned)
+        oriented_body, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
+        out.append(oriented_body)
         one_sided += twisted
     model.openings = holes
     if holes:
@@ -294,11 +293,11 @@ def _parts(
     bodies: list[MeshBody], materials: list[Material], options: ImportOptions, lines: list[str]
 ) -> list[Part]:
     parts: list[Part] = []
-    taken = absent = wrong = 0
+    n_taken = absent = wrong = 0
     for body in bodies:
         if not options.new_normals and normals_fit(body):
             normals: FloatArray = file_normals(body)
-            taken += 1
+            n_taken += 1
         else:
             absent += body.corner_normals is None
             wrong += body.corner_normals is not None
