@@ -17,7 +17,7 @@ STRAIGHT = 0.8
 
 
 def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, float]:
-    """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide direction."""
+    """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide axis."""
     anisotropy = material.get("extensions", {}).get(extension, {})
     strength = float(np.clip(anisotropy.get("anisotropyStrength", 0.0), 0, 1))
     return strength, float(anisotropy.get("anisotropyRotation", 0.0))

@@ -20,7 +20,7 @@ MAX_MATERIALS = 250
 
 
 def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[list[Material], list[str]]:
-    """Keep the materials in use and renumber them; beyond the limit the rarest are replaced by the nearest in colour."""
+    """Keep the materials in use and renumber them; beyond the limit, replace the rarest by the nearest in colour."""
     area = np.zeros(len(materials))
     for b in bodies:
         area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
