@@ -1,6 +1,4 @@
-"""Docking figures: the chaser's state relative to the port, its comparison with limits, and the judgement of a
-contact.
-"""
+"""Docking figures: the chaser's state relative to the port, comparison with limits, judgement of contacts."""
 
 from __future__ import annotations
 

@@ -103,9 +103,7 @@ def _arc(
 
 
 def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Return a function for the share of the Sun's disc seen at positions (n, 3) from the body at times (n,) from
-    now.
-    """
+    """Return a function for the share of the Sun visible from positions (n, 3) at times (n,) from now."""
     now, then = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
     sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(then.tt1, then.tt2)
     bodies = bodies_at(now, flight.body)
