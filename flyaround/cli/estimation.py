@@ -163,17 +163,17 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
     Raises
     ------
     UserError
-        If there is no such method, two have one name, or parts of the published ones are asked of others.
+        If there is no such method, two have one name, or options of published methods are used with others.
     """
-    chosen = list(dict.fromkeys(run.methods or (HYBRID,)))
-    for method in chosen:
+    methods = list(dict.fromkeys(run.methods or (HYBRID,)))
+    for method in methods:
         check_method(method)
-    choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in chosen)
+    choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in methods)
     if len({c.label for c in choices}) < len(choices):
         raise UserError("two networks in --method have files of one name; rename one")
-    if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in chosen):
+    if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in methods):
         raise UserError(
-            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {methods[0]}"
         )
     return choices
 
@@ -189,7 +189,7 @@ def check_method(method: str) -> None:
     Raises
     ------
     UserError
-        With the available methods; for a network, with the fault in its file.
+        If there is none; the message lists the methods or, for a network, states the fault of its file.
     """
     try:
         check_any_method(method)

@@ -39,7 +39,7 @@ def _layer_is_on(name: str, console: Console) -> bool:
 
 
 def _meter(console: Console) -> None:
-    """Expose as the meter wants this moment's scene."""
+    """Set the exposure to the meter's for the present scene."""
     session, settings = console.session, console.options.settings
     scene = session.scene()
     wanted_s = wanted_exposure_s(AutoExposure(), scene, session.plan.target)

@@ -80,7 +80,7 @@ class CapturePanel(Panel):
                 w.button(console, "capture.resume", width=w.width)
 
     def _label(self, text: str) -> None:
-        """Draw a name before the next part, which takes the rest of the line."""
+        """Draw a label before the next item, which takes the rest of the line."""
         imgui = self._w.imgui
         imgui.align_text_to_frame_padding()
         self._w.one_line(text, style.QUIET)

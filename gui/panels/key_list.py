@@ -95,7 +95,7 @@ class Palette(Panel):
                 chosen = c.name
             w.about(console, c.name)
         if entered and name:
-            # an unknown name is reported by the line that is done
+            # the line itself reports an unknown name
             chosen = name if name in console.table or not found else found[0].name
         if chosen is not None:
             console.open_panel(self.name, shown=False)
@@ -103,6 +103,6 @@ class Palette(Panel):
 
 
 def matches(command: Command, wanted: str) -> bool:
-    """Return True if every wanted word is in the command's name, title, help or keys."""
+    """Return True if every word is in the command's name, title, help or keys."""
     text = f"{command.name} {command.title} {command.help} {command.shown}".lower()
     return all(word in text for word in wanted.lower().split())

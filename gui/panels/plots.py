@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
-"""Pictures whose figures are kept: minutes of a fast window."""
+"""Number of pictures whose figures are kept: minutes of a fast window."""
 COLOURS = (style.ACCENT, style.WARN, style.GOOD)
 
 
@@ -56,7 +56,7 @@ class PlotsPanel(Panel):
             return
         self._last = picture
         while self._kept and self._kept[-1].t_s >= picture.telemetry.t_s:
-            self._kept.pop()  # the flight went back
+            self._kept.pop()  # a seek went back in time
         self._kept.append(picture.telemetry)
 
     def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
@@ -82,7 +82,7 @@ class PlotsPanel(Panel):
         self._take_dropped()
 
     def _take_dropped(self) -> None:
-        """Watch the figure that was let go over the last part."""
+        """Watch the figure that was dropped on the last item."""
         imgui = self._w.imgui
         if not imgui.begin_drag_drop_target():
             return

@@ -49,7 +49,7 @@ class TimelinePanel(Panel):
             else "at the end of the flight",
             style.WARN if back else style.QUIET,
         )
-        # a button that cannot be used stays in its place
+        # a disabled button stays in place
         usable = {"fly-on": back, "other-future": timeline.left_s is not None}
         for k, (name, label) in enumerate(BUTTONS.items()):
             w.flow(w.button_width(labelled(f"timeline.{name}", label)), first=k == 0)

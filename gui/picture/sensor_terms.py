@@ -1,4 +1,4 @@
-"""The numbers of a sensor that an operator may change, what they are called, and the histogram of a picture."""
+"""The parameters of a sensor that an operator may change, their names, and the histogram of a picture."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ DETECTOR: tuple[tuple[str, str, str], ...] = (
     ("blooming", "blooming [share]", "of a full pixel's surplus that runs into its column: streaks"),
     DEPTH,
 )
-"""Field, name with its unit, and what a change does."""
+"""Field, name with unit, and effect of a change."""
 BINS = 128
 
 
 @dataclass(frozen=True)
 class SensorTerm:
-    """A number of a sensor.
+    """A parameter of a sensor.
 
     Parameters
     ----------
-    name : its field. text : for people, with its unit. effect : what a change does. value : now.
+    name : field. text : name for people, with unit. effect : effect of a change. value : present value.
     """
 
     name: str
@@ -83,8 +83,8 @@ class Histogram:
 
     Parameters
     ----------
-    counts : (bands, BINS) pixels. width_dn : levels of a bin.
-    saturated : share of the values at the top. median_dn, least_dn, most_dn : of all values.
+    counts : (bands, BINS) number of pixels. width_dn : width of a bin.
+    saturated : share of the values at full scale. median_dn, least_dn, most_dn : of all values.
     """
 
     counts: IntArray
@@ -96,7 +96,7 @@ class Histogram:
 
 
 def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
-    """Return the numbers of a sensor."""
+    """Return the parameters of a sensor."""
     rows = RECIPE if sensor.detector is None else DETECTOR
     return tuple(SensorTerm(name, text, effect, _value(sensor, name)) for name, text, effect in rows)
 
@@ -108,21 +108,21 @@ def _value(sensor: Sensor, name: str) -> float:
 
 
 def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: float) -> dict[str, float]:
-    """Return the changes with one more, which is checked.
+    """Return the changes with one more, after checking it.
 
     Raises
     ------
     UserError
-        If the sensor has no such number, or it may not be that.
+        If the sensor has no such parameter, or the value is not allowed.
     """
-    known = [term.name for term in terms_of(sensor)]
-    if name not in known:
-        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(known)}")
-    wanted = {**changes, name: value}
-    problem = sensor_problem(changed_sensor(sensor, wanted))
+    names = [term.name for term in terms_of(sensor)]
+    if name not in names:
+        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(names)}")
+    new_changes = {**changes, name: value}
+    problem = sensor_problem(changed_sensor(sensor, new_changes))
     if problem is not None:
         raise UserError(problem)
-    return wanted
+    return new_changes
 
 
 def histogram_of(image: NDArray[np.unsignedinteger], bits: int) -> Histogram:

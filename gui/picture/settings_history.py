@@ -1,4 +1,4 @@
-"""Undo and redo of what an operator switched: overlays, exposure, layers, maps. The flight has its timeline instead."""
+"""Undo and redo of an operator's settings: overlays, exposure, layers, maps. The flight has its timeline instead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 MOST = 200
 ONE_DRAG_MS = 800
-"""Changes by one command that follow each other this quickly are one, as those of a slider that is dragged."""
+"""Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
 
 
 class SettingsHistory:
@@ -24,11 +24,11 @@ class SettingsHistory:
         self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
 
     def note(self, command: str, before: Options, after: Options, t_ms: int) -> None:
-        """Keep what was before a command, if the command has changed it.
+        """Record the settings before a command, if it changed them.
 
         Parameters
         ----------
-        before : a copy. t_ms : operator's time.
+        before : a copy. t_ms : real time.
         """
         if before == after:
             return
@@ -40,7 +40,7 @@ class SettingsHistory:
         self._undo = [*self._undo[-MOST + 1 :], before]
 
     def undo(self, options: Options) -> None:
-        """Bring the settings before the last change back.
+        """Restore the settings before the last change.
 
         Raises
         ------
@@ -51,7 +51,7 @@ class SettingsHistory:
         self._last = ("", -ONE_DRAG_MS)
 
     def redo(self, options: Options) -> None:
-        """Do again what was undone.
+        """Repeat the change that was undone last.
 
         Raises
         ------

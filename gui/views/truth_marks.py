@@ -24,11 +24,11 @@ RINGS_DEG = (5, 10, 15)
 
 
 class TruthMarks:
-    """Draws the marks of the picture that is up; keeps them, and where its names stood.
+    """Draws the marks of the present picture, caching them and the positions of names.
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -54,8 +54,8 @@ class TruthMarks:
 
         Parameters
         ----------
-        paused : whether visibility must be of this very moment.
-        taken : x, y, width, height of what else is written over the view.
+        paused : True to compute visibility for this picture.
+        taken : x, y, width, height of other text over the view.
         """
         canvas = Canvas(self._window)
         self._remember(picture, options, paused=paused)
@@ -71,7 +71,7 @@ class TruthMarks:
         for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
             canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
             canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
-        # by form as well as by colour: a dot is lit, a diamond in shadow, a ring hidden
+        # by shape as well as colour: a dot is lit, a diamond shadowed, a ring hidden
         for pixel, seen, _ in marks.keypoints:
             at = box.at(pixel)
             canvas.keypoint(at, SEEN_COLORS[seen], seen)
@@ -99,7 +99,7 @@ class TruthMarks:
         self._marks_of = key
         target = picture.target
         if not (on.keypoints or on.box or on.axes or on.wireframe):
-            # the marker joins the whole mesh, which a view without marks need not wait for
+            # the marker joins the whole mesh, which is not needed for a view without marks
             self._marks = Marks()
             return
         if self._marker is None or target is not self._target:
@@ -109,7 +109,7 @@ class TruthMarks:
     def _names(
         self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
     ) -> None:
-        """Draw names of what is seen, none over another or over a letter of axes or rings."""
+        """Draw names of visible keypoints, not over each other or the labels of axes or rings."""
         named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
@@ -132,12 +132,12 @@ class TruthMarks:
             self._choices[name] = placed.choice
             if placed.lead is not None:
                 canvas.stroke([at, placed.lead], (*SEEN_COLORS[seen][:3], 0.8), 1.0)
-            # letters of the marks' darker colours would be hard to read over clouds
+            # text in the marks' darker colours would be hard to read over clouds
             canvas.text(placed.corner, name, style.INK if seen == "visible" else SEEN_COLORS[seen])
 
 
 def rings(box: Letterbox, picture: Picture) -> list[tuple[int, float]]:
-    """Angles from the principal point [deg] and the radii of their rings on the screen, those that are seen."""
+    """Return angles from the principal point [deg] and radii on the screen of the visible rings."""
     fx_px = picture.frame.scene.camera.fx_px
     every = [(degrees, float(np.tan(np.radians(degrees)) * fx_px * box.scale)) for degrees in RINGS_DEG]
     return [(degrees, radius) for degrees, radius in every if radius < 0.7 * box.height]
