@@ -68,8 +68,8 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         typer.echo(msgspec.json.encode(trained).decode())
         return
     say(
-        f"{output}: {trained.steps} steps on {trained.views} views; on views kept back keypoints are {trained.median_px:.1f} of "
-        f"128 px off in the median, {100 * trained.within_10_px:.0f} % within 10 px, "
+        f"{output}: {trained.steps} steps on {trained.views} views; on views kept back keypoints are "
+        f"{trained.median_px:.1f} of 128 px off in the median, {100 * trained.within_10_px:.0f} % within 10 px, "
         f"{100 * trained.present:.0f} % of craft noticed"
     )
     if trained.symmetries:
