@@ -104,15 +104,15 @@ def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tupl
     return face, cosines
 
 
-def encode_visibility(seen: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
+def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
     """Encode (N, D) visibility as integers that compress well: 0 no ray, 1 open, from 2 on the patch that was hit.
 
     Parameters
     ----------
     patch : (N,) patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
     """
-    codes = seen.is_open.astype(np.uint32)
-    codes[seen.node, seen.direction] = 2 + 2 * patch[seen.hit_node] + seen.hit_back
+    codes = visibility.is_open.astype(np.uint32)
+    codes[visibility.node, visibility.direction] = 2 + 2 * patch[visibility.hit_node] + visibility.hit_back
     return codes
 
 

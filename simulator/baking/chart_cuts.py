@@ -111,7 +111,7 @@ def _patch_keys(
     area: FloatArray,
     group: FloatArray,
     plane: IntArray,
-    bent: BoolArray,
+    is_round: BoolArray,
     texel_m: float,
     normal_bins: int,
 ) -> tuple[IntArray, BoolArray]:
@@ -120,7 +120,7 @@ def _patch_keys(
     Parameters
     ----------
     plane : (T,) sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
-    bent : (T,) True on a round face, whatever its size.
+    is_round : (T,) True on a round face, whatever its size.
     """
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]
@@ -132,7 +132,7 @@ def _patch_keys(
     first = np.searchsorted(plane[order], np.arange(int(plane.max()) + 1))
     low = np.minimum.reduceat(corners_m.min(axis=1)[order], first)
     high = np.maximum.reduceat(corners_m.max(axis=1)[order], first)
-    small = bent | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
+    small = is_round | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
     columns = [*np.floor(at / (_PATCH_TEXELS * texel_m)).T, *np.rint(facing * normal_bins).T]
     key = np.unique(group, return_inverse=True)[1].astype(np.int64)
     for column in columns:

@@ -207,45 +207,45 @@ def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
 
 
 def _nearest_on_charts(
-    wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
+    node_xy: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Return the triangle (N,) and barycentric coordinates (N, 3) of the point of its chart nearest to each node.
 
     Parameters
     ----------
-    wanted : (N, 2) node coordinates. of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles.
+    node_xy : (N, 2) node coordinates. of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles.
     nodes : (C,) number of nodes of each chart. area : (T,) areas of the triangles.
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
     # small faces: the centroid of the largest triangle
-    triangle, shares = largest[of_node], np.full((len(wanted), 3), 1 / 3)
+    triangle, shares = largest[of_node], np.full((len(node_xy), 3), 1 / 3)
     candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
-    asking = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
-    if not len(asking):
+    on_faces = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
+    if not len(on_faces):
         return triangle, shares
     corners = xy[candidates]
     grid = PlaneGrid.over(np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).T)
-    pieces = np.searchsorted(np.cumsum(grid.counts(wanted[asking])), np.arange(1, 1000) * _PAIRS)
-    is_on_face = np.zeros(len(asking), bool)
-    for piece in np.split(np.arange(len(asking)), np.unique(pieces)):
-        node, hit = grid.at(wanted[asking[piece]])
+    pieces = np.searchsorted(np.cumsum(grid.counts(node_xy[on_faces])), np.arange(1, 1000) * _PAIRS)
+    is_on_face = np.zeros(len(on_faces), bool)
+    for piece in np.split(np.arange(len(on_faces)), np.unique(pieces)):
+        node, hit = grid.at(node_xy[on_faces[piece]])
         node = piece[node]
-        own = chart[candidates[hit]] == of_node[asking[node]]
+        own = chart[candidates[hit]] == of_node[on_faces[node]]
         node, hit = node[own], hit[own]
-        w = _barycentric(wanted[asking[node]], corners[hit])
+        w = _barycentric(node_xy[on_faces[node]], corners[hit])
         inside = w.min(axis=1) >= 0
-        at = asking[node[inside]]
+        at = on_faces[node[inside]]
         triangle[at], shares[at], is_on_face[node[inside]] = candidates[hit[inside]], w[inside], True
     # a corner of the rectangle may lie off the face
-    off = asking[~is_on_face]
+    off = on_faces[~is_on_face]
     if len(off):
         far = 1e3 * float(np.abs(xy).max())
         middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
-        _, near = cKDTree(middles).query(np.column_stack([wanted[off], far * of_node[off]]), k=_NEAREST)
+        _, near = cKDTree(middles).query(np.column_stack([node_xy[off], far * of_node[off]]), k=_NEAREST)
         near = np.minimum(near, len(candidates) - 1)
         own = chart[candidates[near]] == of_node[off, None]
-        w = _barycentric(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
+        w = _barycentric(np.repeat(node_xy[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
             -1, _NEAREST, 3
         )
         best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)

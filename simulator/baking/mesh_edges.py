@@ -30,10 +30,11 @@ _SEARCH_RADIUS = 0.004  # largest distance of two edges compared, as a share of 
 _PLACES = 3, 12  # least and largest number of sample points along an edge
 _PLACE_SPACING = 0.02  # spacing of the points along a long edge, as a share of the mesh's extent
 _NEIGHBOURS = 6  # nearest points of other edges to examine
-_SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95  # cosines
+# least cosine of the angle between normals of one plane, and between edges that count as parallel
+_SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95
 _END_TOLERANCE = 0.02  # share of its length by which an edge may end before the point of the other
-_MIN_LENGTH = 0.003  # share of the mesh's extent: shorter edges cost little
-_MAX_EDGES = 200_000  # pairs are not searched in finer meshes
+_MIN_LENGTH = 0.003  # length below which no gap of an edge is searched, as a share of the mesh's extent
+_MAX_EDGES = 200_000  # number of edges above which a mesh's gaps are not searched
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ class MeshEdges:
 
         The pieces of an edge are consecutive, and end where `subdivision.subdivide` cuts the same edge of a triangle.
         """
-        places, ends, of = self.vertices_m, self.ends, np.arange(len(self.ends))
+        places, ends, original = self.vertices_m, self.ends, np.arange(len(self.ends))
         while True:
             start, end = ends.T
             long = np.flatnonzero(np.linalg.norm(places[start] - places[end], axis=-1) > longest_m)
@@ -83,9 +84,9 @@ class MeshEdges:
             places = np.concatenate([places, (places[start[long]] + places[end[long]]) * 0.5])
             ends = np.concatenate([ends, np.stack([middle, end[long]], axis=1)])
             ends[long, 1] = middle
-            of = np.concatenate([of, of[long]])
-        order = np.argsort(of, kind="stable")
-        return replace(self.take(of[order]), vertices_m=places, ends=ends[order]), of[order]
+            original = np.concatenate([original, original[long]])
+        order = np.argsort(original, kind="stable")
+        return replace(self.take(original[order]), vertices_m=places, ends=ends[order]), original[order]
 
     def quads(self) -> Float32Array:
         """Return (E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
@@ -188,8 +189,8 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     extent = float(np.linalg.norm(np.ptp(edges.vertices_m, axis=0)))
     farthest, apart = _SEARCH_RADIUS * extent, _PLACE_SPACING * extent
     # points on the creases, so dense that the nearest crease is among the nearest points
-    of, share = _places(creases, np.ceil(length[creases] / farthest))
-    tree = cKDTree(start[of] + share[:, None] * (end - start)[of])
+    crease_of_point, share = _places(creases, np.ceil(length[creases] / farthest))
+    tree = cKDTree(start[crease_of_point] + share[:, None] * (end - start)[crease_of_point])
     long = np.flatnonzero(length > _MIN_LENGTH * extent)
     if not len(long):
         return gap_m
@@ -197,10 +198,10 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
     place = start[sampled] + at[:, None] * (end - start)[sampled]
     reach = np.hypot(farthest, farthest / 2)
     row = np.asarray(tree.query(place, k=_NEIGHBOURS, distance_upper_bound=reach)[1])
-    asking, column = np.nonzero(row < len(of))
-    other, own = of[row[asking, column]], sampled[asking]
+    sample, column = np.nonzero(row < len(crease_of_point))
+    other, own = crease_of_point[row[sample, column]], sampled[sample]
     # beside it, not beyond its ends; nearly parallel; another edge
-    to = place[asking] - start[other]
+    to = place[sample] - start[other]
     step = np.einsum("ij,ij->i", to, along[other])
     good = (
         (step >= -_END_TOLERANCE * length[other])
@@ -208,24 +209,24 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
         & (other != own)
     )
     good &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
-    asking, other, own, to, step = (v[good] for v in (asking, other, own, to, step))
+    sample, other, own, to, step = (v[good] for v in (sample, other, own, to, step))
     away = np.linalg.norm(to - step[:, None] * along[other], axis=1)
     normals = edges.planes[:, :3]
     for k in (0, 1):
-        mine = normals[edges.faces[own, k]]
+        own_normal = normals[edges.faces[own, k]]
         same = np.zeros(len(own), bool)
         for other_face in edges.faces[other].T:
-            same |= np.einsum("ij,ij->i", normals[other_face], mine) > _SAME_PLANE_COSINE
+            same |= np.einsum("ij,ij->i", normals[other_face], own_normal) > _SAME_PLANE_COSINE
         nearest = np.full(len(sampled), np.inf)
-        np.minimum.at(nearest, asking[same], away[same])
+        np.minimum.at(nearest, sample[same], away[same])
         starts = np.flatnonzero(np.diff(sampled, prepend=-1))
         gap_m[long, k] = np.maximum.reduceat(nearest, starts)
     return gap_m
 
 
-def _places(of: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
+def _places(edges: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return evenly spaced points along edges: the edge of each point, and its position along the edge [1]."""
     whole = np.maximum(counts, 1).astype(int)
     first = np.cumsum(whole) - whole
     rank = np.arange(whole.sum()) - np.repeat(first, whole)
-    return np.repeat(of, whole), (rank + 0.5) / np.repeat(whole, whole)
+    return np.repeat(edges, whole), (rank + 0.5) / np.repeat(whole, whole)

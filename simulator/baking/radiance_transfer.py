@@ -92,8 +92,8 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
-        seen = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
-        return solve_radiosity(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
+        rays = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
+        return solve_radiosity(charts, rays, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, interreflected = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     directions = spherical_fibonacci(DIRECTIONS)
@@ -157,7 +157,7 @@ def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
 
 
 def solve_radiosity(
-    charts: Charts, seen: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
+    charts: Charts, rays: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
     """Solve the radiosity of patches: visibility and interreflected light of `RadianceTransfer`.
 
@@ -167,24 +167,24 @@ def solve_radiosity(
     closed : True if a ray that hits the back of a face starts inside a part.
     """
     n = len(charts.chart)
-    looking = seen.cosines[seen.node, seen.direction]
-    back_share = np.bincount(seen.node, weights=looking * (seen.hit_back & closed), minlength=n)
-    whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    looking = rays.cosines[rays.node, rays.direction]
+    back_share = np.bincount(rays.node, weights=looking * (rays.hit_back & closed), minlength=n)
+    whole = np.maximum(rays.cosines.sum(axis=1), 1e-9)
     good = back_share < _INSIDE_SHARE * whole
-    visibility = _visibility(charts, seen, good)
+    visibility = _visibility(charts, rays, good)
     # transfer from patches to nodes
     patch, count = _patches(charts, side)
     # only fronts are lit: the back of an open shell hides, and reflects nothing
-    front = np.flatnonzero(~seen.hit_back)
-    node = seen.node[front]
+    front = np.flatnonzero(~rays.hit_back)
+    node = rays.node[front]
     share = (looking[front] / np.maximum(whole - back_share, 1e-9)[node]).astype(np.float32)
-    transfer = coo_matrix((share, (node, patch[seen.hit_node[front]])), shape=(len(patch), count)).tocsr()
+    transfer = coo_matrix((share, (node, patch[rays.hit_node[front]])), shape=(len(patch), count)).tocsr()
     size = np.bincount(patch, weights=good, minlength=count)
     mean = coo_matrix(
         (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
     ).tocsr()
     between = mean @ transfer
-    direct = mean @ (seen.cosines * seen.is_open)
+    direct = mean @ (rays.cosines * rays.is_open)
     bands = []
     for band in reflectance.T:
         paint = (mean @ band)[:, None].astype(np.float32)
@@ -196,16 +196,16 @@ def solve_radiosity(
     return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
 
 
-def _visibility(charts: Charts, seen: NodeVisibility, good: BoolArray) -> ByteArray:
+def _visibility(charts: Charts, rays: NodeVisibility, good: BoolArray) -> ByteArray:
     """Return the (N, 4) code of V, corrected so that the irradiance of an open node and of a uniform sky is exact."""
-    directions = seen.directions.astype(np.float32)
-    above = (seen.cosines > 0).astype(np.float32)
+    directions = rays.directions.astype(np.float32)
+    above = (rays.cosines > 0).astype(np.float32)
     count = np.maximum(above.sum(axis=1), 1)[:, None]
-    free = seen.is_open.astype(np.float32)
+    free = rays.is_open.astype(np.float32)
     b = 1.5 * (free @ directions) / count
     # correction for the discrete directions: the irradiance of an open face against its exact value
     b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
-    share = (seen.cosines * free).sum(axis=1) / np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    share = (rays.cosines * free).sum(axis=1) / np.maximum(rays.cosines.sum(axis=1), 1e-9)
     a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
     coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
     coded = _spread(charts, good, np.asarray(coded, np.float32))

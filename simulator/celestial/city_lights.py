@@ -130,10 +130,10 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
     )
     cells = np.append(0, np.pad(number, pad, mode="wrap")[wrapped])[nearest]
     y, x = np.indices((_TILE, _TILE))
-    bent = (
+    bent_rows_columns = (
         np.rint(k + bend * _normal(rng, (_TILE, _TILE), 3 * bend)).astype(int) % _TILE + pad for k in (y, x)
     )
-    cells = np.pad(cells[tuple(bent)], pad, mode="wrap")
+    cells = np.pad(cells[tuple(bent_rows_columns)], pad, mode="wrap")
     edge = (cells != np.roll(cells, 1, 0)) | (cells != np.roll(cells, 1, 1))
     border = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     inner = slice(pad, -pad)

@@ -148,9 +148,9 @@ def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, 
 
 def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
     """Return the land's values extended over the sea, from the results of `_quarter_size`."""
-    known = share > 1e-3
-    filled[known] = (filled[known].T / share[known]).T
-    total = known.astype(np.float32)
+    has_data = share > 1e-3
+    filled[has_data] = (filled[has_data].T / share[has_data]).T
+    total = has_data.astype(np.float32)
     for size in (3, 7, 17):
         blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
         near = cv2.blur(total, (size, size))
@@ -186,11 +186,11 @@ def _pack_panchromatic() -> ByteArray:
         shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE)
         day = pool.submit(day_map).result()
         shore.exception()  # both are decoded now
-        beside = _panchromatic_land(pool, day, shore, out)
+        wide_land = _panchromatic_land(pool, day, shore, out)
         del day, shore
 
         def merge(rows: slice) -> None:
-            land = _enlarged_root(beside, rows)
+            land = _enlarged_root(wide_land, rows)
             inland = _inland(np.asarray(cv2.extractChannel(out[rows], 3), np.uint8))
             cv2.copyTo(cv2.extractChannel(out[rows], 0), inland, land)
             cv2.insertChannel(land, out[rows], 0)
@@ -223,11 +223,11 @@ def _panchromatic_land(
         latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
         reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
         around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
-        within = slice(rows.start - around.start, rows.stop - around.start)
+        own_rows = slice(rows.start - around.start, rows.stop - around.start)
         wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
-        reflectance = np.asarray(wide[within], np.float32)
+        reflectance = np.asarray(wide[own_rows], np.float32)
         if reach:
-            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
+            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[own_rows]
             ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
             ice[ice <= 120] = 0
             coast[rows] = np.maximum(coast[rows], ice)
@@ -253,11 +253,11 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
 
     with ThreadPoolExecutor(beside_the_caller()) as pool:
         list(pool.map(reduce, _STRIPS))
-        beside = _filled(means, shares)
+        wide_land = _filled(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
-            land = _enlarged_root(beside, rows)
+            land = _enlarged_root(wide_land, rows)
             cv2.copyTo(cv2.LUT(day_bgr[rows], roots), _inland(coast[rows]), land)
             cv2.cvtColor(land, cv2.COLOR_BGR2RGBA, dst=out[rows])
 

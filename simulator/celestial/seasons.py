@@ -89,12 +89,12 @@ def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
     if bands != 1:
         even[..., 3] = 255
     others = [month for month in months if month != _MAP_MONTH]
-    made = {_MAP_MONTH: even}
+    gains = {_MAP_MONTH: even}
     if others:
         land = (decode_map(LAND, cv2.IMREAD_GRAYSCALE, None) > 0).astype(np.uint8)
         august = _reflectances(_MAP_MONTH, bands)
-        made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
-    return [made[month] for month in months]
+        gains |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
+    return [gains[month] for month in months]
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:
@@ -132,9 +132,9 @@ def _make_ground_slopes() -> ByteArray:
     for first in range(0, rows, _STRIP_ROWS):
         strip = slice(first, min(first + _STRIP_ROWS, rows))
         around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
-        within = slice(strip.start - around.start, strip.stop - around.start)
+        own_rows = slice(strip.start - around.start, strip.stop - around.start)
         height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
-        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[within]
+        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[own_rows]
     return out
 
 

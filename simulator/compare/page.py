@@ -106,11 +106,11 @@ def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
     note_of_theirs = _edge_note("reference", pair.theirs)
     edges = [_figure(folder, f"{k:03d}_edges_reference", _edges_of(pair.reference.image), note_of_theirs)]
     for air, edge_image in pair.edges.items():
-        whose = _under(air) if len(pair.edges) > 1 else "ours"
+        label = _under(air) if len(pair.edges) > 1 else "ours"
         stem = f"{k:03d}_edges_{air.replace(' ', '')}"
         edges.append(
             _figure(
-                folder, stem, _black_on_white(edge_image), f"{whose}: {100 * edge_image.mean():.2f} % edges"
+                folder, stem, _black_on_white(edge_image), f"{label}: {100 * edge_image.mean():.2f} % edges"
             )
         )
     rows.append(gallery(edges, columns=4))

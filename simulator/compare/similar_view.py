@@ -68,7 +68,7 @@ def find_similar_view(
     renderer: Renderer,
     reference: Reference,
     target: Target,
-    found: PoseEstimate | None,
+    estimate: PoseEstimate | None,
     *,
     sensor: str | None = None,
     seed: int = 0,
@@ -77,7 +77,7 @@ def find_similar_view(
 
     Parameters
     ----------
-    found : pose of the craft; without it, attitude and position are the candidates'.
+    estimate : pose of the craft; without it, attitude and position are the candidates'.
     sensor : preset for our image; by default, one as noisy as the reference.
     """
     space = image_statistics(reference.image).space
@@ -91,7 +91,7 @@ def find_similar_view(
     ranked: list[tuple[float, SceneState, float | None]] = []
     for k in range(CANDIDATES):
         sample = plan.scene(k)
-        for pose in _poses(found):
+        for pose in _poses(estimate):
             scene = sample if pose is None else scene_with_pose(sample, target, pose, k)
             radiance = renderer.render(scene, target).radiance
             scene = matched_exposure(scene, radiance, reference.image)
@@ -117,10 +117,10 @@ def sensor_as_noisy_as(image: ByteArray) -> Sensor:
     return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
 
 
-def _poses(found: PoseEstimate | None) -> tuple[Pose | None, ...]:
-    if found is None:
+def _poses(estimate: PoseEstimate | None) -> tuple[Pose | None, ...]:
+    if estimate is None:
         return (None,)
-    return (found.pose,) if found.sure else (found.pose, None)
+    return (estimate.pose,) if estimate.sure else (estimate.pose, None)
 
 
 def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:

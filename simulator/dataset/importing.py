@@ -48,7 +48,7 @@ SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 
 
-def camera_of(found: PosedPictures, given: str | None) -> Camera:
+def camera_of(picture_set: PosedPictures, camera_name: str | None) -> Camera:
     """Return the camera of imported images: the given one, the set's own, or the usual one of such sets.
 
     Raises
@@ -56,25 +56,25 @@ def camera_of(found: PosedPictures, given: str | None) -> Camera:
     UserError
         If none is known, or the images have another size.
     """
-    if given is not None:
-        camera, name = load_camera(given), f"camera {given}"
-    elif found.camera is not None:
-        camera, name = found.camera, "the set's camera.json"
-    elif found.usual_camera:
-        camera, name = load_camera(found.usual_camera), f"camera {found.usual_camera}"
+    if camera_name is not None:
+        camera, name = load_camera(camera_name), f"camera {camera_name}"
+    elif picture_set.camera is not None:
+        camera, name = picture_set.camera, "the set's camera.json"
+    elif picture_set.usual_camera:
+        camera, name = load_camera(picture_set.usual_camera), f"camera {picture_set.usual_camera}"
     else:
         raise UserError(
-            f"{found.labels.parent} has no camera.json; name the camera that took it with --camera"
+            f"{picture_set.labels.parent} has no camera.json; name the camera that took it with --camera"
         )
-    for picture in found.pictures:
+    for picture in picture_set.pictures:
         size = _size(picture)
         if size != (camera.width_px, camera.height_px):
             raise UserError(
                 f"picture {picture.path} is {size[0]} x {size[1]} pixels, {name} {camera.width_px} x "
                 f"{camera.height_px}; give the camera that took it with --camera"
             )
-    says_nothing = found.camera is None and camera.pixel_encoding == "linear"
-    return replace(camera, encoding=found.encoding) if says_nothing else camera
+    says_nothing = picture_set.camera is None and camera.pixel_encoding == "linear"
+    return replace(camera, encoding=picture_set.encoding) if says_nothing else camera
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
@@ -86,7 +86,7 @@ def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
     return float(np.mean(apart > most)) > COLOURED_SHARE
 
 
-def check_grey(found: PosedPictures) -> None:
+def check_grey(picture_set: PosedPictures) -> None:
     """Raise if sampled images are in colour although the set's usual camera is monochrome.
 
     Raises
@@ -94,31 +94,33 @@ def check_grey(found: PosedPictures) -> None:
     UserError
         If one is in colour: another camera, with an unknown lens, took it.
     """
-    if not found.usual_camera or not found.pictures:
+    if not picture_set.usual_camera or not picture_set.pictures:
         return
-    places = np.linspace(0, len(found.pictures) - 1, min(len(found.pictures), COLOUR_SAMPLES)).astype(int)
+    places = np.linspace(
+        0, len(picture_set.pictures) - 1, min(len(picture_set.pictures), COLOUR_SAMPLES)
+    ).astype(int)
     for k in np.unique(places):
-        path = found.pictures[int(k)].path
+        path = picture_set.pictures[int(k)].path
         if is_coloured(read_picture(path)):
             raise UserError(
-                f"picture {path} is in colour and camera {found.usual_camera} takes grey ones; name the camera that "
+                f"picture {path} is in colour and camera {picture_set.usual_camera} takes grey ones; name the camera that "
                 "took it with --camera, or save the pictures in grey"
             )
 
 
-def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
+def import_card(picture_set: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
     """Return the card of a data set of imported images, marked incomplete."""
-    source = f"{found.labels.resolve().parent.name}/{found.labels.name}"
+    source = f"{picture_set.labels.resolve().parent.name}/{picture_set.labels.name}"
     return DatasetCard(
         scenario_name=source,
         scenario={"schema": SCHEMA, "format": form, "source": source},
         seed=0,
-        n_frames=len(found.pictures),
+        n_frames=len(picture_set.pictures),
         every_s=None,
         complete=False,
         formats=("native",),
         camera=camera,
-        image_bits=8 * read_picture(found.pictures[0].path).itemsize,
+        image_bits=8 * read_picture(picture_set.pictures[0].path).itemsize,
         target=CardTarget.of(target),
         machine=describe_machine("", "", ""),
         licence="pictures and poses are those of the set that they were imported from, and under its licence",
@@ -126,7 +128,7 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
 
 
 def imported_frames(
-    found: PosedPictures, camera: Camera, target: Target
+    picture_set: PosedPictures, camera: Camera, target: Target
 ) -> Iterator[tuple[int, EncodedFrame]]:
     """Yield the frames of imported images, in order, with their numbers.
 
@@ -135,7 +137,7 @@ def imported_frames(
     UserError
         If an image cannot be read.
     """
-    for k, picture in enumerate(found.pictures):
+    for k, picture in enumerate(picture_set.pictures):
         image = read_picture(picture.path)
         truth, mask = label_imported(k, picture, image, camera, target)
         record = msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"

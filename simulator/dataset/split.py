@@ -68,8 +68,8 @@ class SplitAssigner:
     given : splits of frames that are already assigned.
     """
 
-    def __init__(self, ratio: Ratio, given: dict[int, str] | None = None) -> None:
-        self.ratio, self._given = ratio, given or {}
+    def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:
+        self.ratio, self._given = ratio, assigned or {}
         total = sum(ratio)
         self._shares = [part / total for part in ratio]
         self._left = [0, 0, 0]

@@ -104,14 +104,14 @@ class Boxes:
         key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
         long = (high - low).max(axis=1) > size_m
         key[long] = -1 - np.arange(np.count_nonzero(long))
-        _, of = np.unique(key, return_inverse=True)
-        order = np.argsort(of, kind="stable")
-        starts = np.flatnonzero(np.diff(of[order], prepend=-1))
+        _, box_of_triangle = np.unique(key, return_inverse=True)
+        order = np.argsort(box_of_triangle, kind="stable")
+        starts = np.flatnonzero(np.diff(box_of_triangle[order], prepend=-1))
         if len(starts):
             low = np.minimum.reduceat(low[order], starts)
             high = np.maximum.reduceat(high[order], starts)
         extents = np.concatenate([(low + high) / 2, (high - low) / 2, np.ones((len(low), 1))], axis=1)
-        return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
+        return Boxes(np.ascontiguousarray(extents.T, np.float32), box_of_triangle)
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
         """Return (B,) True where a box is inside all planes (P, 4), by more than a margin."""
@@ -166,7 +166,7 @@ def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexS
         if (
             len(shells) < _MOST
             and not small
-            and all(_protrusion(shell, of) > _MIN_PROTRUSION * radius_m for of in shells)
+            and all(_protrusion(shell, other) > _MIN_PROTRUSION * radius_m for other in shells)
         ):
             shells.append(shell)
     return tuple(shells)
@@ -204,7 +204,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
     area[np.bincount(body) > _MAX_TRIANGLES] = 0
     largest = np.argsort(-area, kind="stable")[:_MAX_BODIES]
     members = [np.flatnonzero(body == k) for k in largest if area[k] > least_m2]
-    return [_Body(corners_m[of], places[of]) for of in members]
+    return [_Body(corners_m[triangles], places[triangles]) for triangles in members]
 
 
 def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:

@@ -94,8 +94,8 @@ class PlaneGrid:
 
     def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
         """Return, for slices of ``listed``, the slice of each triangle, and the triangles."""
-        whose = np.repeat(np.arange(len(count)), count)
-        return whose, self.listed[_stretches(start, count, whose)]
+        owner = np.repeat(np.arange(len(count)), count)
+        return owner, self.listed[_stretches(start, count, owner)]
 
 
 def _cells(places: FloatArray, side: int) -> IntArray:
@@ -103,6 +103,6 @@ def _cells(places: FloatArray, side: int) -> IntArray:
     return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
 
 
-def _stretches(start: IntArray, count: IntArray, whose: IntArray) -> IntArray:
-    """Return ``count`` consecutive integers from each start, concatenated; ``whose`` maps each integer to its start."""
-    return np.asarray(np.arange(len(whose)) + (start - np.cumsum(count) + count)[whose])
+def _stretches(start: IntArray, count: IntArray, owner: IntArray) -> IntArray:
+    """Return ``count`` consecutive integers from each start, concatenated; ``owner`` maps each integer to its start."""
+    return np.asarray(np.arange(len(owner)) + (start - np.cumsum(count) + count)[owner])

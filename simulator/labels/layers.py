@@ -41,11 +41,11 @@ class AmodalMask:
     origin_px: tuple[int, int]
 
 
-def visible_mask(seen: Surfaces) -> ByteArray:
+def visible_mask(surface: Surfaces) -> ByteArray:
     """Return (H, W) 255 where the craft covers a pixel's centre."""
-    mask = np.zeros(seen.depth_m.shape, np.uint8)
-    on = np.isfinite(seen.depth_m[seen.window]).view(np.uint8)
-    mask[seen.window] = np.negative(on, out=on)  # 1 becomes 255
+    mask = np.zeros(surface.depth_m.shape, np.uint8)
+    on = np.isfinite(surface.depth_m[surface.window]).view(np.uint8)
+    mask[surface.window] = np.negative(on, out=on)  # 1 becomes 255
     return mask
 
 
@@ -54,7 +54,7 @@ def draw_layers(
     scene: SceneState,
     target: Target,
     request: LabelRequest,
-    seen: Surfaces,
+    surface: Surfaces,
     mask: ByteArray,
     amodal_box: Box | None,
 ) -> tuple[dict[str, NDArray[Any]], tuple[int, int] | None]:
@@ -62,18 +62,18 @@ def draw_layers(
 
     Parameters
     ----------
-    seen : surface at the pixels' centres. mask : visible mask.
+    surface : surface at the pixels' centres. mask : visible mask.
     amodal_box : bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
     origin = None
     for name in request.layers:
         if name == "depth":
-            layers[name] = seen.depth_m
-        elif name == "parts" and seen.parts is not None:
-            layers[name] = seen.parts
-        elif name == "normals" and seen.normals is not None:
-            layers[name] = seen.normals
+            layers[name] = surface.depth_m
+        elif name == "parts" and surface.parts is not None:
+            layers[name] = surface.parts
+        elif name == "normals" and surface.normals is not None:
+            layers[name] = surface.normals
         elif name == "amodal":
             amodal = amodal_mask(renderer, scene, target, mask, amodal_box)
             layers[name], origin = amodal.mask, amodal.origin_px

@@ -58,11 +58,11 @@ def surfaces(
     return joined
 
 
-def _empty_like(seen: Surfaces, height: int) -> Surfaces:
+def _empty_like(band: Surfaces, height: int) -> Surfaces:
     return replace(
-        seen,
-        depth_m=np.full((height, seen.depth_m.shape[1]), np.nan, np.float32),
-        normals=None if seen.normals is None else np.zeros((height, *seen.normals.shape[1:]), np.float16),
-        parts=None if seen.parts is None else np.zeros((height, seen.parts.shape[1]), np.uint16),
+        band,
+        depth_m=np.full((height, band.depth_m.shape[1]), np.nan, np.float32),
+        normals=None if band.normals is None else np.zeros((height, *band.normals.shape[1:]), np.float16),
+        parts=None if band.parts is None else np.zeros((height, band.parts.shape[1]), np.uint16),
         window=(slice(None), slice(None)),
     )

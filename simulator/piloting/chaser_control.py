@@ -95,9 +95,9 @@ class Steering:
         """Return the state that a seek must restore, without the manual demand."""
         return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
 
-    def bring_back(self, kept: dict[str, Any]) -> None:
+    def bring_back(self, state: dict[str, Any]) -> None:
         """Restore a state that `kept` returned."""
-        vars(self).update(kept)
+        vars(self).update(state)
 
     # --- the pilot's demand
 
@@ -310,28 +310,28 @@ class Steering:
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """Return the (3,) wanted rate relative to ECI, camera axes [rad s-1]."""
         demand = self._demand
-        asked = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
+        demanded_rate = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":
-            asked = asked + demand.switched_turn_rad_s()
+            demanded_rate = demanded_rate + demand.switched_turn_rad_s()
         if self._pulse_rad.any():
             most = laws.PULSE_RAD_S * h
             pulse = np.clip(self._pulse_rad, -most, most)
             self._pulse_rad = self._pulse_rad - pulse
             self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
-            asked = asked + pulse / h
+            demanded_rate = demanded_rate + pulse / h
         match self.attitude:
             case "rate":
                 # integrate, so that a released key leaves the rate
-                return np.array(chaser.omega_camera_rad_s) + asked * (h / laws.RATE_TIME_S)
+                return np.array(chaser.omega_camera_rad_s) + demanded_rate * (h / laws.RATE_TIME_S)
             case "target":
-                self.aim = laws.turned_aim(self.aim, asked, h)
-                return asked + laws.tracking_rate_rad_s(chaser, self.aim, h)
+                self.aim = laws.turned_aim(self.aim, demanded_rate, h)
+                return demanded_rate + laws.tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
-                return asked + laws.docked_rate_rad_s(
+                return demanded_rate + laws.docked_rate_rad_s(
                     chaser, flight.attitude(chaser.t_s), self.docking.port, h
                 )
             case "hold":
                 if self.axes == "lvlh":
                     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
-                    asked = asked + R_camera_from_eci @ frame.omega_eci_rad_s
-                return asked
+                    demanded_rate = demanded_rate + R_camera_from_eci @ frame.omega_eci_rad_s
+                return demanded_rate

@@ -117,9 +117,9 @@ class Docking:
         """Return the state that a seek must restore."""
         return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
 
-    def bring_back(self, kept: dict[str, Any]) -> None:
+    def bring_back(self, state: dict[str, Any]) -> None:
         """Restore a state that `kept` returned."""
-        vars(self).update(kept)
+        vars(self).update(state)
 
     # --- contact
 

@@ -41,17 +41,17 @@ def board_pose(
     towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
     axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
     roll = np.radians(rng.uniform(-20, 20))
-    tilted = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
-    turned = tilted @ _rotation(np.array([0.0, 0.0, roll])) @ facing
+    tilt_rotation = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
+    orientation = tilt_rotation @ _rotation(np.array([0.0, 0.0, roll])) @ facing
     share = rng.uniform(0.55, 0.8)
-    near = _distance_for_span(camera, rim @ turned.T, share * size)
+    near = _distance_for_span(camera, rim @ orientation.T, share * size)
     rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
     # a board rotated towards the corner of a wide-angle camera may not fit: then it is moved farther away
     for step in range(_STEPS_BACK):
-        fit = _farthest_place(camera, rim @ turned.T, near * _STEP_BACK**step, rays, towards_cell)
+        fit = _farthest_place(camera, rim @ orientation.T, near * _STEP_BACK**step, rays, towards_cell)
         if fit is not None:
             R, t = fit
-            return quat_from_matrix(R @ turned), t
+            return quat_from_matrix(R @ orientation), t
     raise UserError(
         f"no pose of {target.name} fits the image of {camera.width_px} x {camera.height_px} pixels: "
         "give a camera with more of them"
@@ -63,7 +63,7 @@ def _farthest_place(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the rotation from the boresight and the position at which a board fits and lies closest to its cell."""
     size = np.array([camera.width_px, camera.height_px])
-    best, found = -np.inf, None
+    best, best_place = -np.inf, None
     for ray in rays:
         # the board faces the camera along its own ray, anywhere in a wide image
         R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
@@ -78,8 +78,8 @@ def _farthest_place(
         # as far towards its cell as it fits; for the central cell, as near to the centre as possible
         merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
         if merit > best:
-            best, found = merit, (R, np.asarray(distance_m * ray))
-    return found
+            best, best_place = merit, (R, np.asarray(distance_m * ray))
+    return best_place
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:

@@ -102,8 +102,8 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
                 scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
             )
         plan = plan_flight(scenario, times=(0.0,), seed=seed)
-        lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
-        if lit or not poses.sunlit:
+        is_lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
+        if is_lit or not poses.sunlit:
             return plan
     raise UserError(
         f"{where}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take fewer frames, or set "

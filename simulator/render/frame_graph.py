@@ -77,8 +77,8 @@ class FrameResources:
 class PassResources:
     """A frame's resources, restricted to those that one pass declared."""
 
-    def __init__(self, values: dict[str, Any], of: Pass) -> None:
-        self._values, self._pass = values, of
+    def __init__(self, values: dict[str, Any], current: Pass) -> None:
+        self._values, self._pass = values, current
 
     def __getitem__(self, resource: Resource[T]) -> T:
         """Return a resource that the pass declared in its ``reads``."""

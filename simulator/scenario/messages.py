@@ -66,7 +66,7 @@ def _orbit(
 ) -> KnownOrbit | OemOrbit:
     match orbit:
         case TleOrbit(line1=str(line1), line2=str(line2), file=None):
-            found: Ephemeris | State = state_from_tle(line1, line2, epoch)
+            orbit_source: Ephemeris | State = state_from_tle(line1, line2, epoch)
             centre: str = "earth"
             name, motion = "the two-line elements", None
         case TleOrbit(line1=None, line2=None, file=str(name)):
@@ -76,20 +76,20 @@ def _orbit(
             raise UserError("section [orbit] has kind tle, allowed: line1 and line2, or file alone")
         case OemOrbit():
             name, centre, motion = orbit.file, orbit.centre, orbit.motion
-            found = _orbit_file(folder / name, "orbit.file", epoch, centre, orbit.satellite)
+            orbit_source = _orbit_file(folder / name, "orbit.file", epoch, centre, orbit.satellite)
         case _:
             return orbit
-    if not isinstance(found, tuple):
+    if not isinstance(orbit_source, tuple):
         if isinstance(orbit, OemOrbit) and motion != "propagate":
-            found.require_span(duration_s)
+            orbit_source.require_span(duration_s)
             return msgspec.structs.replace(orbit, file=str((folder / name).resolve()), motion="oem")
-        found.require_span(0.0)
-        found = found(0.0)[:2]
+        orbit_source.require_span(0.0)
+        orbit_source = orbit_source(0.0)[:2]
     elif motion == "oem":
         raise UserError(
             f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key"
         )
-    state = _state_orbit(centre, found)
+    state = _state_orbit(centre, orbit_source)
     if (problem := state.problem()) is not None:
         velocity = "has a velocity that " if "v_eci" in problem[0] else ""
         raise UserError(f"the state that {name} gives at {epoch.iso()} {velocity}{problem[1]}")

@@ -96,11 +96,11 @@ def read_orbit_file(
     if is_text or is_xml:
         kind, segments = ("oem", read_segments(text, where, "OEM")) if is_text else read_ndm(text, where)
         if kind == "oem":
-            found = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
-            found.refuse_impossible(body_named(centre))
-            return found
-        chosen = _one(segments, where, satellite)
-        return _opm_state(chosen, epoch, centre) if kind == "opm" else _omm_state(chosen, epoch, centre)
+            states = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
+            states.refuse_impossible(body_named(centre))
+            return states
+        segment = _one(segments, where, satellite)
+        return _opm_state(segment, epoch, centre) if kind == "opm" else _omm_state(segment, epoch, centre)
     if is_state_message(text, "OPM"):
         return _opm_state(read_fields(text, where, "OPM"), epoch, centre)
     if is_state_message(text, "OMM"):

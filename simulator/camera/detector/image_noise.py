@@ -128,15 +128,15 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
     return ImageNoise(_table_sums(raw, first + first.dtype.type(half), second), factors)
 
 
-def _table_sums(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+def _table_sums(numbers: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
     """Return sums of two tables' entries for bytes (2, rows, columns), in strips too small for OpenCV's threads.
 
     Those spin while they wait, and take processors from a software driver.
     """
-    steps = np.empty(drawn.shape[1:], first.dtype)
-    rows = max(_STRIP_VALUES // max(drawn.shape[2], 1), 1)
+    steps = np.empty(numbers.shape[1:], first.dtype)
+    rows = max(_STRIP_VALUES // max(numbers.shape[2], 1), 1)
     for top in range(0, len(steps), rows):
         strip = slice(top, top + rows)
-        cv2.LUT(drawn[0, strip], first, dst=steps[strip])
-        steps[strip] += cv2.LUT(drawn[1, strip], second)
+        cv2.LUT(numbers[0, strip], first, dst=steps[strip])
+        steps[strip] += cv2.LUT(numbers[1, strip], second)
     return steps

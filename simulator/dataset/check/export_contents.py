@@ -87,39 +87,39 @@ def is_cut(name: str, last_bytes: bytes) -> bool:
     return not last_bytes.endswith(_ENDS.get(suffix, b""))
 
 
-def is_same(expected: Any, found: Any) -> bool:  # noqa: ANN401 - any value of a file
+def is_same(expected: Any, actual: Any) -> bool:  # noqa: ANN401 - any value of a file
     """Return True if two values agree, numbers within rounding and JPEG pixels within the codec's error."""
     if isinstance(expected, JpegPixels):
-        a, b = expected.pixels.astype(np.float32), found.pixels.astype(np.float32)
+        a, b = expected.pixels.astype(np.float32), actual.pixels.astype(np.float32)
         if a.shape != b.shape:
             return False
         off = np.abs(a - b)
         return bool(off.max() <= JPEG_MOST_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
     if isinstance(expected, np.ndarray):
-        if (expected.shape, expected.dtype) != (found.shape, found.dtype):
+        if (expected.shape, expected.dtype) != (actual.shape, actual.dtype):
             return False
         # bytes first: comparing floats that may be NaN takes several times as long
-        return expected.tobytes() == found.tobytes() or (
-            expected.dtype.kind == "f" and np.array_equal(expected, found, equal_nan=True)
+        return expected.tobytes() == actual.tobytes() or (
+            expected.dtype.kind == "f" and np.array_equal(expected, actual, equal_nan=True)
         )
     if isinstance(expected, dict):
         return (
-            isinstance(found, dict)
-            and expected.keys() == found.keys()
-            and all(is_same(value, found[key]) for key, value in expected.items())
+            isinstance(actual, dict)
+            and expected.keys() == actual.keys()
+            and all(is_same(value, actual[key]) for key, value in expected.items())
         )
     if isinstance(expected, list):
         return (
-            isinstance(found, list)
-            and len(expected) == len(found)
-            and all(is_same(a, b) for a, b in zip(expected, found, strict=True))
+            isinstance(actual, list)
+            and len(expected) == len(actual)
+            and all(is_same(a, b) for a, b in zip(expected, actual, strict=True))
         )
-    if isinstance(expected, bytes) and expected != found and expected.startswith(_PNG):
+    if isinstance(expected, bytes) and expected != actual and expected.startswith(_PNG):
         # other versions of the library compress differently
-        return bool(np.array_equal(decode_png(expected, "picture"), decode_png(found, "picture")))
-    if isinstance(expected, float) and isinstance(found, int | float):
-        return math.isclose(expected, found, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
-    return type(expected) is type(found) and bool(expected == found)
+        return bool(np.array_equal(decode_png(expected, "picture"), decode_png(actual, "picture")))
+    if isinstance(expected, float) and isinstance(actual, int | float):
+        return math.isclose(expected, actual, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    return type(expected) is type(actual) and bool(expected == actual)
 
 
 def _bytes(data: bytes) -> Iterator[Entry]:

@@ -196,9 +196,9 @@ def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneStat
     return [scenes[k].t_s if k in scenes else 0.0 for k in range(card.n_frames)]
 
 
-def _differences(expected: SceneState, found: SceneState, left_out: Container[str]) -> list[str]:
+def _differences(expected: SceneState, recorded: SceneState, left_out: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
-    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, found))
+    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, recorded))
     return [
         name
         for name in sorted(a.keys() | b.keys())

@@ -160,19 +160,19 @@ def check_same_picture(
     encoding = truth.camera.pixel_encoding
     (one, sensor), (two, _) = (decode_numbers(x, truth.scene.sensor, encoding) for x in (image, again))
     full, black = sensor.scale_dn  # a detector saturates at its full well, above its black level
-    mine, other = (
+    read, redrawn = (
         cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (one, two)
     )
-    off = np.abs(mine - other)
+    off = np.abs(read - redrawn)
     levels = np.linspace(0, 1, 33)
     sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
     # demosaicing spreads the noise of one pixel in four over all, so a blur reduces it less; white balance and a colour
     # matrix multiply it
     spread = np.maximum(3.0, 2.0 * np.linalg.norm(band_gains(truth), axis=1)) if image.ndim == 3 else 1.0
-    noise = np.interp(other, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
+    noise = np.interp(redrawn, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
-    slope = cv2.dilate(other, near) - cv2.erode(other, near)
-    bad = off > ABSOLUTE + RELATIVE * np.maximum(other, 0) + noise + SHIFT_PX * slope
+    slope = cv2.dilate(redrawn, near) - cv2.erode(redrawn, near)
+    bad = off > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
     bad = bad if bad.ndim == 2 else bad.any(axis=2)
     about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
     on_craft, off_craft = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
@@ -204,23 +204,23 @@ def check_same_layers(
     most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
     wrong = []
     for name in sorted(layers.keys() & again.keys()):
-        mine, other = layers[name], again[name]
-        if not is_same_renderer and (name == "clean" or mine.shape != other.shape):
+        read, redrawn = layers[name], again[name]
+        if not is_same_renderer and (name == "clean" or read.shape != redrawn.shape):
             continue  # under another renderer the light differs, and the amodal mask may begin elsewhere
-        if mine.shape != other.shape:
-            wrong.append(f"{name} is {mine.shape}, drawn again {other.shape}")
+        if read.shape != redrawn.shape:
+            wrong.append(f"{name} is {read.shape}, drawn again {redrawn.shape}")
             continue
-        bad = _differing(name, mine, other)
+        bad = _differing(name, read, redrawn)
         if bad > most:
             wrong.append(f"{name} differs at {bad} pixels from what the record gives when it is drawn again")
     return wrong
 
 
-def _differing(name: str, mine: NDArray[Any], other: NDArray[Any]) -> int:
+def _differing(name: str, read: NDArray[Any], redrawn: NDArray[Any]) -> int:
     """Count the pixels that differ by more than rounding."""
-    if np.array_equal(mine, other, equal_nan=mine.dtype.kind == "f"):
+    if np.array_equal(read, redrawn, equal_nan=read.dtype.kind == "f"):
         return 0
-    a, b = mine.astype(np.float64), other.astype(np.float64)
+    a, b = read.astype(np.float64), redrawn.astype(np.float64)
     # NaN and a number differ, and so do two values that are too far apart
     near = np.abs(a - b) <= LAYER_ABSOLUTE.get(name, 0.0) + LAYER_RELATIVE.get(name, 0.0) * np.abs(b)
     bad = ~(near | (np.isnan(a) & np.isnan(b)))

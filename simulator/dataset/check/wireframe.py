@@ -64,7 +64,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     return wrong
 
 
-def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
+def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, is_visible: bool) -> bool:
     """Return True if the point at a share of the projected edge is visible or hidden as labelled."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]
@@ -73,9 +73,9 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
     point = ends[0] + along * (ends[1] - ends[0])
     hits = caster.hits(point[:2] / point[2])
     if edge.radius_m > 0:
-        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=seen)
+        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=is_visible)
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
-    if seen:
+    if is_visible:
         return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
     # hidden: by a surface in front of it, or because all its faces face away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
@@ -83,7 +83,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
 
 
 def _rod_agrees(
-    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, seen: bool
+    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, is_visible: bool
 ) -> bool:
     """Return True if a point of a rod's axis is visible or hidden as labelled, ignoring the rod's own surface.
 
@@ -95,6 +95,6 @@ def _rod_agrees(
     before = hits_z_m[hits_z_m < point[2] - CLEAR_M]
     places = before[:, None] * (point / point[2])
     off = np.linalg.norm(np.cross(places - ends[0], way), axis=1)
-    if seen:
+    if is_visible:
         return not np.any(off > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
     return bool(np.any(off > OWN_RADII * radius_m + CLEAR_M))

@@ -65,9 +65,13 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
         lists = [path for path in lists if path.name not in SHIRT_LISTS]
     rows = {path: _rows(path) for path in lists if path.suffix == ".json"}
     list_kind = "speed" if kind == "speed" else "speedplus"
-    readable = {path: found for path, found in rows.items() if found and _kind(found) == list_kind}
+    readable = {
+        path: rows_of_list
+        for path, rows_of_list in rows.items()
+        if rows_of_list and _kind(rows_of_list) == list_kind
+    }
     if not readable:
-        bare = [path for path, found in rows.items() if found and _kind(found) == ""]
+        bare = [path for path, rows_of_list in rows.items() if rows_of_list and _kind(rows_of_list) == ""]
         if bare and kind == "speedplus":
             raise UserError(
                 f"{bare[0]} has no poses (the public test lists have none); give a list with poses, such as train.json"
@@ -76,10 +80,10 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
     if len(readable) > 1:
         names = ", ".join(str(path) for path in readable)
         raise UserError(f"{place} holds several sets ({names}); give one of these lists")
-    (labels, found), *_ = readable.items()
+    (labels, rows_of_list), *_ = readable.items()
     folders = _picture_folders(place, labels, kind)
     pictures = []
-    for k, row in enumerate(found):
+    for k, row in enumerate(rows_of_list):
         where = f"{labels} entry {k + 1}"
         if not isinstance(row, dict) or QUATERNION[kind] not in row or POSITION not in row:
             raise UserError(f"{where} has no {QUATERNION[kind]} or no {POSITION}; give a list with poses")
@@ -96,9 +100,9 @@ def _lists(folder: Path, kind: str) -> list[Path]:
     if kind == "shirt":
         levels.insert(0, folder.parent.glob("*.json"))
     for level in levels:
-        found = sorted(path for path in level if path.name not in NOT_LISTS and path.is_file())
-        if found:
-            return found
+        lists = sorted(path for path in level if path.name not in NOT_LISTS and path.is_file())
+        if lists:
+            return lists
     return []
 
 

@@ -43,14 +43,14 @@ class AtlasTextures:
     pair : two textures of the atlas's size.
     """
 
-    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: RadianceTransfer) -> None:
-        self._made, self.pair = made, pair
+    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], transfer: RadianceTransfer) -> None:
+        self._made, self.pair = transfer, pair
         self.visibility, self.interreflection = pair
         self._image = np.zeros(
             (self.interreflection.width * self.interreflection.height, self.interreflection.components),
             np.float32,
         )
-        self.visibility.write(made.visibility.tobytes(), alignment=1)
+        self.visibility.write(transfer.visibility.tobytes(), alignment=1)
         self._last: bytes = b""
 
     def update(self, view: View) -> None:

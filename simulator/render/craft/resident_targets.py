@@ -37,12 +37,12 @@ MOST_LOADED = 4  # targets kept on the GPU, tens of megabytes each
 class EdgeBuffers:
     """The edges of one mesh on the GPU, and the list of those drawn in this frame."""
 
-    def __init__(self, context: moderngl.Context, seen: VisibleEdges) -> None:
+    def __init__(self, context: moderngl.Context, visible_edges: VisibleEdges) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self.seen = seen
+        self.seen = visible_edges
         self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
-        self.indices = context.buffer(reserve=max(4 * 6 * len(seen.edges.ends), 4), dynamic=True)
+        self.indices = context.buffer(reserve=max(4 * 6 * len(visible_edges.edges.ends), 4), dynamic=True)
 
     def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
         """Return the vertex array of the edges for a program. It is kept here, so that it is freed with the mesh."""
@@ -163,11 +163,11 @@ class ResidentTargets:
         # textures are bound by ranges of the index buffer
         geometry_array = self.culling.mesh_array if mesh.uv is None else WholeMesh
 
-        def draw(some: GpuMesh, seen: VisibleEdges) -> DrawnMesh:
+        def draw(some: GpuMesh, visible_edges: VisibleEdges) -> DrawnMesh:
             return DrawnMesh(
                 some,
                 geometry_array(context, some, sample_program(programs, some).gl),
-                EdgeBuffers(context, seen),
+                EdgeBuffers(context, visible_edges),
                 lambda mesh: LabelArrays.of(context, programs, target, mesh),
             )
 

@@ -48,11 +48,13 @@ class BufferPool(Generic[B]):
         most = LARGER * size[0] * size[1]
         # existing sizes that would hold the window if they were slightly larger
         near = [(max(w, size[0]), max(h, size[1]), (w, h)) for w, h in self._kept]
-        near = [found for found in near if found[0] * found[1] <= most]
+        near = [candidate for candidate in near if candidate[0] * candidate[1] <= most]
         buffers = None
         if near:
             # prefer an exact size: growing another of the same area would replace it
-            *larger, at_hand = min(near, key=lambda found: (found[0] * found[1], found[:2] != found[2]))
+            *larger, at_hand = min(
+                near, key=lambda candidate: (candidate[0] * candidate[1], candidate[:2] != candidate[2])
+            )
             size = (larger[0], larger[1])
             buffers = self._kept.pop(at_hand)
             if at_hand != size:

@@ -22,21 +22,21 @@ _WORD = re.compile(r"\w+")
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 
 
-def read_source(path: str, seen: set[str] | None = None) -> str:
+def read_source(path: str, expanded: set[str] | None = None) -> str:
     """Return the text of ``shaders/<path>`` with every ``#include "other/file.glsl"`` expanded once.
 
     Parameters
     ----------
     path : path inside the ``shaders`` package, with forward slashes.
-    seen : files already expanded; each is included only once.
+    expanded : files already expanded; each is included only once.
     """
-    seen = set() if seen is None else seen
-    seen.add(path)
+    expanded = set() if expanded is None else expanded
+    expanded.add(path)
     text = _text(path)
 
     def expand(match: re.Match[str]) -> str:
         name = match.group(1)
-        return "" if name in seen else read_source(name, seen)
+        return "" if name in expanded else read_source(name, expanded)
 
     return _INCLUDE.sub(expand, text)
 

@@ -133,7 +133,7 @@ def _cosine(value: FloatArray | float) -> float:
 
 
 def _rect(
-    seen: np.typing.NDArray[np.bool_],
+    hits_earth: np.typing.NDArray[np.bool_],
     perigee2: FloatArray,
     along: FloatArray,
     view: View,
@@ -145,8 +145,8 @@ def _rect(
     # a distant Earth may fall between grid points
     center = -view.R_camera_from_globe @ view.r_camera_globe_m
     distance = float(np.linalg.norm(center))
-    if seen.any():
-        rows, columns = np.nonzero(seen)
+    if hits_earth.any():
+        rows, columns = np.nonzero(hits_earth)
         step_x, step_y = width / (_GRID - 1), height / (_GRID - 1)
         # the limb bulges less than a cell between neighbouring grid points
         x0, x1 = (columns.min() - 1) * step_x - 2, (columns.max() + 1) * step_x + 2

@@ -60,7 +60,7 @@ class _SunTable:
     """Transmittance to the Sun from tabulated optical depths by height and cosine above the horizon, to 1e-3."""
 
     def __init__(self, air: Atmosphere) -> None:
-        from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import: decoding of maps starts before
+        from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import
 
         self._air = air
         height, lift = np.linspace(0, 1, 40), np.linspace(0, 1, 60)

@@ -211,7 +211,7 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
         raise UserError(f"{error}; or add --units m to take it as a plain mesh with new keypoints") from error
 
 
-def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[list[MeshBody], float]:
+def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tuple[list[MeshBody], float]:
     """Return welded, reduced, filled and outward-facing bodies, and the craft's extent [m]."""
     low, high = bounds(model)
     extent = float((high - low).max())
@@ -222,7 +222,7 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         if len(body.triangles):
             bodies.append(body)
         else:
-            found.shape.append(f"part {part.name!r} has no face with area: left out")
+            findings.shape.append(f"part {part.name!r} has no face with area: left out")
     if not bodies:
         raise UserError(f"{model.path} has no face with area; export the model again")
     reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
@@ -233,7 +233,7 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         bodies = [without_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
-        found.shape.append(
+        findings.shape.append(
             f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
             f"{off.largest_m * 1e3:.3g} mm at most"
         )
@@ -241,9 +241,9 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         capped = cap_solids(bodies, extent)
         tally.filled, tally.left_open = capped.filled, capped.left
         bodies = [without_slivers(b, extent, tally) for b in capped.bodies]
-    out = _checked(model, bodies, options, tally, found, reduced=reduced)
-    found.repairs += tally.lines()
-    found.shape += coincidence_lines(out, extent)
+    out = _checked(model, bodies, options, tally, findings, reduced=reduced)
+    findings.repairs += tally.lines()
+    findings.shape += coincidence_lines(out, extent)
     return out, extent
 
 
@@ -252,7 +252,7 @@ def _checked(
     bodies: list[MeshBody],
     options: ImportOptions,
     tally: RepairCounts,
-    found: Findings,
+    findings: Findings,
     *,
     reduced: bool,
 ) -> list[MeshBody]:
@@ -275,15 +275,15 @@ def _checked(
         one_sided += twisted
     model.openings = holes
     if holes:
-        found.shape.append(
+        findings.shape.append(
             f"kept {holes:,} open outlines ({rims:,} open edges) as sheets seen from both sides"
             + (" (--fill-holes caps those that then bound a solid)" if not options.fill_holes else "")
         )
     if branches:
         advice = "" if options.keep_non_manifold else " (--strict refuses them and names the first)"
-        found.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
+        findings.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
     if one_sided:
-        found.shape.append(
+        findings.shape.append(
             f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
         )
     return out

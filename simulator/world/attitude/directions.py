@@ -61,7 +61,7 @@ class PointingContext:
 
     def _sun(self) -> CubicSpline:
         """Return the apparent Sun from the central body, over the flight."""
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: decoding of maps starts before
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
         places = [

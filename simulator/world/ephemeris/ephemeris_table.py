@@ -41,7 +41,7 @@ class EphemerisTable:
     def of(epoch: Instant, duration_s: float) -> EphemerisTable:
         """Build the table from an hour before ``epoch`` to an hour after the flight's end."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: decoding of maps starts before
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
         instants = [epoch.plus(float(t)) for t in nodes]
         celestial = np.array([celestial_and_polar(i)[0].ravel() for i in instants])

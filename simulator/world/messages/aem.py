@@ -90,7 +90,7 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     ----------
     Hughes (1986), Spacecraft Attitude Dynamics, ch. 2; the spline is that of scipy's ``RotationSpline``.
     """
-    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import: decoding of maps starts before
+    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import
 
     segment, times = _segment_over(text, where, epoch, duration_s)
     low = max(int(np.searchsorted(times, 0.0)) - _MARGIN_LINES, 0)
@@ -186,7 +186,7 @@ def _spin_angles(segment: Segment) -> FloatArray:
 
 def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
     """Return (n, 4) ``q_A_from_B`` of rotations that carry frame A's axes to B's, in the order of the sequence."""
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import: decoding of maps starts before
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
 
     return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
 

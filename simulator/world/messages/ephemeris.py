@@ -84,7 +84,7 @@ class Piece:
 
         High-order terms are small over the interval, so that the sum is accurate.
         """
-        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import: decoding of maps starts before
+        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import
 
         t, states = self.times_s[near], self.states[near]
         if self.method == "HERMITE":

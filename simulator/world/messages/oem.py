@@ -66,11 +66,11 @@ def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -
     names = [(s.meta.get("OBJECT_NAME", ""), s.meta.get("OBJECT_ID", "")) for s in segments]
     listed = ", ".join(dict.fromkeys(f"{name} ({number})" for name, number in names[:10]))
     if satellite is not None:
-        wanted = satellite.strip().upper()
-        selected = [s for s, n in zip(segments, names, strict=True) if wanted in {x.upper() for x in n}]
+        wanted_name = satellite.strip().upper()
+        selected = [s for s, n in zip(segments, names, strict=True) if wanted_name in {x.upper() for x in n}]
         if not selected:
             raise UserError(f"{where} has no object {satellite!r}: it has {listed}")
-        segments, names = selected, [n for n in names if wanted in {x.upper() for x in n}]
+        segments, names = selected, [n for n in names if wanted_name in {x.upper() for x in n}]
     if len({number for _, number in names}) > 1:
         raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {listed}")
     return segments

@@ -101,7 +101,7 @@ def integrate(
     ----------
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853 and its dense output.
     """
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import: decoding of maps starts before
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
     result = solve_ivp(
         derivative,

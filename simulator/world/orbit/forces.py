@@ -246,7 +246,7 @@ class EarthForces:
         return a
 
 
-def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> FloatArray:
+def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> FloatArray:
     """Return the radiation acceleration (3,) of a craft at ``from_sun_m`` that sees a share of the Sun [m s-2].
 
     References
@@ -255,7 +255,7 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> Float
     """
     distance = float(np.linalg.norm(from_sun_m))
     factor = craft.push_per_pressure_m2_kg(craft.reflectivity)
-    return np.asarray(seen * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
+    return np.asarray(sun_share * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:

@@ -219,11 +219,13 @@ def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatAr
     return True
 
 
-def _walk(seed: int, side: int, ends: IntArray, follow: IntArray, done: np.ndarray) -> list[tuple[int, bool]]:
+def _walk(
+    seed: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
+) -> list[tuple[int, bool]]:
     """Return the edges of a chain in order, each with a flag if it is reversed."""
     chain, edge, out = [], seed, side
-    while edge >= 0 and not done[edge]:
-        done[edge] = True
+    while edge >= 0 and not visited[edge]:
+        visited[edge] = True
         chain.append((edge, out == 0))
         vertex = ends[edge, out]
         edge_next = int(follow[edge, out])

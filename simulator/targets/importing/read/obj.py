@@ -103,8 +103,8 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     for block in statements.blocks:
         of_part.setdefault(block.part, []).append(block)
     short = 0
-    for name, mine in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
-        body, dropped = _part(path, name, mine, (v, vt, vn, colours), in_use, number)
+    for name, part_blocks in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
+        body, dropped = _part(path, name, part_blocks, (v, vt, vn, colours), in_use, number)
         model.parts.append(body)
         short += dropped
     if short:
@@ -150,12 +150,12 @@ def _statements(path: Path, data: bytes) -> _Statements:
 def _materials(
     model: RawModel,
     used: list[str],
-    known: dict[str, ObjMaterial],
+    by_name: dict[str, ObjMaterial],
     *,
     has_libraries: bool,
     names_libraries: bool,
 ) -> None:
-    absent = [n for n in used if n and n not in known]
+    absent = [n for n in used if n and n not in by_name]
     if absent and (has_libraries or not names_libraries):
         names = ", ".join(repr(n[:80]) for n in absent[:5]) + ", ..." * (len(absent) > 5)
         which = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
@@ -163,9 +163,9 @@ def _materials(
             model.faults.append(f"{which} in none of the .mtl files that were read: drawn grey")
         else:
             model.notes.append(f"{which} named, but no .mtl file: drawn grey")
-    model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
-    model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
-    unsupported = sorted({k for n in used if n in known for k in known[n].lost})
+    model.materials = [by_name[n].material for n in used if n in by_name] + [UNNAMED_SURFACE]
+    model.pictures = {p.name: p for n in used if n in by_name and (p := by_name[n].picture) is not None}
+    unsupported = sorted({k for n in used if n in by_name for k in by_name[n].lost})
     if unsupported:
         model.notes.append(
             f"not carried over: {', '.join(unsupported[:20])}" + ", ..." * (len(unsupported) > 20)
@@ -179,7 +179,7 @@ def _part(
     name: str,
     blocks: list[_Block],
     data: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None],
-    known: dict[str, ObjMaterial],
+    by_name: dict[str, ObjMaterial],
     number: dict[str, int],
 ) -> tuple[RawPart, int]:
     v, vt, vn, vertex_colours = data
@@ -199,17 +199,17 @@ def _part(
         corners.append(c)
         materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
         uv = np.full((len(c), 3, 2), np.nan)
-        mine = known.get(block.material)
-        if mine is not None and mine.picture is not None and len(vt):
+        material = by_name.get(block.material)
+        if material is not None and material.picture is not None and len(vt):
             with np.errstate(over="ignore", invalid="ignore"):
-                transformed = vt * mine.scale + mine.offset
+                transformed = vt * material.scale + material.offset
             # OBJ counts texture rows from the bottom
             uv = np.stack([transformed[:, 0], 1 - transformed[:, 1]], axis=1)[c[..., 1] - 1]
             uv[c[..., 1] == 0] = np.nan
         coordinates.append(uv)
         if vertex_colours is not None:
-            factor = np.asarray(mine.material.base_color) if mine is not None else 1.0
-            plain = mine is None or mine.picture is None
+            factor = np.asarray(material.material.base_color) if material is not None else 1.0
+            plain = material is None or material.picture is None
             colours.append(
                 vertex_colours[c[..., 0] - 1].mean(axis=1) * factor if plain else np.full((len(c), 3), np.nan)
             )
@@ -252,13 +252,13 @@ def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     if float((counts[rest].astype(float) ** 2).sum()) > MAX_CLIPPING:
         raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
     for k in rest:
-        mine = start[k] + np.arange(counts[k])
+        rows = start[k] + np.arange(counts[k])
         try:
-            pieces = fan(len(mine)) if wrong[k] else polygon_triangles(v[at[mine]])
+            pieces = fan(len(rows)) if wrong[k] else polygon_triangles(v[at[rows]])
         except ValueError as error:
             raise UserError(f"{path} has {error}, too many to cut; export it as triangles") from error
         faces.append(np.full(len(pieces), k))
-        triples.append(mine[np.array(pieces)])
+        triples.append(rows[np.array(pieces)])
     order = np.argsort(np.concatenate(faces), kind="stable")
     return corners[np.concatenate(triples)[order]].reshape(-1, 3, 3), int((counts < 3).sum())
 

@@ -68,9 +68,9 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     return [*out, (remaining[0], remaining[1], remaining[2])]
 
 
-def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
-    """Return the index in ``left`` of a corner whose triangle is empty, or -1, and the number of tests."""
-    p = flat[left]
+def _ear(flat: FloatArray, remaining: list[int]) -> tuple[int, int]:
+    """Return the index in ``remaining`` of a corner whose triangle is empty, or -1, and the number of tests."""
+    p = flat[remaining]
     before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
     looked = 0
     for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):

@@ -103,14 +103,17 @@ def six_volumes(corners: FloatArray) -> FloatArray:
 
 
 def coincident_pairs(
-    corners_m: FloatArray, extent_m: float, within_m: FloatArray | None = None, asked: BoolArray | None = None
+    corners_m: FloatArray,
+    extent_m: float,
+    within_m: FloatArray | None = None,
+    required: BoolArray | None = None,
 ) -> IntArray | None:
     """Return (K, 2) pairs of faces that are coplanar and overlap; None if there are too many to compare.
 
     Parameters
     ----------
     corners_m : (F, 3, 3). extent_m : size of the craft. within_m : (F,) largest distance of a face from its partner, by
-        default `NEAREST` of the craft; the larger of both counts. asked : (F,) faces of which a pair must contain one.
+        default `NEAREST` of the craft; the larger of both counts. required : (F,) faces of which a pair must contain one.
     """
     nearest = NEAREST * extent_m
     tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m
@@ -118,11 +121,11 @@ def coincident_pairs(
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-30)[:, None]
     group = _plane_groups(corners_m, unit, float(tolerance_m.max(initial=nearest)))
-    found = [np.zeros((0, 2), np.int64)]
+    overlapping = [np.zeros((0, 2), np.int64)]
     total = 0
     try:
-        for pairs in _candidates(corners_m, unit, group, float(tolerance_m.max(initial=nearest)), asked):
-            some = pairs if asked is None else pairs[asked[pairs].any(axis=1)]
+        for pairs in _candidates(corners_m, unit, group, float(tolerance_m.max(initial=nearest)), required):
+            some = pairs if required is None else pairs[required[pairs].any(axis=1)]
             total += len(some)
             if total > MAX_PAIRS:
                 return None
@@ -130,10 +133,10 @@ def coincident_pairs(
                 few = some[start : start + CHUNK]
                 few = np.where((area[few[:, 0]] < area[few[:, 1]])[:, None], few[:, ::-1], few)
                 apart = tolerance_m[few].max(axis=1)
-                found.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
+                overlapping.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
     except TooManyFacesError:
         return None
-    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+    return np.unique(np.sort(np.concatenate(overlapping), axis=1), axis=0)
 
 
 def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> IntArray:
@@ -153,14 +156,14 @@ def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> Int
 
 
 def _candidates(
-    corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, asked: BoolArray | None
+    corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, required: BoolArray | None
 ) -> Iterator[IntArray]:
     """Yield pairs (K, 2) of faces of one group whose boxes overlap, in batches."""
     order = np.argsort(group, kind="stable")
     begin = np.flatnonzero(np.diff(group[order], prepend=-1))
     size = np.diff(np.append(begin, len(order)))
-    if asked is not None:
-        is_wanted = np.add.reduceat(asked[order].astype(np.int64), begin) > 0
+    if required is not None:
+        is_wanted = np.add.reduceat(required[order].astype(np.int64), begin) > 0
         begin, size = begin[is_wanted], size[is_wanted]
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
     few = (size > 1) & (size <= MAX_ALL_PAIRS)

@@ -57,8 +57,12 @@ def plain_where_unwrapped(
             continue
         bare = []
         for b in users[number]:
-            mine = b.face_material == number
-            bare.append(mine if b.corner_uv is None else mine & ~np.isfinite(b.corner_uv).all(axis=(1, 2)))
+            of_material = b.face_material == number
+            bare.append(
+                of_material
+                if b.corner_uv is None
+                else of_material & ~np.isfinite(b.corner_uv).all(axis=(1, 2))
+            )
         count = sum(int(x.sum()) for x in bare)
         if not count:
             continue

@@ -170,7 +170,9 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
     return [line]
 
 
-def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool) -> list[str]:
+def _check_size(
+    model: RawModel, extent_m: float, factor: float, *, is_stated: bool, any_size: bool
+) -> list[str]:
     """Raise for a size that no spacecraft has, or return a line about it if the user confirms it."""
     if SMALLEST_M <= extent_m <= LARGEST_M:
         return []
@@ -183,7 +185,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
         return [
             f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"
         ]
-    across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if said else "")
+    across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if is_stated else "")
     confirm = (
         "--yes if it is that size"
         if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M
