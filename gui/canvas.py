@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 MOST_POINTS = 600
 """Largest number of points per line; more than a panel has pixels would be invisible."""
+# offsets of the dark halo around a text
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
-KEPT_MESSAGES, KEPT_RECENT = 500, 6
+KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)

@@ -38,7 +38,7 @@ BUTTONS: tuple[Do | tuple[()], ...] = (
     ("steer.pulse", "left"),
 )
 LEFT_BUMPER, RIGHT_BUMPER = 4, 5
-STILL = (0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)  # sticks at rest
 
 
 class Gamepad:

@@ -38,7 +38,7 @@ GUARDED: Rgba = (0.42, 0.14, 0.06, 1.0)
 
 ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
-WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION
+WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION  # colours by distance from a limit
 LIMIT_COLORS: dict[str, Rgba] = {"within": WITHIN, "near": NEAR, "outside": OUTSIDE}
 LIMIT_MARKS: dict[str, str] = {"within": "", "near": "!", "outside": "#"}
 """The same without colour."""

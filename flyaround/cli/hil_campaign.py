@@ -20,7 +20,7 @@ from flyaround.simulator.errors import UserError
 
 # command of a local board, as hil board runs it
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
-MAX_REASONS = 10
+MAX_REASONS = 10  # failed cases that are listed
 MAX_LEVELS = 100
 
 

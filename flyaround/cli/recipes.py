@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scene.state import SceneState
 
+# numbers of an imported sample's pose, as in its file
 RAW = ("x", "y", "z", "rx", "ry", "rz", "q1", "q2", "q3", "q4")
 SAMPLE_COLUMNS = ("sample", *RAW, *COLUMNS, "background", "redraws", "epoch_utc")
 

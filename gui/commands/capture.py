@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-THIS, NEW = "this-flight", "new"
+THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, unless told otherwise
 
 
 def _what(console: Console, what: str) -> str:

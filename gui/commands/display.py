@@ -26,7 +26,7 @@ OVERLAY_KEYS = {
     "times": "F8",
     "docking": "F10",
 }
-MOST_STOPS = 8.0
+MOST_STOPS = 8.0  # largest change of the exposure [powers of two]
 
 
 def _layer(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch

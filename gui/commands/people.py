@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1
+LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font's scale
 TOUR_STEPS = 6
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Quat, Vec3
     from flyaround.simulator.scene.state import TargetRef
 
-STAGE_QUALITY = 88
+STAGE_QUALITY = 88  # JPEG quality of a stage's picture
 KEPT_ESTIMATORS = 4
 NICENESS = 5
 """Niceness: window and pictures have priority."""

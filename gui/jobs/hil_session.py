@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 
-KEPT_ROWS = 5000
+KEPT_ROWS = 5000  # frames whose records are kept
 RATE_OVER_S = 5.0
 END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 15.0
 """Times after which a session that should end is interrupted, and killed."""

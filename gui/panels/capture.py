@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.capture_job import CaptureJob
     from flyaround.gui.surface import Surface
 
-THUMB = 120.0
+THUMB = 120.0  # least width of a small picture
 
 
 class CapturePanel(Panel):

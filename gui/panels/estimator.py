@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
 """Least error on the logarithmic scale; smaller ones are drawn on its edge."""
-THUMB = 150.0
+THUMB = 150.0  # least width of a small picture
 SLOW_S = 3.0
 """Time after which the panel shows how long it has been at work."""
 STATES = {

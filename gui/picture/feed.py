@@ -30,7 +30,7 @@ TIMED_PICTURES = 5
 """Number of pictures whose median pass times are shown."""
 LIVE_MS = 90.0
 """Time that a picture may take while things move."""
-DIVISORS = (1, 2, 3, 4)
+DIVISORS = (1, 2, 3, 4)  # divisors of the camera's resolution, from the finest
 ENOUGH = 3
 """Number of pictures of one size before it is judged."""
 MEMORY_S = 15.0

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LABELS = LabelRequest(layers=("depth", "parts"))
 LABELS_EVERY_S = 1.0
 """Least time between pictures with labels, which cost several times as much."""
-OFF_RGB = (14, 17, 21)
+OFF_RGB = (14, 17, 21)  # colour of pixels off the target
 DIMMED = 0.35
 """Brightness of the picture under parts and keypoints."""
 

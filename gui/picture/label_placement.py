@@ -13,14 +13,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 Point = tuple[float, float]
-NEAR = 8.0
-"""Distance of a name from its point if nothing is in the way."""
-LED = (26.0, 46.0, 70.0)
-"""Distances of names with a leader line."""
-MARK = 5.0
-"""Half the size of a point's mark, which names must not cover."""
-GAP = 2.0
-"""Gap between two names."""
+NEAR_PX = 8.0  # distance of a name without a leader line from its point
+FAR_PX = (26.0, 46.0, 70.0)  # distances of names with a leader line
+MARK_PX = 5.0  # half the size of a point's mark, which names must not cover
+GAP_PX = 2.0  # gap between two names
+# directions from the point in which its name may stand
 _DIRECTIONS = np.array([(1, 0), (1, -1), (1, 1), (-1, 0), (-1, -1), (-1, 1), (0, -1), (0, 1)], float)
 
 
@@ -44,24 +41,24 @@ def place_labels(
     sizes: Sequence[Point],
     place: tuple[float, float, float, float],
     *,
-    kept: Sequence[int | None] = (),
-    taken: Sequence[tuple[float, float, float, float]] = (),
+    last_choices: Sequence[int | None] = (),
+    obstacles: Sequence[tuple[float, float, float, float]] = (),
 ) -> list[PlacedLabel | None]:
     """Return a position for each name, or None if there is none left.
 
     Parameters
     ----------
     points : points of the names. sizes : width and height of each name.
-    place : x, y, width, height of the region for names. taken : rectangles to avoid, in the same form.
-    kept : candidate of each name in the last picture, tried first, for stability.
+    place : x, y, width, height of the region for names. obstacles : rectangles to avoid, in the same form.
+    last_choices : candidate of each name in the last picture, tried first, for stability.
     """
     n = len(points)
     if n == 0:
         return []
     anchors = np.asarray(points, float)
-    marks = np.hstack([anchors - MARK, anchors + MARK])
+    marks = np.hstack([anchors - MARK_PX, anchors + MARK_PX])
     x, y, w, h = place
-    blocked = [np.array([a, b, a + c, b + d]) for a, b, c, d in taken]
+    blocked = [np.array([a, b, a + c, b + d]) for a, b, c, d in obstacles]
     labels: list[PlacedLabel | None] = [None] * n
     middle = anchors.mean(axis=0)
     # outermost first: there is space outside, which the others do not need
@@ -69,11 +66,11 @@ def place_labels(
     for k in sorted(range(n), key=lambda i: (-away[i], i)):
         boxes = candidates(anchors[k], sizes[k])
         inside = (boxes[:, 0] >= x) & (boxes[:, 1] >= y) & (boxes[:, 2] <= x + w) & (boxes[:, 3] <= y + h)
-        obstacles = np.vstack([np.delete(marks, k, axis=0), *(b[None] for b in blocked)])
-        free = inside & ~_overlap(boxes, obstacles).any(axis=1)
+        occupied = np.vstack([np.delete(marks, k, axis=0), *(b[None] for b in blocked)])
+        free = inside & ~_overlap(boxes, occupied).any(axis=1)
         if not free.any():
             continue
-        last = kept[k] if k < len(kept) else None
+        last = last_choices[k] if k < len(last_choices) else None
         best = int(np.argmin(np.where(free, _cost(anchors[k] - middle), np.inf)))
         choice = last if last is not None and free[last] else best
         box = boxes[choice]
@@ -82,7 +79,7 @@ def place_labels(
             end = np.clip(anchors[k], box[:2], box[2:])
             lead = (float(end[0]), float(end[1]))
         labels[k] = PlacedLabel((float(box[0]), float(box[1])), lead, choice)
-        blocked.append(box + np.array([-GAP, -GAP, GAP, GAP]))
+        blocked.append(box + np.array([-GAP_PX, -GAP_PX, GAP_PX, GAP_PX]))
     return labels
 
 
@@ -90,7 +87,7 @@ def candidates(point: FloatArray, size: Point) -> FloatArray:
     """Return (32, 4) boxes around a point: eight beside it, then eight at each distance with a leader line."""
     half = np.array(size) / 2
     boxes = []
-    for distance in (NEAR, *LED):
+    for distance in (NEAR_PX, *FAR_PX):
         middle = point + _DIRECTIONS * (half + distance * np.array([1.0, 0.6]))
         boxes.append(np.hstack([middle - half, middle + half]))
     return np.vstack(boxes)
@@ -101,7 +98,7 @@ def _cost(outward: FloatArray) -> FloatArray:
     unit = outward / max(float(np.linalg.norm(outward)), 1e-9)
     towards = _DIRECTIONS / np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True) @ unit
     rank = np.arange(len(_DIRECTIONS)) * 0.02 - towards
-    return np.concatenate([0.8 * ring + rank for ring in range(1 + len(LED))])
+    return np.concatenate([0.8 * ring + rank for ring in range(1 + len(FAR_PX))])
 
 
 def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 About = Literal["target", "chaser"]
 ABOUT: tuple[About, ...] = ("target", "chaser")
-FIRST = (-60.0, 25.0, 12.0)
+FIRST = (-60.0, 25.0, 12.0)  # azimuth [deg], elevation [deg] and distance [m] at first
 AWAY = 2.0
 """Initial distance from the target over the chaser's range, so that both are in view."""
 NEAREST_M, FARTHEST_M = 0.6, 20_000.0

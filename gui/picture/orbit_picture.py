@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 FIELD_DEG = 40.0
 """Vertical field of view."""
-TRAIL_POINTS = 300
-_METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)
+TRAIL_POINTS = 300  # points of the drawn trail
+_METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)  # exposure of the view from outside
 _NEAR_M = 0.02
 
 

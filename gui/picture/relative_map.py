@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 Rect = tuple[float, float, float, float]
 """x, y, width, height on the screen."""
 LEAST_WIDTH_M, MOST_WIDTH_M = 0.5, 2_000_000.0
-FIT_MARGIN = 1.16
+FIT_MARGIN = 1.16  # width of the map over the width of what it must show
 KEPT_UNTIL = 1.7
 """Ratio by which the content must shrink before a fitted map is enlarged."""
-_CIRCLE = 48
+_CIRCLE = 48  # points of the drawn sphere
 
 
 @dataclass(frozen=True)

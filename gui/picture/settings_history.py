@@ -10,7 +10,7 @@ from flyaround.simulator.errors import UserError
 if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
 
-MOST = 200
+MOST = 200  # steps that can be undone
 ONE_DRAG_MS = 800
 """Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
 

@@ -26,7 +26,7 @@ Segment = tuple[Pixel, Pixel]
 AXIS_M = 0.5
 """Length of the drawn target axes."""
 NEAR_M = 0.05
-ECLIPSED_BELOW = 0.02
+ECLIPSED_BELOW = 0.02  # visible share of the Sun
 CHANGED_RAD = float(np.radians(2.0))
 
 

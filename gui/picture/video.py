@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 WAITING = 8
 """Number of pictures queued for the encoder; further ones are dropped and counted."""
-CLOCK = Fraction(1, 1000)
+CLOCK = Fraction(1, 1000)  # time base of the video: milliseconds
 END_S = 30.0
 """Time to wait for the encoder at the end of a film."""
 

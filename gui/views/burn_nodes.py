@@ -31,7 +31,7 @@ FIRST_M_S = 0.02
 """Along-track delta-v of a burn that is planned by a click."""
 EVERY_S = 0.5
 """Interval at which the path is recomputed, at 1x."""
-SAMPLES = 40
+SAMPLES = 40  # points of the predicted path per burn
 
 
 @dataclass(frozen=True)

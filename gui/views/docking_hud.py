@@ -214,7 +214,7 @@ class DockingHud:
         self._text(canvas, (x, y), text, colour, 0.5, "what flies, and what it waits for")
 
 
-_SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+_SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))  # corners of a gate
 # right arm, left arm, and the upper one
 _CROSS = (
     (0.6, 0.0, 0.0),

@@ -36,7 +36,7 @@ TRACK_EVERY_S = 60.0
 """Simulated time between two tracks, up to 60x; beyond that one per second of real time."""
 SHADE_EVERY_DEG = 0.5
 """Angular step in which day and night follow the Sun."""
-PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
+PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)  # colours of the ground track
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 Place = tuple[float, float, float, float]
-SCALE_STEPS = 32
+SCALE_STEPS = 32  # steps of the drawn colour scale
 LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"

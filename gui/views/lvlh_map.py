@@ -41,8 +41,8 @@ PLANNED_POINTS = 200
 """Number of points of the scenario's path."""
 SHOWN_TARGET = 7.0
 """Size in screen units below which the target is a mark."""
-WHEEL_FACTOR = 1.2
-FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE
+WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
+FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
     "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double click: all of it, right click: a burn"

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
 
-DEGREES_PER_UNIT = 0.4
-WHEEL_FACTOR = 1.15
+DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
+WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
 SMALL = 14.0
 """Size in screen units per metre below which the target is marked."""
 

@@ -123,8 +123,8 @@ class TruthMarks:
                 [p for p, _, _ in named],
                 [canvas.size(name) for _, _, name in named],
                 (box.x, box.y, box.width, box.height),
-                kept=[self._choices.get(name) for _, _, name in named],
-                taken=taken,
+                last_choices=[self._choices.get(name) for _, _, name in named],
+                obstacles=taken,
             )
         for (at, seen, name), placed in zip(named, self._placed, strict=True):
             if placed is None:

@@ -19,7 +19,7 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-SIZE = 512
+SIZE = 512  # texels along each side of the tile
 SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """Full scale of the slope channels (plus and minus) and of the deviation channel."""
 _SEED = 1972
@@ -32,7 +32,7 @@ _TILT, _STEP = (
     0.9,
 )  # share of a facet's mean slope, and of its height, relative to those of its curvature
 _MARGIN = 0.35  # share of the tile repeated around it
-_MOTTLE_POWER = -1.4
+_MOTTLE_POWER = -1.4  # exponent of the mottle's amplitude over frequency
 _BEND = 0.9  # standard deviation of the smoothing of creases [texels]
 _FACET_VARIANCE = 4.0  # variance of the small facets relative to the mottle
 

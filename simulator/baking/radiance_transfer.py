@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _T = TypeVar("_T", bound=np.generic)
 DIRECTIONS = 128  # directions of rays, and of the Sun
 LARGEST_SLOPE = 0.8  # largest value of b, stored in eight bits; a hemisphere has 0.75
-BOUNCES = 4
+BOUNCES = 4  # reflections between parts
 INTERREFLECTION_STEP = 2.0**-16  # irradiance from other parts never exceeds the sunlight, so 16 bits hold it
 PATCH = 4  # nodes along each side of a patch with one radiosity
 _BLOCK = 1 << 17  # multiplications per block

@@ -48,6 +48,7 @@ _SOUTH_SMALLEST = tuple(zip(range(-180, 180, 15), (
     strict=True))
 # million square kilometres, January to December
 EXTENT_NORTH = (14.4, 15.3, 15.4, 14.7, 13.4, 11.8, 9.7, 7.2, 6.4, 8.9, 10.7, 12.8)
+# the same around Antarctica
 EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10.6)
 # fmt: on
 _FARTHEST_DEG = 40.0  # equatorward of this there is no ice

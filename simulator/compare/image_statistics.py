@@ -13,10 +13,9 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-GRADIENT_BINS = 128
-GRADIENT_LARGEST_DN = (
-    128.0  # largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
-)
+GRADIENT_BINS = 128  # bins of the histogram of gradients
+# largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
+GRADIENT_LARGEST_DN = 128.0
 EDGE_BLUR_PX = 1.5  # standard deviation of the blur before binary edges [px]
 BORDER_SHARE = 0.02  # width of the border that indicates the background, as a share of the height
 DARK_DN = 15.0  # dark level, above the black level

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 SOBEL_GAIN = 4.0  # scale of the gradient images: 64 DN per pixel is white
 SHOWN_PX = 960
 JPEG_QUALITY = 85
-PLOT = (320, 200)
+PLOT = (320, 200)  # width and height of a histogram [px]
 DECADES = 5  # range of the logarithmic axis, down from 1
 STYLE = "table{width:auto}"
 

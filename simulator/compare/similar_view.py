@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 SMALL_PX = 240  # width of a candidate
-CANDIDATES = 24
+CANDIDATES = 24  # views that are drawn for each reference
 RECIPES = {True: "eval-black", False: "eval-earth"}  # recipe for a background of space, and of Earth
 HISTOGRAM_DN = 32.0  # histogram distance that counts as much as a completely different craft
 BRIGHT_PERCENT = 99.0  # percentile matched to the reference's by exposure

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-FILL_SCALE = 4
-FILL_SHIFT = 4
+FILL_SCALE = 4  # subpixels along each side of a pixel
+FILL_SHIFT = 4  # fractional bits of OpenCV's coordinates
 # pixels beyond the image where polygons are clipped: OpenCV accumulates rounding of slopes row by row
 BESIDE = 4096
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-POINTS = 600
-GRID = (16, 12)
+POINTS = 600  # surface points that are metered
+GRID = (16, 12)  # columns and rows of metered background
 LOWEST_W_M2_SR = 1e-4
 """Radiance that counts as dark: sunlit Earth or paint is five orders of magnitude brighter [W m-2 sr-1]."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 _STEPS_PER_PX = 6
-_CUBIC_REACH = 2
+_CUBIC_REACH = 2  # half of the cubic kernel's support [px]
 _SAME_WAY_PX = 0.15  # largest difference of motion across a tile: the error is then within 0.04 px
 _TILE_PX = (32, 256)
 

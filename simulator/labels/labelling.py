@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-ROW_POSES = 33
+ROW_POSES = 33  # rows with a pose of their own, under a rolling shutter
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ SAMPLES = 181
 AHEAD = 1.7
 """Orbits searched for eclipses; one of them is drawn."""
 _EXACT_S = 0.05
-_WHOLE = 1.0 - 1e-9
+_WHOLE = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
 
 
 @dataclass(frozen=True, eq=False)

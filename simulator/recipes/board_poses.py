@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-_PLACES = 80
-_STEPS_BACK, _STEP_BACK = 12, 1.15
-MARGIN_PX = 6.0
+_PLACES = 80  # directions that are tried for each pose
+_STEPS_BACK, _STEP_BACK = 12, 1.15  # number and factor of the steps to larger distances
+MARGIN_PX = 6.0  # least distance of the board from the image's edge
 
 
 def board_pose(

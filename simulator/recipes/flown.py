@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-_SEQUENCES = 0x5E0
-_MAX_STARTS = 30
-_LIT_SHARE = 0.5
+_SEQUENCES = 0x5E0  # key of the random numbers of sequences
+_MAX_STARTS = 30  # starts that are tried for a sunlit sequence
+_LIT_SHARE = 0.5  # least visible share of the Sun in a sunlit frame
 
 
 def flown_scene(

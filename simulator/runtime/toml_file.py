@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MOST_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
-MOST_DOTS = 16
+MOST_DOTS = 16  # dots in a key, which the parser's recursion follows
 # a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
     rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)

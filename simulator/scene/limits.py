@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import BodyState
 
 FARTHEST_TARGET_M = 1e6
-MAX_STRETCH = 0.2
+MAX_STRETCH = 0.2  # largest stretch of a target along an axis, as a share
 FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 

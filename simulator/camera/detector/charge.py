@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 JOINED_FROM_E = 2.0
 """Read noise [e] above which the sum is sampled: its skewness is then below 0.2, its quantisation below 1e-30."""
-BRIM_SIGMAS = 6.0
+BRIM_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
-_LOOKED_EVERY = 8
-_PARTICLE_KEY = 0x636F73
+_LOOKED_EVERY = 8  # rows between two tests whether charge is left to move
+_PARTICLE_KEY = 0x636F73  # key of the random numbers of particles
 _TRACK_STEP_PX = 0.1
 _PATTERN_KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 

@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-NOISE_BANDS = 8
+NOISE_BANDS = 8  # bands of rows that threads fill
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 EXACT_BELOW_E = 12.0
 """Mean up to which the distribution is sampled exactly; above, its normal expansion deviates by less than 1e-3 [e]."""
-_LEVELS_PER_E = 16
+_LEVELS_PER_E = 16  # tabulated means per electron
 _CELL_BITS = 12
 _REST_BITS = 32 - _CELL_BITS
 _LARGEST_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
-_UNDECIDED = 255
+_UNDECIDED = 255  # code of a count that its first random bits leave open
 
 
 def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:

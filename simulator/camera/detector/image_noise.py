@@ -34,7 +34,7 @@ MIN_SHIFT = 4
 """Least fixed-point resolution, 16 steps per digital number; below it the arithmetic is floating point."""
 MIN_THREADED_VALUES = 1 << 17
 """Smallest field that is worth a thread."""
-_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
+_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1  # keys of the random numbers of both kinds of noise
 _STRIP_VALUES = 1 << 17  # OpenCV uses several threads from twice as many values on
 
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
-_KEPT_ENERGY = 0.999
-_NARROW_PX2 = 0.8
+_KEPT_ENERGY = 0.999  # least share of the energy in a cropped kernel
+_NARROW_PX2 = 0.8  # variance of a Gaussian below which its taps are fitted
 _PYRAMID_ERROR = 0.02
 _KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
 _WIDEST_DISC_PX = 2.0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import Float32Array
 
-_ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
+_ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C  # keys of the random numbers of rows and columns
 _COARSE_BELOW_DN = 25.0  # above this noise, a histogram of 1e5 pixels shows the steps of two-byte deviates
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {

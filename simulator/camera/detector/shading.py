@@ -22,7 +22,7 @@ _GLOW_STEP_PX = 4  # pixels binned before a wide blur; its error is far below on
 # The tail is two Gaussians with half of the light each, the second wider by this factor: closer to a power law than
 # one.
 _WIDTH_RATIO = 3.0
-_SCATTER_TAPS = 2
+_SCATTER_TAPS = 2  # reach of the kernel on each side [samples]
 _SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF
 
 

@@ -35,7 +35,7 @@ MARGIN = 1.05
 """Radius up to which the polynomial is used, over that of the image's farthest corner, unless it folds back before."""
 LARGEST_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
-_TABLE = 4096
+_TABLE = 4096  # angles in the inverse table
 _NEWTON_STEPS = 12
 
 

@@ -36,7 +36,7 @@ RELATIVE, ABSOLUTE = 1e-9, 1e-9
 MAX_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
-LONGEST_END = 8
+LONGEST_END = 8  # bytes at a file's end that show whether it is complete
 
 
 @dataclass(frozen=True)

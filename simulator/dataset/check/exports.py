@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.world.frames.pose import Pose
 
-SHARE = 0.05
+SHARE = 0.05  # share of the frames that are compared
 MIN_FRAMES, MAX_OF_SMALL, PICTURES = 4, 10, 24
 """Minimum number of compared frames, the number for few formats, and the limit on frames times formats."""
 MAX_BYTES = 2**30
-POSE_WITHIN = 1e-9
+POSE_WITHIN = 1e-9  # relative and absolute tolerance of a pose
 LISTS = (".json", ".csv")
 _SHARD = re.compile(r"(.*-)\d+(\.(?:tar|parquet|mcap))")
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FINE_PX = 2048  # longest side of the grid for filling silhouettes
 LABEL_PX = 512  # longest side of the label's own grid, whose error the tolerance allows for
-SHARE = 0.002
+SHARE = 0.002  # relative tolerance of an area
 # Tolerance of a raster's pixel count, over the root of its outline's length: four standard deviations of a random error
 # of half a pixel.
 OUTLINE = 2.0
@@ -44,7 +44,7 @@ SPACING_PX, REACH_PX = (
 )  # docs/labels.md: spacing of samples along an edge, and distance of the two sides
 DIRECTION_STEP = 1e-4  # step along an edge for its direction, in x / z
 ON_GRID_PX = 1 / 32  # sub-pixel resolution of OpenCV's look-up, in some versions
-ROUNDING = 1e-5
+ROUNDING = 1e-5  # rounding of float32 coordinates
 
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:

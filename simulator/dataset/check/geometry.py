@@ -30,8 +30,10 @@ POSE_TOLERANCE_RAD = 1e-6
 POSE_TOLERANCE_RELATIVE = 1e-6
 # The outline filled on the CPU and the raster's may differ by one pixel, not by two.
 OUTLINE_TOLERANCE_PX = 1
+# termination of OpenCV's iterative undistortion
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 BENT_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
+# least covered share of a pixel in the inner and in the outer mask
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 

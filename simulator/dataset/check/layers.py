@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
 
-MAX_DOUBTS = 300
-MAX_BAD = 6
+MAX_DOUBTS = 300  # differing pixels of a mask that rays may decide
+MAX_BAD = 6  # wrong pixels after which the search stops
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 NORMAL_ANGLE_RAD = 0.05

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Layers = Mapping[str, NDArray[Any]]
 
-N_SAMPLES = 32
+N_SAMPLES = 32  # rays per frame
 N_ROLLING = 12  # samples; each needs the mesh projected at the pose of its row
 # A rasteriser rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)

@@ -37,7 +37,7 @@ RELATIVE = 1e-7
 """Relative tolerance of a propagated state on another machine."""
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
 """Absolute tolerance by unit suffix [m, m/s], for differences of large ECI vectors."""
-ABSOLUTE_OF_OTHERS = 1e-9
+ABSOLUTE_OF_OTHERS = 1e-9  # tolerance of all other numbers
 MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as the labels of a frame
 NOT_COMPARED = ("camera", "target")
 """Fields that other checks cover."""

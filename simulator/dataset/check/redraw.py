@@ -46,8 +46,8 @@ SIGMAS = 6.0
 SHIFT_PX = 0.25  # largest shift of an edge
 RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale
 MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may differ
-FEW = 4
-EXACT = 1e-6
+FEW = 4  # pixels that may differ in any image
+EXACT = 1e-6  # tolerance of statistics if the images are equal
 LAYER_RELATIVE = {"depth": 2e-5}
 """Relative tolerance for another renderer or processor."""
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 EDGE_NEAR_M = 0.05
 LONG_PX = 6.0
-MAX_STRETCHES = 60
+MAX_STRETCHES = 60  # stretches of edges that are tested per frame
 CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # within these margins of being visible, either label is accepted
 OWN_RADII = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""

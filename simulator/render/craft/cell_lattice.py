@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 MOST_LATTICES = 16
-_LEAST_CELLS = 4
+_LEAST_CELLS = 4  # fewer cells form no lattice
 _WELD_M = 1e-5
 _SAME_M = 1e-3  # largest difference along an axis between centres of one row
 _LARGEST_M = 0.3  # largest pitch of a cell; larger dark glass is a window or a lens

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EXACT_AREAS = "EXACT_AREAS"
 """Shader define of the preset `high`: areas of parts bounded by several edges in a pixel are summed too."""
-_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
+_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)  # corners of the two triangles of an edge's quad
 
 
 def edge_defines(*, exact: bool) -> dict[str, object]:

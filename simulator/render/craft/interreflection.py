@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 _NEIGHBOURS = 5  # directions that the Sun's is interpolated between
-_SKY_SAMPLES = 64
+_SKY_SAMPLES = 64  # directions over the Earth's disc
 
 
 class AtlasTextures:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-GROUND_RAYS, LIMB_RAYS = 640, 48
+GROUND_RAYS, LIMB_RAYS = 640, 48  # rays to the ground, and to the air above the limb
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
 STEPS = 12  # steps of a ray through the air
 CROWD, SUNWARD = 0.8, 0.75

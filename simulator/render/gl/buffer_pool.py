@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 GRAIN_PX = 128
-KEPT = 3
+KEPT = 3  # sizes that are kept at once
 # largest area of an existing buffer over that of the class: clearing so much more is cheaper than a new one
 LARGER = 1.25
 

@@ -15,7 +15,7 @@ _LIBRARIES = {
     "win32": ("opengl32",),
 }
 _LINUX = ("libGL.so.1", "libOpenGL.so.0")
-_POINTS = 0
+_POINTS = 0  # GL_POINTS
 
 
 @lru_cache(maxsize=1)

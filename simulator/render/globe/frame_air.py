@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-COLUMNS, ROWS, STEPS = 64, 96, 24
+COLUMNS, ROWS, STEPS = 64, 96, 24  # size of a frame's table of air light, and the steps along each ray
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
 AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
     1: ("t_air",),
@@ -34,9 +34,8 @@ AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
 """Component counts of a frame's tables, by number of bands."""
 AIR: Resource[Atmosphere] = Resource("air")
 AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
-_MARGIN = (
-    2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
-)
+# texels beyond the range in view, for filtering and for extremes between the rays that were tried
+_MARGIN = 2
 _FEWEST_CORNERS = 7  # along a side: every other corner makes the four of a cubic
 
 

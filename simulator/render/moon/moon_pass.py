@@ -45,7 +45,7 @@ MAP = "albedo_4096x2048.jpg"
 MAP_SCALE = 2.5  # full scale of the map's 8 bits, over the mean of the near side
 TEXEL_KM = 2.665  # of the map, at the equator
 BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two crater tiles
-_PHASES = 512
+_PHASES = 512  # texels of the table over the phase angle
 # samples of a pixel in `high`; sample k lies in column k and row 5 k mod 13 of a 13 x 13 grid
 SAMPLES, STRIDE = 13, 5
 _OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
 _SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
 _LARGEST_GROUND = 0.015  # largest extent of a tile on the ground [radii]
-_POLE_SPANS = (
-    16  # from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
-)
+# from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
+_POLE_SPANS = 16
 
 
 class SmoothMoonPass(MoonPass):

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _MASK_PX = 2  # pixels of the image per pixel of the mask that the hulls are filled into
 _FOUR_BYTES = np.uint32  # one tile's row in the mask
 _SHIFT = 4  # bits of the fraction of OpenCV's fixed-point corners
-_AROUND = np.ones((3, 3), np.uint8)
+_AROUND = np.ones((3, 3), np.uint8)  # a pixel and its eight neighbours
 _FARTHEST = 1 << 14  # corners must fit OpenCV's integers with the fraction's bits to spare
 
 

@@ -34,16 +34,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-_SMOOTH_DISC = (
-    0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
-)
+# square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
+_SMOOTH_DISC = 0.08
 _FINE_DISC = 0.02  # of tiles half as wide, for the same curvature: up to 82 degrees
 # largest extent of a tile on the ground [radii]: light and air are even enough over 100 km
 _LARGEST_GROUND = 0.015
 _LARGEST_FINE = 0.06  # the same for a fine tile
-_POLE_SPANS = (
-    16  # from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
-)
+# from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
+_POLE_SPANS = 16
 _LEVEL_STEP = 0.5  # step of the level of detail: a smooth tile has one for all its pixels
 # largest extent on the ground [radii], one degree; larger tiles may hold bright water between their corners
 _LARGEST_OPEN = 0.017

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.world.ephemeris.body import Body
 
-_SAMPLES = 256
-_PLATES = 96
-_GRADIENT = np.arange(3)
+_SAMPLES = 256  # directions over a globe's disc
+_PLATES = 96  # plate normals to which the field is fitted
+_GRADIENT = np.arange(3)  # the gradient's terms, which are regularised
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-HEIGHTS, SUNS = 24, 33
-_STEPS = 16
+HEIGHTS, SUNS = 24, 33  # size of the table: heights, and elevations of the Sun
+_STEPS = 16  # steps along a ray
 _ORDERS = 12  # number of scattering orders: blue light over snow has then decayed to a thousandth
-_POLAR, _TURNS = 8, 6
+_POLAR, _TURNS = 8, 6  # directions of integration: polar and azimuth angles
 
 
 def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:

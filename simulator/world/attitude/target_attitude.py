@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
-_CHECKED_TIMES = 61
+_CHECKED_TIMES = 61  # times of a flight at which the attitude is checked
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25
 _FIELD_RADIUS_M = 6_371_200.0
-_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9
-_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9
+_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # terms g11, h11, g10 of IGRF-14 in 2025
+_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their change per year
 
 
 def torque_on(

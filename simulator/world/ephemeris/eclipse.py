@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 
 GCRS_POLE = (0.0, 0.0, 1.0)
 """The Earth's axis of J2000.0, a sixth of a degree from that of 2026; this moves the limb by 60 m."""
-_DAY_SIDE_COSINE = (
-    0.01  # more than 0.6 degrees sunward of the body's centre its limb cannot reach the Sun's disc
-)
+# more than 0.6 degrees sunward of the body's centre its limb cannot reach the Sun's disc
+_DAY_SIDE_COSINE = 0.01
 
 
 def sun_fraction_past_bodies(

@@ -22,7 +22,7 @@ _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
 _GAP_FACTOR = 5.0
 """Factor over the median spacing above which lines are considered missing, and nothing is interpolated."""
-_AROUND = 5
+_AROUND = 5  # steps on either side that a gap is compared with
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 HEADER_KEYS = ("CREATION_DATE", "ORIGINATOR", "CLASSIFICATION", "MESSAGE_ID", "COMMENT")

@@ -13,7 +13,7 @@ MAX_BYTES = 50_000_000
 _MAX_DEEP = 16
 _MAX_TEXT = 10_000
 _VECTOR = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT")
-_STATE_WORDS = (7, 10)
+_STATE_WORDS = (7, 10)  # words of a state: epoch, position, velocity, perhaps acceleration
 _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
 
 

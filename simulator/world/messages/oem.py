@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 _DEFAULT_LINES = 8
 """Lines of a Hermite polynomial if the message names no interpolation."""
-_MAX_LINES = 20
+_MAX_LINES = 20  # lines that an interpolation may use
 _OF_DATE = ("TEME", "TOD")
 """Frames that a message may freeze at its REF_FRAME_EPOCH."""
-_WITH_ACCELERATION = 9
+_WITH_ACCELERATION = 9  # numbers of a state line with accelerations
 
 
 def read_oem(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _FAR_DAYS = 30.0
 """Age in days above which an element set is refused; SGP4 loses a kilometre or more a day."""
-_LINE = 69
+_LINE = 69  # characters of a line
 _DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_DEGREE = 7
+_DEGREE = 7  # degree of the interpolating polynomials
 
 
 def _monomials() -> FloatArray:

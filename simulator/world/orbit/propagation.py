@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _TARGET_ONLY = 6
 """Width of a state without a chaser."""
-_RTOL = 1e-12
+_RTOL = 1e-12  # relative tolerance of the integrator
 _MAX_STEP_S = 60.0
 """Largest step [s]; bounds the interpolant's error between steps (7th order) below the micrometre."""
 _SUNLIT_STEP_S = 20.0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-_PITCH_UM = 5.86
+_PITCH_UM = 5.86  # pixel pitch of SPEED's camera
 _CENTRE_PX = 1.0  # tolerance between matrix and ccx, ccy: some sets count from corners
 _AGREE = 2e-3  # tolerance between lengths and matrix, which the sets round
 

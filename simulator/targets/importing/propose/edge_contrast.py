@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 VIEWS = sphere_directions(40)
 SIZE_PX = 256
-POINTS = 450_000
+POINTS = 450_000  # surface points that are projected
 ASIDE_PX = 2.5
 """Distance from the edge at which brightness is compared [px of 256], as by an estimator at 100 to 200 px."""
 SURFACE_TOLERANCE = 0.012
 """Distance behind the drawn surface at which a point of an edge still counts as visible, as a share of the craft."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
 """Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
-AMBIENT = 0.02
+AMBIENT = 0.02  # light in the shade, as a share of the Sun's
 
 
 def contrast_of(

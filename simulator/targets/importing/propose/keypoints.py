@@ -24,16 +24,16 @@ from flyaround.simulator.targets.model import Keypoint
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-N_KEYPOINTS = 16
-MAX_CANDIDATES = 4000
-MIN_VIEWS = 3
+N_KEYPOINTS = 16  # number of keypoints proposed
+MAX_CANDIDATES = 4000  # vertices considered
+MIN_VIEWS = 3  # least number of `DIRECTIONS` from which a keypoint is visible
 MIN_DISTANCE = 0.02
 """Least distance between keypoints, as a share of the craft, for an estimator to separate them."""
 SAMPLES, NEIGHBOURHOOD = 6000, 0.12
 """Number of surface points, and the radius around a keypoint as a share of the craft, for detecting booms."""
 BROAD_RATIO, BOOM_WEIGHT = 0.4, 0.3
 """Ratio of principal axes below which a surface is a boom, and the weight of a point on a boom."""
-TURN_COS = float(np.cos(np.deg2rad(25.0)))
+TURN_COS = float(np.cos(np.deg2rad(25.0)))  # of the least angle by which a crease turns at a corner
 
 
 def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:
@@ -145,9 +145,10 @@ def _on_hull(points: FloatArray) -> np.ndarray:
 
 
 SIZE_PX = 384
-MAX_TRIANGLES = 15_000
+MAX_TRIANGLES = 15_000  # larger meshes are reduced for the visibility test
 TOLERANCE = 0.012
 """Tolerance for a coarse mesh and image, as a share of the craft."""
+# towards the faces, edges and corners of a cube
 DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 

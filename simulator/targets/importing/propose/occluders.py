@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 from flyaround.simulator.targets.importing.propose.surface_points import surface_points
 from flyaround.simulator.targets.model import Occluders
 
-POINTS = 120_000
+POINTS = 120_000  # surface points
 HULL_POINTS = 1500
 """Number of points of a hull during the search for splits."""
 MAX_PIECES = 40
@@ -27,7 +27,7 @@ MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
-CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
+CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)  # positions of a cut along a piece, as shares of its length
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
 FACETS = (64, 40, 26, 14, 10)

@@ -17,7 +17,7 @@ MAX_ROUNDNESS_SPREAD = 0.25
 """Relative spread of the surface's distance from the axis; below it for tapered and faceted rods, above it for bars."""
 MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
-FEWEST_FACES = 12
+FEWEST_FACES = 12  # faces of one rod, fewer of which are ignored
 
 
 def rods_of(body: MeshBody, extent: float) -> list[Edge]:

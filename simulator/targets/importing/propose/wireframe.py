@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Material
 
-CREASE_COS = float(np.cos(np.deg2rad(30.0)))
+CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # of the least angle between two faces at a crease
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
 """Cosine of the largest bend within a chain, which follows rims of twelve or more sides."""
-MAX_DEVIATION = 0.004
+MAX_DEVIATION = 0.004  # of a chain from its straight edge, as a share of the craft
 MIN_LENGTH = 0.03
 """Largest deviation of a segment from its straight line, and its least length, as shares of the craft."""
 BEVEL = 0.006
@@ -44,7 +44,7 @@ VISIBILITY_SHARE = 0.97
 """Share of the total visibility (length times contrast times frequency) after which further edges are dropped."""
 MAX_GAP = 0.06
 """Largest gap between collinear segments that are joined, as a share of the craft, as by fittings."""
-PARALLEL = float(np.cos(np.deg2rad(1.0)))
+PARALLEL = float(np.cos(np.deg2rad(1.0)))  # cosine between edges that count as parallel
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ NOT_READ = {
 MAX_COLOURS = 6
 SAME_COLOUR = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
+# weights of the corners at the points of a triangle that are sampled
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 
 

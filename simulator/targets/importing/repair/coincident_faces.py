@@ -113,7 +113,8 @@ def coincident_pairs(
     Parameters
     ----------
     corners_m : (F, 3, 3). extent_m : size of the craft. within_m : (F,) largest distance of a face from its partner, by
-        default `NEAREST` of the craft; the larger of both counts. required : (F,) faces of which a pair must contain one.
+        default `NEAREST` of the craft; the larger of both counts.
+    required : (F,) faces, of which a pair must contain one.
     """
     nearest = NEAREST * extent_m
     tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m
