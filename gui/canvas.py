@@ -199,7 +199,7 @@ def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
 
     Parameters
     ----------
-    points : (n, 2). most : approximate number of remaining points.
+    points : (n, 2) screen positions. most : approximate number of remaining points.
     """
     if len(points) <= most:
         return points

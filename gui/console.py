@@ -198,7 +198,7 @@ class Console:
 
         Parameters
         ----------
-        name : of the command. arguments : as its table says.
+        name : name of the command. arguments : values in the order of the command's declaration.
         """
         try:
             command = self.table[name]

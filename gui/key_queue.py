@@ -35,7 +35,8 @@ class KeyQueue:
 
     Parameters
     ----------
-    on_key : function of window, key, scancode, action and modifiers, as in glfw. on_letter : of window and code point.
+    on_key : function of window, key, scancode, action and modifiers, as in glfw.
+    on_letter : callback of a window and a code point.
     pressed, released, ctrl : glfw's actions for press and release, and its bit for Ctrl.
     turns : keys that begin or end text input by themselves.
     urgent : predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key

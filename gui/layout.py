@@ -55,7 +55,7 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
 
     Parameters
     ----------
-    shown : panels by name, True if open. docking : Dear ImGui's settings by layout form. recent : scenarios.
+    shown : panels by name, True if open. docking : Dear ImGui's settings by layout form. recent : scenarios flown last.
     """
 
     version: int = VERSION

@@ -26,7 +26,7 @@ class ChildProgram:
 
     Parameters
     ----------
-    arguments : after ``flyaround``. clock : monotonic time [s].
+    arguments : command line after ``flyaround``. clock : monotonic time [s].
 
     Raises
     ------

@@ -362,7 +362,7 @@ class AdaptiveResolution:
 
         Parameters
         ----------
-        divisor : size of the picture. ms : its cost. now_s : monotonic time.
+        divisor : size of the picture. ms : time to draw it. now_s : monotonic time.
         """
         if divisor != self.divisor:
             return

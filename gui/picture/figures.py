@@ -17,7 +17,8 @@ class Figure:
 
     Parameters
     ----------
-    title : title with unit. form : format of each value. tip : hover text. values : one, or three components.
+    title : title with unit. form : format of each value. tip : hover text.
+    values : function that returns the number, or three components.
     """
 
     title: str

@@ -123,7 +123,8 @@ def chaser_marks(
 
     Parameters
     ----------
-    scene : scene of the free camera. world : its world. chaser : the chaser's camera. frame : LVLH at that time.
+    scene : scene of the free camera. world : state of the flight at the same time. chaser : the chaser's camera.
+    frame : LVLH at that time.
     trail_lvlh_m : (n, 3) flown path.
     """
     R_free_from_eci = matrix_from_quat(scene.q_camera_from_eci_wxyz)

@@ -83,7 +83,7 @@ class MapPort:
 
     Parameters
     ----------
-    rect : screen rectangle. centre_lvlh_m : its centre. scale : screen units per metre.
+    rect : screen rectangle. centre_lvlh_m : position shown at the centre. scale : screen units per metre.
     """
 
     plane: Plane
@@ -144,7 +144,7 @@ def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
 
     Parameters
     ----------
-    look : modified if necessary. points_lvlh_m : (n, 3). aspect : width over height of a plane on the screen.
+    look : modified if necessary. points_lvlh_m : (n, 3) positions. aspect : width over height of a plane on the screen.
     """
     low, high = points_lvlh_m.min(axis=0), points_lvlh_m.max(axis=0)
     size = high - low

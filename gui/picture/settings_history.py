@@ -28,7 +28,7 @@ class SettingsHistory:
 
         Parameters
         ----------
-        before : a copy. t_ms : real time.
+        before : copy of the settings before the command. t_ms : real time.
         """
         if before == after:
             return

@@ -56,7 +56,7 @@ class Marker:
 
     Parameters
     ----------
-    target : the model.
+    target : model of the target.
     """
 
     def __init__(self, target: Target) -> None:

@@ -34,7 +34,8 @@ def cut_charts(
 
     Parameters
     ----------
-    positions_m : (V, 3). groups : (V,) group numbers, never mixed in one chart. normal : (T, 3) of the triangles.
+    positions_m : (V, 3) vertices. groups : (V,) group numbers, never mixed in one chart.
+    normal : (T, 3) of the triangles.
     texel_m : sets of triangles smaller than this may be merged with others of nearly the same normal.
     touching : True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
     """

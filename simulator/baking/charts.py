@@ -34,7 +34,8 @@ class Charts:
 
     Parameters
     ----------
-    origin : (V,) original vertex of each vertex. triangles : (T, 3). uv : (V, 2) atlas coordinates, 0..1.
+    origin : (V,) original vertex of each vertex. triangles : (T, 3) vertex indices.
+    uv : (V, 2) atlas coordinates, 0..1.
     size_px : width and height of the atlas. of_triangle : (T,) chart of each triangle.
     axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) first node and spacing along them.
     counts : (C, 2) nodes along each axis. first : (C,) index of the first node; the others follow, row by row.

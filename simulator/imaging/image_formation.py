@@ -126,7 +126,7 @@ def digitise(
     signal : (H, W) or (H, W, 3) float32, 1 = full scale.
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
-    exposure_s, band_gain : for a detector in electrons: exposure time, for dark current, and `white_balance` of a
+    exposure_s, band_gain : for a detector in electrons only: exposure time, for dark current, and `white_balance` of a
         colour image.
     noise : result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
 

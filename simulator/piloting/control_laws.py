@@ -151,7 +151,8 @@ def docked_rate_rad_s(
 
     Parameters
     ----------
-    chaser : present state. attitude : of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
+    chaser : present state.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
     port : docking port of the target. dt_s : duration of the rate.
     """
     q_target, omega = attitude

@@ -34,7 +34,8 @@ class DockingFigures:
 
     Parameters
     ----------
-    axial_m : distance in front of the port's plane; negative behind it. closing_m_s : its rate of decrease.
+    axial_m : distance in front of the port's plane; negative behind it.
+    closing_m_s : rate at which the distance decreases.
     right_m, down_m : lateral offset, as a docked camera sees right and down.
     right_m_s, down_m_s : rate of the offset; all velocities are in the rotating target frame.
     roll_deg, pitch_deg, yaw_deg : attitude relative to the docked one: clockwise, up, right.
@@ -112,8 +113,8 @@ def docking_figures(
 
     Parameters
     ----------
-    chaser : its state. port : docking port of the target.
-    attitude : of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    chaser : state of the chaser. port : docking port of the target.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
     """
     q_target, omega = attitude
     R_target_from_eci = matrix_from_quat(q_target).T
@@ -335,8 +336,8 @@ def docked_state(
 
     Parameters
     ----------
-    attitude : of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1]. port : its docking
-        port.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : its docking port.
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

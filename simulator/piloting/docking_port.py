@@ -59,7 +59,8 @@ def docking_port(target: Target, flight: Flight) -> DockingPort:
 
     Parameters
     ----------
-    target : the model. flight : its start defines the attitude, and the side of the port that is down.
+    target : model of the target.
+    flight : flight whose start defines the attitude, and the side of the port that is down.
     """
     R_target_from_lvlh = target_from_lvlh(flight, 0.0)
     com = np.array(target.mass.com_m)

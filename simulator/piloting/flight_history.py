@@ -43,7 +43,7 @@ class FlownPlace:
     Parameters
     ----------
     steered : the chaser under manual control, None under guidance.
-    controls : its controls, as passed to `Timeline.add`.
+    controls : state of the controls, as passed to `Timeline.add`.
     """
 
     t_s: float

@@ -37,7 +37,7 @@ class GroundTrack:
 
     Parameters
     ----------
-    t_s : the time.
+    t_s : time of the flight.
     times_s : (n,) times from one orbit before to one after it.
     latitude_deg, longitude_deg : (n,) geodetic coordinates below the target.
     sunlit : (n,) share of the Sun's disc visible from the target.

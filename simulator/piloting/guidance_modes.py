@@ -35,7 +35,7 @@ class Guided:
     Parameters
     ----------
     title : name for people. mode : mode of `flyaround.simulator.world`. n_rad_s : mean motion. start_s : start time.
-    join : states at the start and end of the joining path. join_s : its duration.
+    join : states at the start and end of the joining path. join_s : duration of the transfer to the path.
     """
 
     title: str

@@ -38,7 +38,8 @@ class PlaceInSky:
 
     Parameters
     ----------
-    R_eci_from_camera : (3, 3). camera_eci_m : (3,) camera position. origin_eci_m : (3,) origin of the model, if placed.
+    R_eci_from_camera : (3, 3) attitude of the camera. camera_eci_m : (3,) camera position.
+    origin_eci_m : (3,) origin of the model, if placed.
     along_eci : (3,) direction of motion about the body, not normalised.
     body : central body. centre_m_s : (3,) its velocity.
     r_sun_eci_m : (3,) apparent position of the Sun. bodies : states of the bodies, see `SceneState`.

@@ -40,7 +40,8 @@ class View:
     Parameters
     ----------
     R_camera_from_target, t_camera_from_target_m : pose of the target.
-    globe : the ray-cast body. R_camera_from_globe : its orientation. r_camera_globe_m : camera position in its axes.
+    globe : the ray-cast body. R_camera_from_globe : orientation of the globe.
+    r_camera_globe_m : camera position in its axes.
     sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
     sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in its axes.
     moon_share : irradiance of the Moon at the globe over the Sun's; 0 if no Moon is drawn.

@@ -82,7 +82,7 @@ def read_orbit_file(
 
     Parameters
     ----------
-    data : contents of the file. where : its name in messages. epoch : origin of times.
+    data : contents of the file. where : name of the file in error messages. epoch : origin of times.
     centre : required central body. satellite : name or number, if there are several.
 
     Raises

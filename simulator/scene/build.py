@@ -53,9 +53,10 @@ def build_scene(
     world : state at mid-exposure.
     camera, sensor, exposure_s, optics : imaging chain.
     target : model to draw.
-    com_target_m : its centre of mass in the model frame [m].
+    com_target_m : centre of mass of the target in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp, lights : lighting and rendering. shutter : by default global.
+    quality, bands, environment, lamp, lights : lighting and rendering.
+    shutter : readout of the rows, by default global.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)

@@ -207,7 +207,7 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
 
     Parameters
     ----------
-    share : of the overflow that stays on the column; the rest goes into the anti-blooming drain.
+    share : share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
     """
     over = np.maximum(charge - np.float32(well_e), 0)
     rows = np.flatnonzero(over.any(axis=1))

@@ -44,7 +44,7 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
 
     Parameters
     ----------
-    frequency, cutoff : in the same unit; the cut-off is 1 / (wavelength x f-number).
+    frequency, cutoff : spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
 
     References
     ----------

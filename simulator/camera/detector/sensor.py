@@ -19,7 +19,8 @@ class Detector:
     quantum_efficiency : electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
     quantum_efficiency_curve : replaces it: (wavelength [m], electrons per photon) in ascending order, linear between
         and zero beyond; each band of a colour detector uses its interval.
-    full_well_e : full-well capacity [e]. gain_e_per_dn : system gain [e DN-1]. black_level_dn : offset.
+    full_well_e : full-well capacity [e]. gain_e_per_dn : system gain [e DN-1].
+    black_level_dn : offset added to the signal.
     read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise shared by a row or column of one frame.
     dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin. temperature_c
         : temperature of the detector.

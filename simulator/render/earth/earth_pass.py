@@ -82,7 +82,7 @@ class EarthDraw:
     ----------
     framebuffer, viewport : destination. blended : True to add to its contents.
     tile_px : side of its tiles. city : True if city lights may be on.
-    level : of `TileKind`; ``None`` if all maps are read at their first level.
+    level : mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
     """
 
     program: Program

@@ -35,11 +35,12 @@ class Atmosphere:
 
     Parameters
     ----------
-    rayleigh_m : (n,) scattering at sea level [m-1]. mie_scattering_m, mie_extinction_m : the same, aerosol.
+    rayleigh_m : (n,) scattering at sea level [m-1].
+    mie_scattering_m, mie_extinction_m : the same coefficients of the aerosol.
     ozone_m : (n,) absorption at the peak of the layer [m-1].
     layers_m, falls_m : (LAYERS,) lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase
         of the density's logarithmic slope from there on [m-1].
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : its scale height [m].
+    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : scale height of the aerosol [m].
     mie_g : asymmetry of the Cornette-Shanks phase function.
     airglow_w_m2_sr : (n,) radiance of the airglow at the zenith [W m-2 sr-1]. airglow_m : lower and upper edge [m].
     thickness_m : height of the top [m].

@@ -102,7 +102,8 @@ def field_of_samples(
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1]. solid_angle_sr : of each, or (K,).
+    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    solid_angle_sr : solid angle of each sample, or (K,).
     also_w_m2 : (P, n) irradiance of other light, from `moon_plate_irradiance`.
     disc : number of samples, first in order, that are on the disc; the others surround it.
     """

@@ -129,7 +129,8 @@ class TwoAxisTrack:
 
     Parameters
     ----------
-    axis_body, toward : body axis, and the direction that it follows. second_axis_body, second_toward : likewise.
+    axis_body, toward : body axis, and the direction that it follows.
+    second_axis_body, second_toward : the same for the second axis.
     """
 
     axis_body: Vec3

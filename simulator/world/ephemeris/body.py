@@ -82,10 +82,10 @@ class Body(ABC):
 
     Parameters
     ----------
-    name : in lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
+    name : name in lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
     radius_m, flattening : equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
     mean_radius_m : radius of a sphere of similar size.
-    j2 : second zonal harmonic of its plain gravity, with ``radius_m``. turn_rad_s : sidereal rotation.
+    j2 : second zonal harmonic of the simple gravity model, with ``radius_m``. turn_rad_s : sidereal rotation rate.
     lowest_m : perigee altitude below which an orbit is probably a mistake.
     reach_m : radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
     sun_distance_m : mean distance from the Sun, for metering.
@@ -162,8 +162,9 @@ class BodyState:
 
     Parameters
     ----------
-    name : name of the body. r_eci_m : its centre, GCRS axes from the Earth's centre; apparent, but geometric for the
-        central body. q_fixed_from_eci_wxyz : orientation of its axes.
+    name : name of the body.
+    r_eci_m : centre of the body, GCRS axes from the Earth's centre; apparent, but geometric for the central body.
+    q_fixed_from_eci_wxyz : orientation of its axes.
     """
 
     name: str

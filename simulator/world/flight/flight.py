@@ -42,7 +42,7 @@ class Flight:
 
     Parameters
     ----------
-    epoch : the start. duration_s : length [s].
+    epoch : start of the flight. duration_s : length [s].
     orbit, attitude : the target's propagated tracks; the orbit is relative to the centre of ``body``.
     guidance : guidance of the chaser. n_rad_s : the target's mean motion at the start.
     pointing : attitude of the camera.

@@ -30,7 +30,7 @@ class Event:
 
     Parameters
     ----------
-    t_s : time since the flight's start [s]. kind : kind, one word. what : a sentence.
+    t_s : time since the flight's start [s]. kind : kind, one word. what : description in one sentence.
     """
 
     t_s: float
@@ -45,7 +45,8 @@ class ThrustState:
     Parameters
     ----------
     phase : phase of the chaser, one or two words.
-    acceleration_lvlh_m_s2 : by thrusters alone, along the target's LVLH axes. mass_kg : mass of the chaser.
+    acceleration_lvlh_m_s2 : acceleration by thrusters alone, along the target's LVLH axes.
+    mass_kg : mass of the chaser.
     delta_v_m_s : total since the start.
     """
 

@@ -18,11 +18,11 @@ class WorldState(BodyStates):
     ----------
     epoch_utc : this time, ISO 8601 with a trailing Z. t_s : seconds since the flight's start.
     r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
-    q_eci_from_target_wxyz, omega_target_rad_s : its attitude and angular velocity relative to ECI, target axes.
+    q_eci_from_target_wxyz, omega_target_rad_s : target's attitude and angular velocity relative to ECI, target axes.
     r_chaser_eci_m, v_chaser_eci_m_s : state of the camera (at the chaser's centre of mass).
-    q_camera_from_eci_wxyz, omega_camera_rad_s : its attitude and angular velocity relative to ECI, camera axes.
+    q_camera_from_eci_wxyz, omega_camera_rad_s : camera's attitude and angular velocity relative to ECI, camera axes.
     relative_eci_m, relative_eci_m_s : chaser minus target, without the rounding of large numbers.
-    position_lvlh_m, velocity_lvlh_m_s : the same in the target's rotating LVLH frame.
+    position_lvlh_m, velocity_lvlh_m_s : relative position and velocity in the target's rotating LVLH frame.
     r_sun_eci_m : apparent geocentric position of the Sun.
     bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_target_eci_m``
         minus it is the orbit.

@@ -50,7 +50,7 @@ class ChaserState:
     ----------
     position_eci_m, velocity_eci_m_s : chaser minus target's centre of mass, along GCRS axes.
     q_camera_from_eci_wxyz : attitude of the camera.
-    omega_camera_rad_s : its angular velocity relative to ECI, camera axes.
+    omega_camera_rad_s : camera's angular velocity relative to ECI, camera axes.
     """
 
     t_s: float
@@ -113,7 +113,7 @@ def guarded_command(
     Parameters
     ----------
     state, command, dt_s : step to check. frame : the target's present LVLH frame.
-    keep_out : the sphere. brake_m_s2 : available deceleration.
+    keep_out : sphere around the target. brake_m_s2 : available deceleration.
     """
     p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
     R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T

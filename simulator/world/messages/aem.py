@@ -205,7 +205,7 @@ def write_aem(
     Parameters
     ----------
     name : name of the object. body_frame : name of its axes, for example SC_BODY_1.
-    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4).
+    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4) attitudes.
     """
     lines = header("AEM", "1.0", epochs_utc[0])
     lines += [

@@ -102,7 +102,7 @@ class Ephemeris:
 
     Parameters
     ----------
-    where : file name in messages. epoch : origin of times. pieces : in order of their first times.
+    where : file name in messages. epoch : origin of times. pieces : segments in order of their first times.
     """
 
     where: str

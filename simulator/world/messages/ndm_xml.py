@@ -117,7 +117,7 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
 
     Parameters
     ----------
-    text : contents of the file. where : its name in messages.
+    text : contents of the file. where : name of the file in error messages.
 
     Returns
     -------
