@@ -63,7 +63,7 @@ class Canvas:
         """End the clipping of `clip`."""
         self._draw.pop_clip_rect()
 
-    # --- letters
+    # --- text
 
     def text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
         """Draw text with an outline, legible on black and white; ``tip`` is its hover text."""
@@ -167,11 +167,11 @@ class Canvas:
         for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
-    def keypoint(self, at: Point, rgba: style.Rgba, seen: str) -> None:
+    def keypoint(self, at: Point, rgba: style.Rgba, state: str) -> None:
         """Draw a keypoint by shape and colour: a dot if visible, a diamond if shadowed, a ring if hidden."""
-        if seen == "hidden":
+        if state == "hidden":
             self.circle(at, 4.0, rgba, 1.4)
-        elif seen == "shadowed":
+        elif state == "shadowed":
             self.diamond(at, 5.0, rgba)
         else:
             self.dot(at, 4.0, rgba)

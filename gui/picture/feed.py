@@ -38,8 +38,10 @@ MEMORY_S = 15.0
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
 """Delay before a failed picture is requested again."""
-STALE_S, LEAST_SPAN_S = 2.0, 0.5
+STALE_S = 2.0
 """Age at which a picture is marked as old."""
+LEAST_SPAN_S = 0.5
+"""Shortest time over which the rate of pictures is measured."""
 SEEN_S = 0.5
 """Time without being drawn after which a view gets no pictures."""
 
@@ -60,7 +62,7 @@ class FramesOnRequest(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A finished frame and the figures of its time."""
+    """A finished frame, and the state of the flight that it shows."""
 
     frame: Frame
     state: FlightState
@@ -155,7 +157,7 @@ class Feed:
         return self._save_wanted or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
-        """Note that its view is visible, which `looked_at` reports for a while."""
+        """Note that the view is drawn now, so that `looked_at` is true for a while."""
         self._seen_s = self._clock()
 
     @property
@@ -165,7 +167,7 @@ class Feed:
 
     @property
     def looked_at(self) -> bool:
-        """True while its view is visible."""
+        """True while the view that shows these pictures is visible."""
         return self._clock() - self._seen_s < SEEN_S
 
     @property
@@ -252,7 +254,7 @@ class Feed:
         if self._clock() < self._rests_until_s:
             return
         if self._save_wanted:
-            scene = _made(lambda: apply_view_settings(session.scene(), settings))
+            scene = _checked(lambda: apply_view_settings(session.scene(), settings))
             if self._submit(_Request(scene, session.state, session.plan.target, 1, saved=True, timed=False)):
                 self._save_wanted = False
             return
@@ -260,7 +262,7 @@ class Feed:
             return
         divisor = self.divisor(settings, paused=session.clock.paused)
         quality: Quality | None = None if session.clock.paused else "draft"
-        scene = _made(lambda: self._kind.scene(session, settings, divisor, quality))
+        scene = _checked(lambda: self._kind.scene(session, settings, divisor, quality))
         # if nothing moves, the present picture stays, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
             request = _Request(scene, session.state, session.plan.target, divisor, saved=False, timed=timed)
@@ -335,7 +337,7 @@ class Feed:
         self._detail.measured(request.divisor, ms, now)
 
 
-def _made(make: Callable[[], SceneState]) -> SceneState:
+def _checked(make: Callable[[], SceneState]) -> SceneState:
     """Return the scene; raise `PictureFailedError` if it cannot be made."""
     try:
         return make()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SQUARE_PX = 8
 BURNT, BURNT_SHARE = 0.99, 0.3
-"""Share of blocks at full scale above which a picture is overexposed."""
+"""Value from which a block counts as full scale, and the share of such blocks above which a picture is overexposed."""
 BRIGHTEST, DARK = 0.9995, 0.03
 """Share of blocks below this signal, and one sigma of the noise, above which a picture is dark."""
 

@@ -10,7 +10,7 @@ from flyaround.simulator.errors import UserError
 if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
 
-MOST = 200  # steps that can be undone
+MAX_STEPS = 200  # steps that can be undone
 ONE_DRAG_MS = 800
 """Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
 
@@ -37,7 +37,7 @@ class SettingsHistory:
         self._redo.clear()
         if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
             return
-        self._undo = [*self._undo[-MOST + 1 :], before]
+        self._undo = [*self._undo[-MAX_STEPS + 1 :], before]
 
     def undo(self, options: Options) -> None:
         """Restore the settings before the last change.
@@ -62,8 +62,9 @@ class SettingsHistory:
         self._last = ("", -ONE_DRAG_MS)
 
 
-def _swap(options: Options, wanted: list[Options], other: list[Options], none: str) -> None:
-    if not wanted:
-        raise UserError(none)
+def _swap(options: Options, source: list[Options], other: list[Options], advice: str) -> None:
+    """Restore the last settings of ``source``, and push the present ones to ``other``."""
+    if not source:
+        raise UserError(advice)
     other.append(deepcopy(options))
-    vars(options).update(vars(wanted.pop()))
+    vars(options).update(vars(source.pop()))

@@ -39,7 +39,8 @@ class BakedMesh:
     ----------
     values : (V, 7) vertices in the layout of `VERTEX`.
     hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are
-        omitted. hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
+        omitted.
+    hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
     center_m, radius_m : bounding sphere, target frame.
     is_closed : True if every part consists of closed shells facing outwards.
     triangles : (T, 3) vertex indices. planes : (T, 4) unit normal and negative distance from the origin [m].

@@ -26,7 +26,8 @@ class Material:
     clearcoat, clearcoat_roughness : factors of KHR_materials_clearcoat.
     crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
     anisotropy : strength of KHR_materials_anisotropy, 0..1, by which a brushed metal's highlight is wider across its
-        grain. grain : direction of the brushing, projected on each face, target frame; not normalised.
+        grain.
+    grain : direction of the brushing, projected on each face, target frame; not normalised.
     turned : True if the grain runs around that direction, as after turning on a lathe, instead of along it.
     base_color_texture : name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture
         coordinates; empty for none.

@@ -22,12 +22,13 @@ class Detector:
     full_well_e : full-well capacity [e]. gain_e_per_dn : system gain [e DN-1].
     black_level_dn : offset added to the signal.
     read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise shared by a row or column of one frame.
-    dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin. temperature_c
-        : temperature of the detector.
+    dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
+    temperature_c : temperature of the detector.
     dsnu_e : fixed offset of each pixel. dark_nonuniformity : fixed relative variation of dark current.
     prnu : fixed relative variation of sensitivity.
     hot_pixel_share, hot_pixel_e_s : share of pixels with additional dark current, exponentially distributed with that
-        mean. dead_pixel_share : share of pixels without signal.
+        mean.
+    dead_pixel_share : share of pixels without signal.
     blooming : share of the charge above the full well that spills into the column's neighbours.
     cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
         thickness ``layer_m``.

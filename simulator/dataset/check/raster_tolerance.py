@@ -32,7 +32,8 @@ class ShowableTriangles:
     ----------
     nearest_m, farthest_m : (M,) bounds of each one's camera z there. parts : (M,) part numbers, from 1.
     cones : (M, 3, 3) normals at the corners (rows), camera frame, extrapolated by the rounding: any drawn normal is a
-        positive combination of the three. is_sure : True if one of them covers the centre for any rounding.
+        positive combination of the three.
+    is_sure : True if one of them covers the centre for any rounding.
     """
 
     nearest_m: FloatArray

@@ -99,9 +99,10 @@ def check_dataset(
     Parameters
     ----------
     redraw : share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and
-        the report says so. redraw_seed : seed of the sample; by default unpredictable, so that nobody who alters a data
-        set can know it beforehand. whole_exports : True to compare the contents of all frames in the exports instead of
-        a sample.
+        the report says so.
+    redraw_seed : seed of the sample; by default unpredictable, so that nobody who alters a data set can know it
+        beforehand.
+    whole_exports : True to compare the contents of all frames in the exports instead of a sample.
 
     Raises
     ------

@@ -39,8 +39,10 @@ class LabelledFrame:
 
     Parameters
     ----------
-    number : number in its data set. read : function that returns the bytes of a file by its native suffix: ``png``,
-        ``mask.png``, ``json``, ``depth.exr``. where : name in messages.
+    number : number in its data set.
+    read : function that returns the bytes of a file by its native suffix: ``png``, ``mask.png``, ``json``,
+        ``depth.exr``.
+    where : name of the file in error messages.
     split : train, validation, test, or empty if the data set is not split.
     decoded : layers that have been decoded already, by name.
     """

@@ -56,10 +56,10 @@ class _CornerRays:
 
     Parameters
     ----------
-    directions : (N, M, 3) unit vectors. along : their dot products with the camera's position. perigee2 : square of
-        their distance from the centre. disc : square of their depth under the sphere, 1 at the nadir. distance :
-        distance to the ground [radii]. footprint_km : footprint of a pixel. span : extent of a tile on the ground
-        across its ray [radii].
+    directions : (N, M, 3) unit vectors. along : their dot products with the camera's position.
+    perigee2 : square of their distance from the centre. disc : square of their depth under the sphere, 1 at the nadir.
+    distance : distance to the ground [radii]. footprint_km : footprint of a pixel.
+    span : extent of a tile on the ground across its ray [radii].
     """
 
     def __init__(self, earth: GlobeView, camera: Camera) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
+# keys that do not affect the image: of a rig, of one sensor, of a Basalt rig
 _RIG = """
     T_cn_cnm1 T_cam_imu T_imu_cam T_BS timeshift_cam_imu cam_overlaps overlaps
 """

@@ -30,9 +30,9 @@ def face_grain(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3) corners. tangents : (F, 3, 4) glTF tangents of the corners, rotated with the mesh; or None to
-        derive them from ``corner_uv``. corner_uv : (F, 3, 2) texture coordinates, or None; a mesh without either has no
-        direction.
+    corners_m : (F, 3, 3) corners.
+    tangents : (F, 3, 4) glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
+    corner_uv : (F, 3, 2) texture coordinates, or None; a mesh without either has no direction.
     turn_rad : angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
 
     References
