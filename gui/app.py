@@ -184,8 +184,8 @@ def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Option
     options.orbit.reset(session.craft.world.range_m)
     for name in overlays:
         if not hasattr(options.overlays, name):
-            known = ", ".join(vars(options.overlays))
-            raise UserError(f"unknown overlay '{name}' in --overlays; choose from {known}")
+            names = ", ".join(vars(options.overlays))
+            raise UserError(f"unknown overlay '{name}' in --overlays; choose from {names}")
         setattr(options.overlays, name, True)
     return options
 

@@ -171,16 +171,16 @@ class Command:
             [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
         )
 
-    def about(self, *given: Value) -> str:
+    def about(self, *supplied: Value) -> str:
         """Return the hover text of its control: purpose, key and arguments.
 
         Parameters
         ----------
-        given : arguments that the control supplies; the others are listed with their units.
+        supplied : arguments that the control supplies; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
-        open_ = [a.about for a in self.arguments[len(given) :] if a.kind != "switch"]
-        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, given) if given else self.form])
+        open_ = [a.about for a in self.arguments[len(supplied) :] if a.kind != "switch"]
+        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
         """Return the arguments of a script's line.

@@ -101,10 +101,12 @@ class Keyboard(Keys):
         """Return the keys that went down since the last frame; during text input only F1 to F12."""
         return self._where(names, lambda key: self._imgui.is_key_pressed(key, False), typed=True)
 
-    def _where(self, names: Iterable[str], asked: Callable[[Any], bool], *, typed: bool = False) -> list[str]:
+    def _where(
+        self, names: Iterable[str], pressed: Callable[[Any], bool], *, typed: bool = False
+    ) -> list[str]:
         if self._imgui.get_io().want_text_input:
             names = [n for n in names if typed and n[:1] == "f" and n[1:].isdigit()]
-        return [n for n in names if asked(getattr(self._imgui.Key, f"_{n}" if n.isdigit() else n))]
+        return [n for n in names if pressed(getattr(self._imgui.Key, f"_{n}" if n.isdigit() else n))]
 
     @property
     def ctrl(self) -> bool:

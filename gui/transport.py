@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 NARROW_EM = 56
-"""Window width, in text heights, below which the strip shortens its texts."""
+"""Window width, in text heights, below which the strip shortens its rows."""
 GUARD_MS = 3000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -47,7 +47,7 @@ class TransportStrip:
         imgui.same_line()
         w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
-        # in a narrow window texts make room for the scrubber
+        # in a narrow window rows make room for the scrubber
         narrow = imgui.get_window_width() < NARROW_EM * em
         self._rate(console, (5 if narrow else 7) * em)
         imgui.same_line()
@@ -163,21 +163,19 @@ class RunningJob:
 
 def running_jobs(jobs: Jobs) -> list[RunningJob]:
     """Return the running jobs."""
-    found = []
+    rows = []
     capture = jobs.capture
     if capture.running and capture.request is not None:
         left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
-        found.append(
-            RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop")
-        )
+        rows.append(RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop"))
     if jobs.film is not None:
-        found.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
+        rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if jobs.hil.on:
         text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
-        found.append(RunningJob(text, None, "hil.stop"))
+        rows.append(RunningJob(text, None, "hil.stop"))
     if jobs.mesh is not None:
-        found.append(RunningJob(f"importing {jobs.mesh.name}"))
+        rows.append(RunningJob(f"importing {jobs.mesh.name}"))
     if jobs.keeping:
-        found.append(RunningJob("writing the flight"))
-    return found
+        rows.append(RunningJob("writing the flight"))
+    return rows

@@ -75,8 +75,8 @@ def _choice(method: str, published: Published) -> MethodChoice:
 
 def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
     """Estimate an image and return the JSON document; write an image of every stage if a folder is given."""
-    taken = read_png(path)
-    image = checked_picture(taken, intrinsics, str(path))
+    raw = read_png(path)
+    image = checked_picture(raw, intrinsics, str(path))
     trace: dict[str, Any] | None = None if place is None else {"every_stage": True}
     result = estimator.estimate(image, trace)
     if place is not None and trace is not None:
@@ -85,7 +85,7 @@ def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return {
         "image": str(path),
-        "picture": about_pictures(taken, intrinsics.pixel_encoding),
+        "picture": about_pictures(raw, intrinsics.pixel_encoding),
         "accepted": bool(result.accepted),
         "reason": result.reason,
         "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],

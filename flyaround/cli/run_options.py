@@ -82,7 +82,7 @@ def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option's valu
         return str(value)
     choices = [v for t in _alternatives(kind) if isinstance(t, mi.LiteralType) for v in t.values]
     if isinstance(value, str):
-        return next((known for known in choices if str(known).lower() == value.lower()), value)
+        return next((choice for choice in choices if str(choice).lower() == value.lower()), value)
     return value
 
 

@@ -97,8 +97,8 @@ class BoardLinkPanel(Panel):
         w, implot = self._w, self._w.implot
         counts = hil.latency_counts()
         tip = "pictures by their latency, from the first byte out to the pose back [ms, log scale]"
-        with w.plot("latency", 120, tip) as seen:
-            if not seen:
+        with w.plot("latency", 120, tip) as is_open:
+            if not is_open:
                 return
             axis = implot.AxisFlags_
             implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)

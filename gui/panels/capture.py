@@ -70,9 +70,9 @@ class CapturePanel(Panel):
                 (self._formats.add if on else self._formats.discard)(name)
         self._frames = min(max(self._frames, 1), MOST_FRAMES)
         self._workers = min(max(self._workers, 1), MOST_WORKERS)
-        chosen = ",".join(sorted(self._formats)) or "native"
-        given = (self._frames, self._what, self._folder or NEW, chosen, self._workers)
-        w.button(console, "capture.start", *given, width=w.width)
+        formats_text = ",".join(sorted(self._formats)) or "native"
+        arguments = (self._frames, self._what, self._folder or NEW, formats_text, self._workers)
+        w.button(console, "capture.start", *arguments, width=w.width)
         if job.outcome:
             colour = style.GOOD if job.outcome.startswith("captured") else style.WARN
             w.text(job.outcome, colour, "how the last capture ended")

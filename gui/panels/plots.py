@@ -37,10 +37,10 @@ class PlotsPanel(Panel):
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         self._keep(console.feed.newest)
-        others = [name for name in FIGURES if name not in self._watched]
+        unwatched = [name for name in FIGURES if name not in self._watched]
         imgui.set_next_item_width(-1)
         if imgui.begin_combo("##add", "watch another figure ..."):
-            for name in others:
+            for name in unwatched:
                 if imgui.selectable(FIGURES[name].title, False)[0]:
                     self._watched.append(name)
             imgui.end_combo()
@@ -71,8 +71,8 @@ class PlotsPanel(Panel):
         w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
         w.tip(f"{title}, of the newest picture")
         axis = implot.AxisFlags_
-        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as seen:
-            if seen:
+        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
+            if is_open:
                 implot.setup_axes(
                     "", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
                 )

@@ -104,18 +104,18 @@ class Marker:
             to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
             dark = hidden_from_direction(self._mesh, self._points_m, to_sun)
         return tuple(
-            "hidden" if hidden else "shadowed" if unlit else "visible"
-            for hidden, unlit in zip(occluded, dark, strict=True)
+            "hidden" if is_occluded else "shadowed" if is_dark else "visible"
+            for is_occluded, is_dark in zip(occluded, dark, strict=True)
         )
 
 
 def _view_changed(a: SceneState, b: SceneState) -> bool:
-    turned = rotation_angle_rad(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz)
+    rotation_rad = rotation_angle_rad(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz)
     t_a, t_b = np.array(a.t_camera_from_target_m), np.array(b.t_camera_from_target_m)
-    moved = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
+    shift = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
     sun = float(np.linalg.norm(np.subtract(a.sun_direction_camera, b.sun_direction_camera)))
     eclipsed = (a.sun_visible_fraction < ECLIPSED_BELOW) != (b.sun_visible_fraction < ECLIPSED_BELOW)
-    return eclipsed or max(turned, moved, sun) > CHANGED_RAD
+    return eclipsed or max(rotation_rad, shift, sun) > CHANGED_RAD
 
 
 def _axes(scene: SceneState) -> tuple[Segment, ...]:

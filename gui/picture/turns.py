@@ -161,5 +161,5 @@ class Channel:
                 raise came
             yield came
         if self.lost is not None:
-            lost, self.lost = self.lost, None
-            raise lost
+            error, self.lost = self.lost, None
+            raise error

@@ -101,17 +101,17 @@ class BurnNodes:
             )
 
     @staticmethod
-    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, written: list[Point]) -> None:
+    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, taken_places: list[Point]) -> None:
         """Write a burn's size below its handle, inside the map, unless another text is there."""
         x, y, w, h = port.rect
         width, height = canvas.size(text)
         # below the handle, because chaser and boresight lie along the path
         at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
-        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
+        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in taken_places):
             canvas.label(
                 at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
             )
-            written.append(at)
+            taken_places.append(at)
 
     @property
     def path_lvlh_m(self) -> FloatArray:
@@ -164,8 +164,8 @@ class BurnNodes:
             return
         planned = console.session.craft.steering.burns.burns
         # a node moved along the path has a new time: cancel the old burn
-        gone = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
-        for burn in gone:
+        cancelled = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
+        for burn in cancelled:
             console.do("burn.cancel", burn.t_s)
         if grip.burn not in planned:
             console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)

@@ -83,7 +83,7 @@ class CameraView(Panel):
         canvas.clip((box.x, box.y), (box.width, box.height))
         # names avoid the figures' positions in the last frame
         taken, self._plates = tuple(self._plates), []
-        self._truth.draw(box, picture, options, paused=session.clock.paused, taken=taken)
+        self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
             self._estimate.draw(canvas, box, picture, console.jobs.estimates)
         # the docking display has its own cross and figures

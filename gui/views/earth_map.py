@@ -152,13 +152,13 @@ class EarthMap(Panel):
             return
         is_past = track.times_s <= now_s
         shadowed = track.sunlit < 0.5
-        for chosen, colour, dashed in (
+        for part, colour, dashed in (
             (is_past, PAST, False),
             (~is_past & ~shadowed, SUNLIT, True),
             (~is_past & shadowed, SHADOWED, True),
         ):
             # a segment starts where the previous one ends
-            on = chosen | np.append(chosen[1:], False)
+            on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
             latitude, longitude = unbroken(latitude, track.longitude_deg)
             canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)

@@ -181,9 +181,9 @@ class PartsView(_LabelView):
         self._rows: list[tuple[str, style.Rgba]] = []
 
     def _make(self, picture: Picture) -> None:
-        made = part_picture(picture.frame)
-        self._image_rgb = mask_picture(picture.frame) if made is None else made[0]
-        self._rows = [] if made is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in made[1]]
+        parts = part_picture(picture.frame)
+        self._image_rgb = mask_picture(picture.frame) if parts is None else parts[0]
+        self._rows = [] if parts is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in parts[1]]
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         if self._image_rgb is None or not self._rows:
@@ -220,6 +220,6 @@ class KeypointsView(_LabelView):
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
-                seen = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
-                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], seen)
+                mark = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
+                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], mark)
         self._legend(canvas, legend, rows)

@@ -76,12 +76,12 @@ class LvlhMap(Panel):
         world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
-        flown = np.vstack([*session.look_back.trail.points, here])
+        trail = np.vstack([*session.look_back.trail.points, here])
         if look.fitted:
             first = ports(rect, look)[0].rect
             # keep a line of text free above and below
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
-            fit(look, self._extent(session, flown), first[2] / height)
+            fit(look, self._extent(session, trail), first[2] / height)
         self.ports = ports(rect, look)
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
@@ -93,7 +93,7 @@ class LvlhMap(Panel):
             self._keep_out(canvas, port, session)
             canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
             canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
-            canvas.stroke(port.at(flown), FLOWN, 2.0, halo=False)
+            canvas.stroke(port.at(trail), FLOWN, 2.0, halo=False)
             self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
@@ -117,9 +117,9 @@ class LvlhMap(Panel):
             self._drift = predicted_drift_lvlh_m(session.flight.orbit, chaser, PREDICTION_S)
             self._drift_t_s = session.t_s
 
-    def _extent(self, session: FlightSession, flown: FloatArray) -> FloatArray:
+    def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
         """Return the points that a fitted map must hold, the drift only as far as the rest extends."""
-        points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
+        points = [self._planned, trail, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             points.append(keep_out.radius_m * np.vstack([np.eye(3), -np.eye(3)]))
@@ -154,10 +154,10 @@ class LvlhMap(Panel):
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 3.0):
             # the point under the pointer stays there; the whole gesture is one command, at its end
             self._dragging = True
-            moved = np.array(look.centre_lvlh_m)
-            moved[port.plane.right] -= io.mouse_delta.x / port.scale
-            moved[port.plane.up] += io.mouse_delta.y / port.scale
-            look.place(vec3(moved), look.width_m)
+            centre_lvlh_m = np.array(look.centre_lvlh_m)
+            centre_lvlh_m[port.plane.right] -= io.mouse_delta.x / port.scale
+            centre_lvlh_m[port.plane.up] += io.mouse_delta.y / port.scale
+            look.place(vec3(centre_lvlh_m), look.width_m)
             self.ports = tuple(MapPort(p.plane, p.rect, look.centre_lvlh_m, p.scale) for p in self.ports)
         elif self._dragging:
             self._dragging = False
@@ -213,16 +213,16 @@ class LvlhMap(Panel):
         canvas.arrow(point(at), point(at + 22 * self._window.scale * direction), style.INK)
         canvas.dot(point(at), 4.5 * self._window.scale, FLOWN)
 
-    def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
+    def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, sunlit_share: float) -> None:
         """Draw an arrow to the Sun at the right edge, with the length of its projection on the plane."""
         x, y, w, _ = port.rect
         reach = 18.0 * self._window.scale
-        colour = style.YELLOW if lit > 0 else style.QUIET
+        colour = style.YELLOW if sunlit_share > 0 else style.QUIET
         centre = np.array([x + w - 1.3 * reach, y + 2.9 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
         canvas.disc(point(centre), 2.0, colour)
         canvas.arrow(point(centre), point(centre + reach * flat), colour)
-        text = "Sun" if lit > 0 else "eclipse"
+        text = "Sun" if sunlit_share > 0 else "eclipse"
         width, height = canvas.size(text)
         canvas.label((centre[0] - 1.2 * reach - width, centre[1] - height / 2), text, colour, SUN)
 

@@ -48,14 +48,14 @@ class TruthMarks:
         options: Options,
         *,
         paused: bool,
-        taken: tuple[Place, ...] = (),
+        obstacles: tuple[Place, ...] = (),
     ) -> None:
         """Draw over a picture.
 
         Parameters
         ----------
         paused : True to compute visibility for this picture.
-        taken : x, y, width, height of other text over the view.
+        obstacles : x, y, width, height of other text over the view.
         """
         canvas = Canvas(self._window)
         self._remember(picture, options, paused=paused)
@@ -72,11 +72,11 @@ class TruthMarks:
             canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
             canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
         # by shape as well as colour: a dot is lit, a diamond shadowed, a ring hidden
-        for pixel, seen, _ in marks.keypoints:
+        for pixel, state, _ in marks.keypoints:
             at = box.at(pixel)
-            canvas.keypoint(at, SEEN_COLORS[seen], seen)
+            canvas.keypoint(at, SEEN_COLORS[state], state)
         if options.overlays.names:
-            self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
+            self._names(canvas, box, picture if options.overlays.crosshair else None, obstacles)
 
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
         """Draw the principal point, and a ring every five degrees of field angle."""
@@ -110,30 +110,30 @@ class TruthMarks:
         self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
     ) -> None:
         """Draw names of visible keypoints, not over each other or the labels of axes or rings."""
-        named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
+        points = [(box.at(p), state, name) for p, state, name in self._marks.keypoints if state != "hidden"]
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
             self._placed_for = key
-            taken = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
+            occupied = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
             if ringed is not None:
                 camera = ringed.frame.scene.camera
                 cx, cy = box.at((camera.cx_px, camera.cy_px))
-                taken += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
+                occupied += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
             self._placed = place_labels(
-                [p for p, _, _ in named],
-                [canvas.size(name) for _, _, name in named],
+                [p for p, _, _ in points],
+                [canvas.size(name) for _, _, name in points],
                 (box.x, box.y, box.width, box.height),
-                last_choices=[self._choices.get(name) for _, _, name in named],
-                obstacles=taken,
+                last_choices=[self._choices.get(name) for _, _, name in points],
+                obstacles=occupied,
             )
-        for (at, seen, name), placed in zip(named, self._placed, strict=True):
+        for (at, state, name), placed in zip(points, self._placed, strict=True):
             if placed is None:
                 continue
             self._choices[name] = placed.choice
             if placed.lead is not None:
-                canvas.stroke([at, placed.lead], (*SEEN_COLORS[seen][:3], 0.8), 1.0)
+                canvas.stroke([at, placed.lead], (*SEEN_COLORS[state][:3], 0.8), 1.0)
             # text in the marks' darker colours would be hard to read over clouds
-            canvas.text(placed.corner, name, style.INK if seen == "visible" else SEEN_COLORS[seen])
+            canvas.text(placed.corner, name, style.INK if state == "visible" else SEEN_COLORS[state])
 
 
 def rings(box: Letterbox, picture: Picture) -> list[tuple[int, float]]:

@@ -107,14 +107,14 @@ def field_of_samples(
     also_w_m2 : (P, n) irradiance of other light, from `moon_plate_irradiance`.
     disc : number of samples, first in order, that are on the disc; the others surround it.
     """
-    share = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
-    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * share)
+    solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
     if also_w_m2 is not None:
         falling += also_w_m2
-    directions, radiance, share = directions[:disc], radiance[:disc], share[:disc]
+    directions, radiance, solid_angles = directions[:disc], radiance[:disc], solid_angles[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
-    weighted = design * (share / share.mean())
+    weighted = design * (solid_angles / solid_angles.mean())
     # a small weight on the gradient, which a small or uniform disc leaves undetermined
     normal_equations = design.T @ weighted
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
