@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 NARROW_EM = 56
-"""Window width, in text heights, below which the strip shortens its rows."""
+"""Window width, in text heights, below which the strip shortens its texts."""
 GUARD_MS = 3000
 """Time for which the open guard of the abort button waits for the second click [ms]."""
 
@@ -47,7 +47,7 @@ class TransportStrip:
         imgui.same_line()
         w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
-        # in a narrow window rows make room for the scrubber
+        # in a narrow window texts make room for the scrubber
         narrow = imgui.get_window_width() < NARROW_EM * em
         self._rate(console, (5 if narrow else 7) * em)
         imgui.same_line()

@@ -27,7 +27,7 @@ class PlacedLabel:
 
     Parameters
     ----------
-    corner : its upper left corner. lead : end of the leader line from the point; None without one.
+    corner : upper left corner of the name. lead : end of the leader line from the point; None without one.
     choice : index of the candidate position, for the next picture.
     """
 

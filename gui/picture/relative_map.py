@@ -144,7 +144,8 @@ def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
 
     Parameters
     ----------
-    look : modified if necessary. points_lvlh_m : (n, 3) positions. aspect : width over height of a plane on the screen.
+    look : centre and width of the map, modified if necessary. points_lvlh_m : (n, 3) positions.
+    aspect : width over height of a plane on the screen.
     """
     low, high = points_lvlh_m.min(axis=0), points_lvlh_m.max(axis=0)
     size = high - low

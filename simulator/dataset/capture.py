@@ -45,9 +45,11 @@ if TYPE_CHECKING:
 class CaptureSummary:
     """Result of a capture; ``clipping`` covers the frames written, None if none shows a target.
 
-    ``redraws``: number of poses drawn again in these frames, for each of the recipe's constraints.
-    ``damaged``: existing frames that differed from their record, and were rendered again.
-    ``second``: summary of the second camera's data set, if the plan has one.
+    Parameters
+    ----------
+    redraws : number of poses drawn again in these frames, for each of the recipe's constraints.
+    damaged : existing frames that differed from their record, and were rendered again.
+    second : summary of the second camera's data set, if the plan has one.
     """
 
     folder: Path | str
@@ -92,7 +94,7 @@ def capture(
         own.
     split : shares of training, validation and test frames; by default a recipe's own.
     beside : further files by name, written next to the card before the first frame.
-    tell : called with a sentence for each format on what it omits, before anything is drawn.
+    tell : function that is called with a sentence for each format on what it omits, before anything is drawn.
     sensors : plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
     workers : number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on
         it.

@@ -112,7 +112,7 @@ def convert(
     ----------
     folder : new or empty folder; each of several formats has a subfolder.
     split : shares of training, validation and test frames; by default the source's own.
-    tell : called with a sentence on what the format omits, before anything is written.
+    tell : function that is called with a sentence on what the format omits, before anything is written.
 
     Returns
     -------

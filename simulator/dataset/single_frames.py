@@ -44,7 +44,8 @@ def render_scene(
 
     Parameters
     ----------
-    labels : layers besides truth and mask. prefetched : see `flyaround.simulator.loop.open_frames`.
+    labels : layers besides truth and mask.
+    prefetched : maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
 
     Raises
     ------

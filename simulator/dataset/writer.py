@@ -30,8 +30,10 @@ log = logging.getLogger(__name__)
 class CheckedFrame:
     """A frame ready to be written: its files, its feasibility, and the faults of its labels, if any.
 
-    ``manifest``: lines with the hashes of its files. ``redraws``: number of poses drawn again for each constraint of a
-    recipe.
+    Parameters
+    ----------
+    manifest : lines with the hashes of the files.
+    redraws : number of poses drawn again for each constraint of a recipe.
     """
 
     number: int
@@ -88,7 +90,7 @@ class DatasetWriter:
 
     Parameters
     ----------
-    card : written at once, marked incomplete.
+    card : card of the data set, written at once and marked incomplete.
     """
 
     def __init__(self, store: Store, card: DatasetCard) -> None:
@@ -139,6 +141,6 @@ class DatasetWriter:
         self._store.write([(f"quarantine/{name}", data) for name, data in files])
         log.warning("frame %d is quarantined: %s", frame.number, frame.reason)
         self.quarantined.append((frame.number, frame.reason))
-        kept_apart = CardQuarantine(frame=frame.number, reason=frame.reason)
-        self.card = msgspec.structs.replace(self.card, quarantined=(*self.card.quarantined, kept_apart))
+        quarantined = CardQuarantine(frame=frame.number, reason=frame.reason)
+        self.card = msgspec.structs.replace(self.card, quarantined=(*self.card.quarantined, quarantined))
         self._write_card()

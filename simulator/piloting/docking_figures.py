@@ -213,7 +213,7 @@ class Judged:
 
     Parameters
     ----------
-    name, unit : texts for people. value : signed if applicable. limit : limit of its magnitude at present.
+    name, unit : texts for people. value : figure, signed if applicable. limit : limit of its magnitude at present.
     """
 
     name: str
@@ -337,7 +337,7 @@ def docked_state(
     Parameters
     ----------
     attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
-    port : its docking port.
+    port : docking port of the target.
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

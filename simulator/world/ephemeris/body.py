@@ -49,7 +49,7 @@ class BodyAir:
         albedo.
     aerosol_exponent : Angstrom exponent. aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by name of the band.
-    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band. airglow_m : its lower and
+    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band. airglow_m : lower and
         upper edge [m].
     thickness_m : height of the top [m].
     """
