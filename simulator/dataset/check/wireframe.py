@@ -58,7 +58,7 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
                 continue
             n_tested += 1
             is_visible, middle = k % 2 == 1, (a + b) / 2
-            if not _stretch_agrees(caster, pose, edge, middle, seen=is_visible):
+            if not _stretch_agrees(caster, pose, edge, middle, is_visible=is_visible):
                 word = "seen" if is_visible else "hidden"
                 wrong.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
     return wrong
@@ -73,7 +73,7 @@ def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, 
     point = ends[0] + along * (ends[1] - ends[0])
     hits = caster.hits(point[:2] / point[2])
     if edge.radius_m > 0:
-        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=is_visible)
+        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, is_visible=is_visible)
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
     if is_visible:
         return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))

@@ -115,7 +115,7 @@ def place_model(
     is_stated = scale is not None or units is not None
     low, high = bounds(model)
     extent = float((high - low).max()) * factor
-    unusual = _check_size(model, extent, factor, said=is_stated, any_size=any_size)
+    unusual = _check_size(model, extent, factor, is_stated=is_stated, any_size=any_size)
     axis = up or model.up or "z"
     for part in model.parts:
         part.positions_m = part.positions_m * factor
