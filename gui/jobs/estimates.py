@@ -41,7 +41,7 @@ class ComparedEstimate:
     Parameters
     ----------
     t_s : simulated time of the picture. done_s : time of the answer, on the clock of `Estimates`.
-    E_R_deg, E_T_m : errors against the truth; None without a pose. took_ms : time of the whole estimate.
+    E_R_deg, E_T_m : errors against the truth; None without a pose.
     size_px : width and height of the picture.
     """
 

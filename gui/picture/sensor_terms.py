@@ -17,49 +17,65 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.runtime.arrays import IntArray
 
-BLUR = ("blur_sigma_px", "blur, sigma [px]", "more makes edges softer")
-DEPTH = ("bits", "depth [bit]", "levels of a picture are two to this power; fewer make steps")
+BLUR = ("blur_sigma_px", "blur, sigma [px]", "width of the blur; more makes edges softer")
+DEPTH = ("bits", "depth [bit]", "bits of a level; fewer make visible steps")
 RECIPE: tuple[tuple[str, str, str], ...] = (
     BLUR,
-    ("gaussian_variance", "additive noise, variance [1]", "more is grainier, dark parts most"),
-    ("speckle_variance", "multiplicative noise, variance [1]", "more is grainier, bright parts most"),
-    ("full_scale_j_m2_sr", "full scale [J/m2 sr]", "exposure that is white; more makes the picture darker"),
+    (
+        "gaussian_variance",
+        "additive noise, variance [1]",
+        "more makes the picture grainier, most in dark parts",
+    ),
+    (
+        "speckle_variance",
+        "multiplicative noise, variance [1]",
+        "more makes the picture grainier, most in bright parts",
+    ),
+    (
+        "full_scale_j_m2_sr",
+        "full scale [J/m2 sr]",
+        "exposure of a white pixel; more makes the picture darker",
+    ),
     DEPTH,
 )
 DETECTOR: tuple[tuple[str, str, str], ...] = (
     BLUR,
-    ("gain_e_per_dn", "gain [e/DN]", "electrons a level is worth; more makes the picture darker"),
+    ("gain_e_per_dn", "gain [e/DN]", "electrons per level; more makes the picture darker"),
     ("black_level_dn", "black level [DN]", "level of a pixel without light; more lifts the dark parts"),
-    ("full_well_e", "full well [e]", "electrons a pixel holds; fewer saturate sooner"),
-    ("read_noise_e", "read noise [e]", "of reading a pixel; more makes dark parts grainier"),
-    ("row_noise_e", "row noise [e]", "alike along a row; more draws lines across"),
-    ("column_noise_e", "column noise [e]", "alike along a column; more draws lines down"),
+    ("full_well_e", "full well [e]", "electrons that a pixel holds; fewer saturate sooner"),
+    ("read_noise_e", "read noise [e]", "noise of each read-out; more makes dark parts grainier"),
+    ("row_noise_e", "row noise [e]", "noise common to a row; more draws horizontal lines"),
+    ("column_noise_e", "column noise [e]", "noise common to a column; more draws vertical lines"),
     (
         "dark_current_e_s",
         "dark current [e/s]",
-        "without light, at the reference temperature; more lifts long exposures",
+        "signal without light at the reference temperature; more brightens long exposures",
     ),
-    ("temperature_c", "temperature [°C]", "of the detector; warmer has more dark current"),
-    ("dsnu_e", "dark offsets, DSNU [e]", "how unlike pixels are in the dark; more is a fixed grain"),
+    ("temperature_c", "temperature [°C]", "temperature of the detector; more raises the dark current"),
+    ("dsnu_e", "dark offsets, DSNU [e]", "differences between pixels in the dark; more makes a fixed grain"),
     (
         "dark_nonuniformity",
         "dark current's spread [1]",
-        "how unlike dark currents are; more is grain with time",
+        "differences between dark currents; more makes grain in long exposures",
     ),
     (
         "prnu",
         "response's spread, PRNU [1]",
-        "how unlike pixels answer to light; more is grain in bright parts",
+        "differences in sensitivity; more makes grain in bright parts",
     ),
     ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
-    ("hot_pixel_e_s", "hot pixels' current [e/s]", "of each hot pixel; more makes them brighter"),
-    ("dead_pixel_share", "dead pixels [share]", "pixels that see nothing: dark dots"),
-    ("cosmic_rays_cm2_s", "particles [1/cm2 s]", "that strike the detector; more leave more dots and tracks"),
-    ("blooming", "blooming [share]", "of a full pixel's surplus that runs into its column: streaks"),
+    ("hot_pixel_e_s", "hot pixels' current [e/s]", "dark current of each hot pixel; more makes it brighter"),
+    ("dead_pixel_share", "dead pixels [share]", "pixels without signal: dark dots"),
+    (
+        "cosmic_rays_cm2_s",
+        "particles [1/cm2 s]",
+        "particles that strike the detector; more leave more dots and tracks",
+    ),
+    ("blooming", "blooming [share]", "share of a full pixel's surplus that spills along its column: streaks"),
     DEPTH,
 )
 """Field, name with unit, and effect of a change."""
-BINS = 128
+BINS = 128  # bins of the histogram
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
     from flyaround.simulator.targets.model import Target
 
+# directions from the craft to the camera, target frame
 OBLIQUE = ((1.0, -0.75, 0.55), (-0.85, 0.9, 0.45), (0.6, 0.85, -0.8))
 SIDES = {
     "+x": (1, 0, 0),

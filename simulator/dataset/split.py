@@ -65,7 +65,7 @@ class SplitAssigner:
 
     Parameters
     ----------
-    given : splits of frames that are already assigned.
+    assigned : splits of frames that are already assigned.
     """
 
     def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:

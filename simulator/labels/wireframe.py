@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Edge, Target
     from flyaround.simulator.world.frames.pose import Pose
 
-NEAR_M = 0.05
+NEAR_M = 0.05  # least depth of an edge in front of the camera
 ROD = 1.2
 """Radii around a rod's axis within which a surface counts as the rod's own: rods taper, and the radius is a mean."""
 END_ON = 0.1

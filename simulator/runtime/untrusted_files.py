@@ -20,7 +20,7 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 
-MOST_DEEP = 64
+MOST_DEEP = 64  # brackets that may be open at once
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
 # strings, even unterminated, and comments: brackets inside do not nest; a linear-time pattern
 JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
@@ -97,7 +97,7 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
 
     Raises
     ------
-    If the name leads out of the folder, or is a URL.
+    UserError
         If the name leads out of the folder, or is an address.
     """
     plain = name.replace("\\", "/")

@@ -61,6 +61,7 @@ LOG2_TEXEL_KM = math.log2(TEXEL_KM)
 CLOUD_KM = 2.0  # height of the clouds, for their parallax and shadows
 MAGNIFIED_LEVEL = -0.5  # level of a tile above which the maps' texels are at least six pixels wide
 FAR_LEVEL = 0.5  # level of a tile from which on floes, and then cloud detail, are averaged
+# samplers of every frame, and of maps that some frames need
 _OWN = ("t_coverage", "t_radiance", "t_map", "t_detail", "t_ground_slopes", "t_month_before", "t_month_after")
 _RARE = ("t_ice", "t_ocean_colour", "t_terrain", "t_city")
 _SAMPLERS = {

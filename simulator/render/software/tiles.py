@@ -54,7 +54,7 @@ _NIGHT_MU = 0.03  # sine of the Sun's elevation above which city lights are off
 class _CornerRays:
     """The rays through the corners of all tiles, and the ground that they meet.
 
-    Parameters
+    Attributes
     ----------
     directions : (N, M, 3) unit vectors. along : their dot products with the camera's position.
     perigee2 : square of their distance from the centre. disc : square of their depth under the sphere, 1 at the nadir.
