@@ -80,13 +80,8 @@ class Geometry(BakedMesh):
     uv: Float32Array
 
 
-_PACKED = (
-    Geometry,
-    Boxes,
-    Charts,
-    MeshEdges,
-    ConvexShell,
-)  # a cache entry refers to these types by index
+# a cache entry refers to these types by index
+_PACKED = (Geometry, Boxes, Charts, MeshEdges, ConvexShell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +90,8 @@ class MergedParts:
 
     Parameters
     ----------
-    vertices : (V,) vertices of dtype `VERTEX`. triangles : (T, 3) indices. uv : (V, 2), or (0, 2) without textures.
+    vertices : (V,) vertices of dtype `VERTEX`. triangles : (T, 3) indices.
+    uv : (V, 2) texture coordinates, or (0, 2) without textures.
     """
 
     vertices: np.typing.NDArray[np.void]
@@ -115,16 +111,16 @@ def geometry_of(
     """
 
     # always unpack, also without a cache: another memory layout may sum in another order
-    def made() -> ByteArray:
+    def bake() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
     if len(merged.triangles) > MAX_KEPT:
-        return unpack_geometry(made())
+        return unpack_geometry(bake())
     own = [part.positions_m for part in parts]  # in the target's order, which merging may change
-    made_by = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
-    makers = (*made_by, PlaneGrid, edge_table, face_planes)
+    functions = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
+    makers = (*functions, PlaneGrid, edge_table, face_planes)
     key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
-    return unpack_geometry(cached_array(key, made))
+    return unpack_geometry(cached_array(key, bake))
 
 
 def unpack_geometry(packed: ByteArray) -> Geometry:

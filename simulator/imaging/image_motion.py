@@ -49,7 +49,7 @@ class CraftFlow:
 
     @property
     def drawings(self) -> int:
-        """Number of drawings to smear."""
+        """Number of drawings of the craft, each of which is smeared."""
         return max(math.ceil(self.longest_px / SMEARED_PX), math.ceil(self.off_px / PARALLAX_PX), 1)
 
 
@@ -72,7 +72,7 @@ def image_motion_px(
 ) -> float:
     """Return the largest displacement of anything in the image during ``span_s`` about mid-exposure [px].
 
-    Tracked are the corners of the craft's bounding box, and a grid of directions: the ground where one meets the Earth,
+    The corners of the craft's bounding box are tracked, and a grid of directions: the ground where one meets the Earth,
     else the sky.
 
     Parameters
@@ -82,7 +82,7 @@ def image_motion_px(
     if span_s == 0:
         return 0.0
     at = at or moments_of(scene)
-    early, late = (_followed_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
+    early, late = (_tracked_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
     way = np.hypot(*(late - early).T)
     return float(np.nanmax(way, initial=0.0))
 
@@ -109,7 +109,7 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
 
 
-def _followed_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
+def _tracked_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """Return (K, 2) positions in the scene ``then`` of the tracked points of ``scene``; NaN behind the camera."""
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))

@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Planet:
-    """SOFA's planet number, V at 1 au from Sun and Earth, phase coefficients, B-V.
+    """Photometry of a planet.
 
-    ``phase`` are coefficients of powers 1, 2, 3 of the phase angle in degrees.
+    Parameters
+    ----------
+    number : SOFA's number of the planet. magnitude : V at 1 au from Sun and Earth.
+    phase : coefficients of the powers 1, 2, 3 of the phase angle in degrees.
     """
 
     name: str
@@ -40,7 +43,7 @@ _PLANETS = (
     _Planet("Saturn", 6, -8.88, (4.4e-2, 0.0, 0.0), 1.09),
 )
 NAMES = tuple(planet.name for planet in _PLANETS)
-_LIGHT_DAYS_PER_AU = 499.004784 / 86400.0
+_LIGHT_DAYS_PER_AU = 499.004784 / 86400.0  # light time of an astronomical unit [days]
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,16 +105,16 @@ class _Reader:
         names = unique_names((m.name for m in materials), "material")
         materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
         materials.append(UNNAMED_SURFACE)
-        found = placed_meshes(document, self.notes, self._read)
-        check_weight(document, found, sum(map(len, self.buffers)))
-        meshes = {number for _, number, _ in found}
+        nodes = placed_meshes(document, self.notes, self._read)
+        check_weight(document, nodes, sum(map(len, self.buffers)))
+        meshes = {number for _, number, _ in nodes}
         if any("skin" in node for node in document.get("nodes", [])) or any(
             "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
         ):
             self.lost.add("skins and morph targets (the rest pose is taken)")
         self.lost |= {what for key, what in SKIPPED_PARTS.items() if document.get(key)}
         parts = []
-        for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
+        for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in nodes), "part"), nodes, strict=True):
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
             if part is not None:
                 parts.append(part)
@@ -164,9 +164,9 @@ class _Reader:
         if np.linalg.det(linear) < 0:  # a mirrored node reverses the winding
             all_triangles = all_triangles[:, ::-1]
             uv = None if uv is None else uv[:, ::-1]
-        whole = None
+        all_normals = None
         if all(n is not None for n in normals):
-            whole = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
+            all_normals = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
         with np.errstate(invalid="ignore", over="ignore"):  # non-finite vertices are reported later
             places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
         return RawPart(
@@ -174,7 +174,7 @@ class _Reader:
             positions_m=places,
             triangles=all_triangles,
             face_material=np.concatenate(materials),
-            normals=whole,
+            normals=all_normals,
             face_colour=_joined(colours, triangles, (3,)),
             corner_uv=uv,
         )
