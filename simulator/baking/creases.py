@@ -27,10 +27,11 @@ _SEED = 1972
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Variance of the slopes, summed over both axes."""
+# share of a facet's mean slope, and of its height, relative to those of its curvature
 _TILT, _STEP = (
     0.8,
     0.9,
-)  # share of a facet's mean slope, and of its height, relative to those of its curvature
+)
 _MARGIN = 0.35  # share of the tile repeated around it
 _MOTTLE_POWER = -1.4  # exponent of the mottle's amplitude over frequency
 _BEND = 0.9  # standard deviation of the smoothing of creases [texels]

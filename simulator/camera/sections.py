@@ -74,9 +74,8 @@ class DetectorSection(Section, frozen=True, kw_only=True):
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
         if "quantum_efficiency" in changes:
             changes["quantum_efficiency"] = tuple(changes["quantum_efficiency"])
-            changes.setdefault(
-                "quantum_efficiency_curve", ()
-            )  # drop the preset's curve: the given number replaces it
+            # drop the preset's curve: the given number replaces it
+            changes.setdefault("quantum_efficiency_curve", ())
         if "quantum_efficiency_curve" in changes:
             changes["quantum_efficiency_curve"] = _in_metres(changes["quantum_efficiency_curve"])
         return replace(base or Detector(), **changes)

@@ -73,9 +73,8 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
     share = (np.arange(count) + rng.random(count)) / count
     diameters = np.minimum(_SMALLEST_PX / np.sqrt(1 - share), largest_px)
     age = rng.random(count)  # as a share of the lifetime, which grows with the diameter
-    age *= np.where(
-        diameters * texel_km < _LASTING_KM, 1.0, 0.6
-    )  # large craters have not reached equilibrium
+    # large craters have not reached equilibrium
+    age *= np.where(diameters * texel_km < _LASTING_KM, 1.0, 0.6)
     age **= 1.25
     rough = _rough(rng)
     height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))

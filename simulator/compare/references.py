@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+# label layers of our data sets
 SKIPPED = (
     ".mask.png",
     ".amodal.png",
     ".parts.png",
     ".normals.png",
     ".clean.png",
-)  # label layers of our data sets
+)
 LARGEST_PX = 2048
 
 

@@ -40,10 +40,11 @@ if TYPE_CHECKING:
 
 MAX_PICTURE_BYTES = 500_000_000
 COLOUR_SAMPLES = 8  # images tested for colour, evenly over the set
+# an image is in colour if this share of pixels has bands this far apart, of 255
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
     16,
-)  # an image is in colour if this share of pixels has bands this far apart, of 255
+)
 SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 

@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 TAPS_PER_SIDE = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps on each side of the centre, at full size, half, quarter, ..."""
-_BINOMIAL = (
-    np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
-)  # down and up by cv2.pyrDown and pyrUp: 1 4 6 4 1 twice
+# down and up by cv2.pyrDown and pyrUp: 1 4 6 4 1 twice
+_BINOMIAL = np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
 _FREQUENCIES = np.concatenate([[0.0, 0.0025, 0.005, 0.01, 0.015], np.arange(0.02, 0.501, 0.02)])
 _CORNER_WEIGHT = 0.2  # weight of frequencies beyond Nyquist's circle, which occur along diagonals only
 _SUM_WEIGHT = 30.0  # weight of the zero frequency, which conserves the sum

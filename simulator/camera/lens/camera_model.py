@@ -34,10 +34,11 @@ LARGEST_IMAGE_PX = 16384
 FOCAL_PX = (1.0, 1e7)
 CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
+# number of angles at which a lens's distortion is tested, and the step of the derivative
 _NODES, _STEP_RAD = (
     25,
     1e-3,
-)  # number of angles at which a lens's distortion is tested, and the step of the derivative
+)
 
 
 @dataclass(frozen=True, kw_only=True)

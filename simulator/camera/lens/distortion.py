@@ -101,9 +101,8 @@ def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArr
     angle = np.arctan(r)
     t = angle * angle
     series = 1 + t * (k1 + t * (k2 + t * (k3 + t * k4)))
-    d_series = 1 + t * (
-        3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4))
-    )  # derivative of angle * series by the angle
+    # derivative of angle * series by the angle
+    d_series = 1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))
     scale = angle * series / r
     d_scale = (d_series / (1 + s) - scale) / (2 * np.maximum(s, 1e-24))
     # near the axis the difference loses its digits: use the first term of its series

@@ -90,9 +90,8 @@ def _check_band(
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
     noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS]
     sigma_of = factor * np.interp(signal_of / factor, LEVELS, noise)
-    inside_of = (signal_of > 4 * sigma_of) & (
-        signal_of < 1 - 4 * sigma_of
-    )  # the ends of the scale clip the noise
+    # the ends of the scale clip the noise
+    inside_of = (signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of)
     # digital numbers were rounded, multiplied and rounded again; without noise to dither it, the twin's rounding stays
     step_of = np.full(signal_of.shape, factor / full)
     rounding_of = np.full(signal_of.shape, (factor if factor == 1 else factor + 1) / 2 / full)

@@ -38,10 +38,11 @@ SHARE = 0.002  # relative tolerance of an area
 OUTLINE = 2.0
 # For nearer targets the label counts only surfaces within one image size of the image (docs/labels.md).
 NEAREST_M = 0.01
+# docs/labels.md: spacing of samples along an edge, and distance of the two sides
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
-)  # docs/labels.md: spacing of samples along an edge, and distance of the two sides
+)
 DIRECTION_STEP = 1e-4  # step along an edge for its direction, in x / z
 ON_GRID_PX = 1 / 32  # sub-pixel resolution of OpenCV's look-up, in some versions
 ROUNDING = 1e-5  # rounding of float32 coordinates

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 AWAY_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
+# tolerances of that distance, and of the hit point in a triangle: within them either answer is accepted
 DOUBT_M, DOUBT = (
     1e-4,
     1e-6,
-)  # tolerances of that distance, and of the hit point in a triangle: within them either answer is accepted
+)
 NEAREST_M = 1e-3
 ECLIPSED_BELOW = 0.02
 BY_PICTURE = ("visible", "saturated", "below_noise")

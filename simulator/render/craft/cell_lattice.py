@@ -19,10 +19,11 @@ _WELD_M = 1e-5
 _SAME_M = 1e-3  # largest difference along an axis between centres of one row
 _LARGEST_M = 0.3  # largest pitch of a cell; larger dark glass is a window or a lens
 _EVEN = 0.02  # irregularity allowed in the rows of one lattice, as a share of the pitch
+# steps of a normal's components, and of a plane's distance to a metre, that tell planes apart
 _PLANE = (
     50,
     200,
-)  # steps of a normal's components, and of a plane's distance to a metre, that tell planes apart
+)
 
 
 def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:

@@ -137,10 +137,11 @@ def read_vins(document: Document, where: str) -> CameraFile:
         model, names = "brown_conrady", ("k1", "k2", "p1", "p2")
     else:
         intrinsics = [projection.number(name) for name in ("mu", "mv", "u0", "v0")]
+        # its k2 multiplies the cube of the angle
         model, names = (
             "kannala_brandt",
             ("k2", "k3", "k4", "k5"),
-        )  # its k2 multiplies the cube of the angle
+        )
         if lens is None or not lens.find("k2"):
             lens = projection
     coefficients = None if lens is None else [lens.number(name) for name in names]
