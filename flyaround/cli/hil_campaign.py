@@ -21,7 +21,7 @@ from flyaround.simulator.errors import UserError
 # command of a local board, as hil board runs it
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
 MAX_REASONS = 10  # failed cases that are listed
-MAX_LEVELS = 100
+MAX_LEVELS = 100  # values of one axis of a delay map
 
 
 @with_run_options
@@ -31,8 +31,8 @@ def campaign(
 ) -> None:
     """Fly cases with their seeds unattended and judge them: requirement matrix, JUnit XML; exit 1 if one is not met.
 
-    Broken off at any place and begun again with the same words, it goes on; in lockstep the same file gives the same
-    bytes (docs/hil_campaign.md).
+    An interrupted campaign continues if the command is given again; in lockstep the same file gives the same bytes
+    (docs/hil_campaign.md).
     """
     file, output = Path(run.file), Path(run.output)
     with progress_bar("runs", quiet=as_json) as progress:
@@ -70,7 +70,7 @@ def delay_map(
 ) -> None:
     """Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.
 
-    Without images: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
+    No images are drawn: the poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
     output = Path(run.output)
     load_flown(run.scenario, "hil delay-map")

@@ -26,9 +26,9 @@ JOINED_FROM_E = 2.0
 BRIM_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
-_LOOKED_EVERY = 8  # rows between two tests whether charge is left to move
+_TESTED_ROWS = 8  # interval of the rows at which blooming tests whether charge is left to move
 _PARTICLE_KEY = 0x636F73  # key of the random numbers of particles
-_TRACK_STEP_PX = 0.1
+_TRACK_STEP_PX = 0.1  # spacing of the points of a particle's track
 _PATTERN_KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 
 
@@ -225,7 +225,7 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
         # the carry is the waiting time of a single-server queue: Lindley (1952)
         waiting = np.zeros(width, np.float32)
         for row in order:
-            if row % _LOOKED_EVERY == 0 and not first <= row <= last and not waiting.any():
+            if row % _TESTED_ROWS == 0 and not first <= row <= last and not waiting.any():
                 break
             here = room[row]
             np.minimum(waiting, here, out=carry)

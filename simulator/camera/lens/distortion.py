@@ -36,7 +36,7 @@ MARGIN = 1.05
 LARGEST_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
 _TABLE = 4096  # angles in the inverse table
-_NEWTON_STEPS = 12
+_NEWTON_STEPS = 12  # at most, for the inverse
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class LensDomain:
 
     Parameters
     ----------
-    limit : that radius [1], infinite for a pinhole.
+    limit : largest undistorted radius [1], infinite for a pinhole.
     radius, image_radius : table of undistorted and distorted radius, for initial guesses.
     """
 
