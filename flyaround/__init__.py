@@ -100,7 +100,7 @@ __all__ = [
     "write_glb",
 ]
 
-# imported at first use: a program that only draws does not wait for what writes data sets
+# imported at first use, so that a program that only draws does not load the data-set writers
 _HOMES = {
     "Camera": "flyaround.simulator.camera.lens.camera_model",
     "Environment": "flyaround.simulator.scene.environments",

@@ -1,6 +1,6 @@
 """Public types for plug-ins: sensors, formats, recipes, estimators, targets and bodies of other packages.
 
-`docs/plugins.md` says what an entry point of each group must be.
+`docs/plugins.md` describes what an entry point of each group must be.
 """
 
 from __future__ import annotations

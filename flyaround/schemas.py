@@ -56,7 +56,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
 
 
 def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
-    """Return a document with dedented descriptions, as Python 3.13 compiles them."""
+    """Return a document with dedented descriptions, as Python 3.13 does by itself."""
     if isinstance(value, dict):
         return {
             key: inspect.cleandoc(v) if key == "description" and isinstance(v, str) else _dedented(v)

@@ -40,20 +40,20 @@ log = logging.getLogger(__name__)
 
 SAVE_FOLDER = Path("out") / "console"
 WINDOW_HZ, SOFTWARE_HZ = 60.0, 33.0
-"""The window's own rate; lower where software draws it, whose processors draw the picture too."""
+"""Rate of the window; lower if software draws it, because its processors draw the pictures too."""
 STILL_HZ = 10.0
-"""When neither a picture nor input has come."""
+"""Rate without new pictures or input."""
 SHARE = 0.9
-"""Of the time that the window may take where drawing it is slow."""
+"""Largest share of the time for drawing a slow window."""
 SLICE_S = 1 / 60
-"""Longest period between two looks at input, time and pictures."""
+"""Longest period between checks of input, time and pictures."""
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
-"""Keys of abort and stop: they overtake what a slow window has not yet taken."""
+"""Keys of abort and stop, which overtake queued keys of a slow window."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
 GIVES_WAY = 5
-"""Niceness of the render process: keys and the window go before pictures."""
+"""Niceness of the render process, so that keys and the window stay responsive."""
 ANSWER_WITHIN_S = 20.0
-"""A render process that has done nothing for so long while a picture is due hangs."""
+"""Time without processor use, while a picture is due, after which the render process is restarted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,14 +62,14 @@ class Request:
 
     Parameters
     ----------
-    scenario : built-in name or TOML file. choose : begin with the scenario chooser open.
-    size : of the window. off_screen : draw it into a texture, without a display.
-    seed : instead of the scenario's. device_index : EGL device of the render process.
-    seconds : close by itself after this long, counted from the first picture.
-    screenshot : picture of the whole window at the end.
+    scenario : built-in name or TOML file. choose : True to start with the scenario chooser.
+    size : size of the window. off_screen : True to draw it into a texture, without a display.
+    seed : replaces the scenario's. device_index : EGL device of the render process.
+    seconds : time after the first picture at which the console closes.
+    screenshot : file for a picture of the whole window at the end.
     overlays : names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
-    record : folder for the flight as it was flown and the scenario that replays it.
-    script : commands to be done at their times. log : file for what was done, as a script.
+    record : folder for the flown flight and the scenario that replays it.
+    script : commands with their times. log : file for the commands that were run, as a script.
     """
 
     scenario: str
@@ -97,7 +97,7 @@ def command_table() -> CommandTable:
 
 
 def run(request: Request) -> dict[str, Any]:
-    """Open the console, and return its last state when the operator closes it.
+    """Open the console, and return its last state when it is closed.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def run(request: Request) -> dict[str, Any]:
     table = command_table()
     script = None if request.script is None else Script.read(request.script, table)
     if request.record is not None:
-        # said now, and not after the flight
+        # before the flight, not after it
         empty_folder(request.record, option="--record")
     recorder = FlightRecorder()
     session = FlightSession.of(
@@ -126,7 +126,7 @@ def run(request: Request) -> dict[str, Any]:
             processes=1,
             device_index=request.device_index,
             first=session.plan.scene(0),
-            # one being drawn and one waiting: more would only make the picture older
+            # one being drawn and one queued: more would only add delay
             ahead=2,
             restarts=True,
             answer_within_s=ANSWER_WITHIN_S,
@@ -155,7 +155,7 @@ def run(request: Request) -> dict[str, Any]:
                 console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
-            # also when the flight ends otherwise than it should
+            # also if the flight ends with an error
             console.close()
             replay = recorder.close()
     if replay is not None:
@@ -184,26 +184,26 @@ def options_of(session: FlightSession, overlays: tuple[str, ...] = ()) -> Option
     options.orbit.reset(session.craft.world.range_m)
     for name in overlays:
         if not hasattr(options.overlays, name):
-            known = ", ".join(vars(options.overlays))
-            raise UserError(f"unknown overlay '{name}' in --overlays; choose from {known}")
+            names = ", ".join(vars(options.overlays))
+            raise UserError(f"unknown overlay '{name}' in --overlays; choose from {names}")
         setattr(options.overlays, name, True)
     return options
 
 
 class ConsoleLoop:
-    """The loop: wait for input, advance time, request pictures, draw the window."""
+    """The main loop: wait for input, advance time, request pictures, draw the window."""
 
     def __init__(self, window: Surface, console: Console, request: Request) -> None:
         self._window = window
         self._console = console
         self._request = request
         self._layout_file = layout_file()
-        saved = read_layout(self._layout_file)
-        window.font_scale = console.window.font_scale = saved.font_scale
+        layout = read_layout(self._layout_file)
+        window.font_scale = console.window.font_scale = layout.font_scale
         style.apply_style(window.imgui, window.scale)
-        self._layout = Layout(window, saved)
+        self._layout = Layout(window, layout)
         console.help.about = self._layout.about()
-        console.recent += [name for name in saved.recent if name not in console.recent]
+        console.recent += [name for name in layout.recent if name not in console.recent]
         console.shown.update(self._layout.first_shown())
         if request.choose:
             console.open_panel("scenarios", shown=True)
@@ -212,7 +212,7 @@ class ConsoleLoop:
         self._keys = sorted(console.table.keys())
         self._held: list[str] = []
         self._pressed: list[str] = []
-        """Keys that went down in this frame: each lasts until the next look at the clock, however short it was held."""
+        """Keys pressed in this frame: each counts until time has advanced, however short it was held."""
         self._gamepad = Gamepad()
         self._window_ms = 0.0
         self._drawn_s: list[float] = []
@@ -221,28 +221,28 @@ class ConsoleLoop:
         """Run until the window is closed or the time is up; return the last state."""
         window, console = self._window, self._console
         last_ms = 0
-        drawn = window.seconds
+        drawn_s = window.seconds
         first_picture: float | None = None
-        changed = True
+        needs_drawing = True
         hz = SOFTWARE_HZ if window.software else WINDOW_HZ
         while window.open and not console.window.close:
             least_s = max(1 / hz, min(1e-3 * self._window_ms / SHARE, 1 / STILL_HZ))
-            # while time runs maps and figures move, whether a picture has come or not
-            changed |= not console.session.clock.paused
-            due = drawn + (least_s if changed else 1 / STILL_HZ)
-            changed |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
+            # while time runs, maps and figures change without new pictures
+            needs_drawing |= not console.session.clock.paused
+            due = drawn_s + (least_s if needs_drawing else 1 / STILL_HZ)
+            needs_drawing |= window.wait(min(max(due - window.seconds, 0.0), SLICE_S))
             now = window.seconds
             now_ms = round(now * 1000)
             self._pass_time(now_ms - last_ms)
             last_ms = now_ms
             for name, *arguments in self._gamepad.commands(window.gamepad()):
                 console.do(name, *arguments)
-            changed |= self._update_feeds()
+            needs_drawing |= self._update_feeds()
             self._tell_troubles()
-            if now - drawn >= (least_s if changed else 1 / STILL_HZ):
+            if now - drawn_s >= (least_s if needs_drawing else 1 / STILL_HZ):
                 self._draw()
                 self._account(now)
-                drawn, changed = now, False
+                drawn_s, needs_drawing = now, False
             if first_picture is None and console.feed.newest is not None:
                 first_picture = now
                 log.info("first picture after %.1f s", now)
@@ -255,7 +255,7 @@ class ConsoleLoop:
         return self._last_state()
 
     def _pass_time(self, wall_ms: int) -> None:
-        """Advance the operator's time if there is a picture of the flight; released keys end at once."""
+        """Advance real time if there is a picture of the flight; released keys end at once."""
         console, down = self._console, self._window.keys.still_held(self._held)
         pressed, self._held, self._pressed = self._pressed, down, []
         if console.feed.newest is None:
@@ -264,32 +264,32 @@ class ConsoleLoop:
             console.pass_time(wall_ms, console.table.held([*down, *pressed]))
 
     def _update_feeds(self) -> bool:
-        """Take finished pictures and request new ones; return True if one came."""
+        """Take finished pictures and request new ones; return True if one arrived."""
         console = self._console
         session, settings = console.session, console.options.settings
         timed = console.options.overlays.times or console.shown.get("passes", False)
-        changed = console.feed.update(session, settings, timed=timed)
+        has_new = console.feed.update(session, settings, timed=timed)
         for feed in console.feeds.values():
             if feed.looked_at or feed.waiting:
-                changed |= feed.update(session, settings)
-        return changed
+                has_new |= feed.update(session, settings)
+        return has_new
 
     def _draw(self) -> None:
-        """Draw one frame of the window and do the commands of its keys."""
+        """Draw one frame of the window and run the commands of its keys."""
         window, console = self._window, self._console
         requests = console.window
         for path in window.take_dropped():
             console.do("file.open", path)
         window.font_scale = requests.font_scale
         self._layout.before_frame(console, window.size)
-        # the look that is asked for is this one
+        # the requested screenshot is this frame
         screenshot, requests.screenshot = requests.screenshot, None
         window.capture = screenshot is not None
         with window.frame():
             if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
-            # before its first picture nothing flies
+            # nothing flies before the first picture
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])
             self._held, self._pressed = window.keys.held(self._keys), window.keys.hit(self._keys)
             window.keys.set_urgent(URGENT_ARMED if console.hand.armed else URGENT)
@@ -306,7 +306,7 @@ class ConsoleLoop:
             requests.clipboard = ""
 
     def _keep_look(self, path: Path) -> None:
-        """Write the screenshot to a file; a failure becomes a message, and the flight goes on."""
+        """Write the screenshot to a file; a failure becomes a message, and the flight continues."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if self._window.captured is not None:
@@ -343,11 +343,11 @@ class ConsoleLoop:
                 console.saved_truth = str(path.with_suffix(".json"))
                 console.say(f"saved {path} and .json")
             except (UserError, OSError) as error:
-                # the flight goes on: a full disk must not end it
+                # the flight continues: a full disk must not end it
                 console.say(f"not saved: {error}", "caution")
 
     def _tell_troubles(self) -> None:
-        """Report failures of pictures once each; the flight goes on."""
+        """Report failures of pictures, each once; the flight continues."""
         recorder = self._console.session.look_back.recorder
         for trouble in (
             self._console.feed.take_trouble(),

@@ -1,4 +1,4 @@
-"""Drawing over pictures and maps: lines, marks and letters with a dark outline, in screen units."""
+"""Drawing over pictures and maps: lines, marks and text with a dark outline, in screen units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 MOST_POINTS = 600
-"""Points of one line: more than a panel has pixels cost time and show nothing."""
+"""Largest number of points per line; more than a panel has pixels would be invisible."""
+# offsets of the dark halo around a text
 _AROUND = ((-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1))
 
 
@@ -25,7 +26,7 @@ class Canvas:
 
     Parameters
     ----------
-    window : whose fonts and scale are used.
+    window : surface with the fonts and scale.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -35,11 +36,11 @@ class Canvas:
 
     @property
     def line(self) -> float:
-        """Height of a line of letters."""
+        """Height of a line of text."""
         return float(self._imgui.get_text_line_height_with_spacing())
 
     def size(self, text: str) -> Point:
-        """Width and height of a text."""
+        """Return width and height of a text."""
         size = self._imgui.calc_text_size(text)
         return (float(size.x), float(size.y))
 
@@ -48,10 +49,10 @@ class Canvas:
         return self._imgui.ImVec2(float(p[0]), float(p[1]))
 
     def color(self, rgba: style.Rgba) -> int:
-        """Return a colour as the draw list takes it."""
+        """Return a colour for the draw list."""
         return int(self._imgui.color_convert_float4_to_u32(self._imgui.ImVec4(*rgba)))
 
-    # --- where
+    # --- clipping
 
     def clip(self, corner: Point, size: Point) -> None:
         """Draw inside a rectangle only, until `unclip`."""
@@ -62,11 +63,11 @@ class Canvas:
         """End the clipping of `clip`."""
         self._draw.pop_clip_rect()
 
-    # --- letters
+    # --- text
 
     def text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Draw letters with an outline, which read on black and on white; ``tip`` is their hover text."""
-        # whole pixels: between them letters blur
+        """Draw text with an outline, legible on black and white; ``tip`` is its hover text."""
+        # whole pixels, because text blurs in between
         x, y = float(round(at[0])), float(round(at[1]))
         halo = self.color((*style.HALO[:3], style.HALO[3] * rgba[3]))
         for dx, dy in _AROUND:
@@ -76,19 +77,19 @@ class Canvas:
             self.tip(at, self.size(text), tip)
 
     def plain_text(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Draw letters without an outline, for a dark ground."""
+        """Draw text without an outline, for a dark background."""
         self._draw.add_text(self.vec((round(at[0]), round(at[1]))), self.color(rgba), text)
         if tip:
             self.tip(at, self.size(text), tip)
 
     def label(self, at: Point, text: str, rgba: style.Rgba = style.INK, tip: str = "") -> None:
-        """Draw letters on a plate, so that no line of a map runs through them."""
+        """Draw text on a plate that hides the lines of a map."""
         width, height = self.size(text)
         self.box((at[0] - 3, at[1] - 1), (width + 6, height + 2), (*style.RAISED[:3], 0.9), 3.0)
         self.plain_text(at, text, rgba, tip)
 
     def tip(self, corner: Point, size: Point, text: str) -> None:
-        """Give a place a hover text, in the letters of the panels."""
+        """Give a rectangle a hover text."""
         self._imgui.push_font(self._window.text_font, 0.0)
         hover_text.tell_place(self._imgui, corner, size, text)
         self._imgui.pop_font()
@@ -105,7 +106,7 @@ class Canvas:
         halo: bool = True,
         dashed: bool = False,
     ) -> None:
-        """Draw a line through points (n, 2), with an outline; points that are not finite break it."""
+        """Draw a line through points (n, 2), with an outline; non-finite points interrupt it."""
         for run in finite_runs(thinned(np.asarray(points, float).reshape(-1, 2))):
             ring = closed and len(run) == len(points)
             parts = dashes(np.vstack([run, run[:1]]) if ring else run) if dashed else [run]
@@ -161,16 +162,16 @@ class Canvas:
         self.disc(centre, radius, rgba)
 
     def diamond(self, centre: Point, radius: float, rgba: style.Rgba) -> None:
-        """Draw a mark of another form than `dot`, with an outline."""
+        """Draw a diamond with an outline."""
         x, y = centre
         for r, c in ((radius + 2.0, (*style.HALO[:3], 0.7 * rgba[3])), (radius, rgba)):
             self.area([(x, y - r), (x + r, y), (x, y + r), (x - r, y)], c)
 
-    def keypoint(self, at: Point, rgba: style.Rgba, seen: str) -> None:
-        """Draw a keypoint by form and colour: a dot is visible, a diamond shadowed, a ring hidden."""
-        if seen == "hidden":
+    def keypoint(self, at: Point, rgba: style.Rgba, state: str) -> None:
+        """Draw a keypoint by shape and colour: a dot if visible, a diamond if shadowed, a ring if hidden."""
+        if state == "hidden":
             self.circle(at, 4.0, rgba, 1.4)
-        elif seen == "shadowed":
+        elif state == "shadowed":
             self.diamond(at, 5.0, rgba)
         else:
             self.dot(at, 4.0, rgba)
@@ -186,7 +187,7 @@ class Canvas:
 
         Parameters
         ----------
-        view, key, image : as `Surface.show_picture` wants them. place : x, y, width, height.
+        view, key, image : arguments of `Surface.show_picture`. place : x, y, width, height.
         """
         x, y, w, h = (float(round(v)) for v in place)
         texture = self._window.show_picture(view, key, image, size=(w, h))
@@ -194,11 +195,11 @@ class Canvas:
 
 
 def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
-    """Return a line with fewer points, evenly chosen; its last point stays.
+    """Return a line with fewer points, evenly spaced, including its last one.
 
     Parameters
     ----------
-    points : (n, 2). most : approximate number of points that remain.
+    points : (n, 2) screen positions. most : approximate number of remaining points.
     """
     if len(points) <= most:
         return points
@@ -206,18 +207,18 @@ def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
 
 
 def finite_runs(points: FloatArray) -> list[FloatArray]:
-    """Return stretches of two and more finite points of a line (n, 2)."""
+    """Return the runs of at least two finite points of a line (n, 2)."""
     good = np.isfinite(points).all(axis=1)
     cuts = np.flatnonzero(np.diff(good.astype(np.int8))) + 1
     return [run for run in np.split(points, cuts) if len(run) > 1 and np.isfinite(run[0]).all()]
 
 
 def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 400) -> list[FloatArray]:
-    """Return a line cut into dashes of even length along it.
+    """Return a line divided into dashes of equal length.
 
     Parameters
     ----------
-    points : (n, 2) finite. on, off : lengths of dash and gap. most : dashes; longer lines have longer ones.
+    points : (n, 2) finite. on, off : lengths of dash and gap. most : number of dashes; longer lines get longer ones.
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])
@@ -235,5 +236,5 @@ def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 40
 
 
 def point(p: FloatArray) -> Point:
-    """Return the first two numbers of an array as a place of the screen."""
+    """Return the first two numbers of an array as a screen position."""
     return (float(p[0]), float(p[1]))

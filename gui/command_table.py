@@ -1,6 +1,6 @@
-"""Named commands: what an operator can do, with keys, help and arguments. One table for keys, menus, buttons, scripts.
+"""Named commands with keys, help and arguments: one table for keys, menus, buttons and scripts.
 
-Nothing here knows the console; a command's function is given it as its first argument.
+Nothing here knows the console; a command's function gets it as its first argument.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ KEY_NAMES = {
     "right_bracket": "]",
     "slash": "?",
 }
-"""Keys whose names for people are not their names in Dear ImGui."""
+"""Keys whose names for people differ from those in Dear ImGui."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class Argument:
     Parameters
     ----------
     kind : ``number`` (finite), ``whole``, ``word`` (any text) or ``switch`` (on, off).
-    choices : words that are allowed; empty for any.
-    unit : of a number, for people; ``times`` and ``share`` where it has none.
+    choices : allowed words; empty for any.
+    unit : unit of a number, for people; ``times`` and ``share`` for dimensionless ones.
     least, most : bounds of a number.
-    optional : whether it may be left out; only the last ones may.
+    optional : True if it may be omitted; only the last ones may.
     """
 
     name: str
@@ -62,19 +62,19 @@ class Argument:
 
     @property
     def about(self) -> str:
-        """Description: its name, unit and bounds, meaning, and the words that are allowed."""
+        """Description: name, unit and bounds, meaning, and allowed words."""
         unit = f" [{self.unit}]" if self.unit else ""
         bounds = f", {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
         words = f" ({', '.join(self.choices)})" if self.choices else ""
         return f"{self.name}{unit}{bounds}: {self.help}{words}"
 
     def read(self, text: str, command: str) -> Value:
-        """Return the value of a word of a script.
+        """Return the value of a script's word.
 
         Raises
         ------
         UserError
-            If it is none.
+            If it is invalid.
         """
         if self.kind == "switch":
             if text not in SWITCH:
@@ -110,27 +110,28 @@ def number(
 
 
 def word(name: str, about: str, choices: tuple[str, ...] = (), *, optional: bool = False) -> Argument:
-    """Return an argument that is a text, or one of the words that are allowed."""
+    """Return an argument that is a text, or one of the allowed words."""
     return Argument(name, "word", about, choices, optional=optional)
 
 
 STATE = Argument("state", "switch", "on or off; left out: the other one", optional=True)
-"""The argument of what is switched."""
+"""The argument of a switch."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Something that an operator can do.
+    """A command of the operator.
 
     Parameters
     ----------
-    name : ``group.what``, as in scripts. title : the same for people, in menus. help : what it does, one line.
-    run : is given the console and the arguments. A held command's is given whether it begins (bool).
-    keys : as Dear ImGui names them, ``ctrl+`` before a key for both.
-    held : whether it lasts as long as its key is held.
-    state : of what is switched: whether it is on, for the menu's tick. A command whose one argument is `STATE` is run
-        with the other state where that is left out.
-    flies : whether its key acts only while hand control is armed.
+    name : ``group.what``, as in scripts. title : name for people, in menus. help : description in one line.
+    run : function of the console and the arguments. For a held command the argument is True at its start, False at its
+        end.
+    keys : names in Dear ImGui, with ``ctrl+`` for a chord.
+    held : True if it lasts as long as its key is held.
+    state : for a switch, a function that returns True if it is on, for the menu's tick. A command whose only argument
+        is `STATE` toggles if that is omitted.
+    flies : True if its key acts only while hand control is armed.
     """
 
     name: str
@@ -165,21 +166,21 @@ class Command:
 
     @property
     def form(self) -> str:
-        """Synopsis: its name, and its arguments after it."""
+        """Synopsis: its name, followed by its arguments."""
         return " ".join(
             [self.name, *(f"[{a.name}]" if a.optional else a.name.upper() for a in self.arguments)]
         )
 
-    def about(self, *given: Value) -> str:
+    def about(self, *supplied: Value) -> str:
         """Return the hover text of its control: purpose, key and arguments.
 
         Parameters
         ----------
-        given : arguments that the control has; the others are listed with their units.
+        supplied : arguments that the control supplies; the others are listed with their units.
         """
         help_, keys = self.help[:1].upper() + self.help[1:], f" ({self.shown})" if self.shown else ""
-        open_ = [a.about for a in self.arguments[len(given) :] if a.kind != "switch"]
-        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, given) if given else self.form])
+        open_ = [a.about for a in self.arguments[len(supplied) :] if a.kind != "switch"]
+        return "\n".join([f"{help_}{keys}", *open_, line_of(self.name, supplied) if supplied else self.form])
 
     def read(self, words: Sequence[str]) -> tuple[Value, ...]:
         """Return the arguments of a script's line.
@@ -187,10 +188,10 @@ class Command:
         Raises
         ------
         UserError
-            If there are too many or too few, or one is wrong.
+            If there are too many or too few, or one is invalid.
         """
-        needed = sum(not a.optional for a in self.arguments)
-        if not needed <= len(words) <= len(self.arguments):
+        n_required = sum(not a.optional for a in self.arguments)
+        if not n_required <= len(words) <= len(self.arguments):
             raise UserError(f"{self.name} was given {len(words)} arguments; its form is: {self.form}")
         return tuple(a.read(w, self.name) for a, w in zip(self.arguments, words, strict=False))
 
@@ -201,7 +202,7 @@ class Command:
         self.run(console, *values)
 
     def checked(self, values: Sequence[Value]) -> tuple[Value, ...]:
-        """Return checked arguments of a button or a test, by the rules of a script."""
+        """Return the arguments of a button or a test, checked like a script's."""
         return self.read([word_of(v) for v in values])
 
 
@@ -216,7 +217,7 @@ def command(
     title: str = "",
     about: str = "",
 ) -> Command:
-    """Return a command with its title and help from the texts, unless they are given."""
+    """Return a command with its title and help from the texts, unless given."""
     text = (title, about) if title else _texts()[name]
     return Command(name, *text, run, keys, arguments, state=state, flies=flies)
 
@@ -239,7 +240,7 @@ def setting(
     keys: tuple[str, ...] = (),
     **options: Any,  # noqa: ANN401 - of `command`
 ) -> Command:
-    """Return a command that switches a field of an object of the console, which ``holder`` finds."""
+    """Return a command that switches a field of the object that ``holder`` returns from the console."""
     return switch(
         name,
         lambda console, on: setattr(holder(console), field, on),
@@ -263,7 +264,7 @@ class CommandTable:
     Raises
     ------
     ValueError
-        If two have one name or one key.
+        If two have the same name or key.
     """
 
     def __init__(self, commands: Iterable[Command]) -> None:
@@ -302,7 +303,7 @@ class CommandTable:
         return frozenset(c.name for k in keys_down if (c := self._by_key.get(k)) is not None and c.held)
 
     def pressed(self, keys_hit: Iterable[str], *, ctrl: bool) -> list[Command]:
-        """Return the single commands of the keys that went down; with Ctrl, a chord's command goes first."""
+        """Return the single commands of keys that went down; with Ctrl, chords come first."""
         hit = []
         for key in keys_hit:
             command = (self._by_key.get(f"ctrl+{key}") if ctrl else None) or self._by_key.get(key)
@@ -311,12 +312,12 @@ class CommandTable:
         return hit
 
     def keys(self) -> frozenset[str]:
-        """Return every key of a command, without chords."""
+        """Return the keys of all commands, without chords."""
         return frozenset(k.removeprefix("ctrl+") for k in self._by_key)
 
 
 def word_of(value: Value) -> str:
-    """Return a value as a script writes it, with all digits, so that the same value is read again."""
+    """Return a value as a script writes it, with all digits, so that it is read back unchanged."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return repr(value) if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""The console without its window: the flight, the pictures, what is switched on, and how a command is done."""
+"""The console without its window: flight, pictures, settings, and the execution of commands."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
-KEPT_MESSAGES, KEPT_RECENT = 500, 6
+KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
 UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
-"""Names of the commands whose keys push or turn."""
+"""Names of the commands whose keys thrust or rotate."""
 LONGEST_TICK_MS = 250
-"""Longest step of the operator's time; a stalled window does not catch up."""
+"""Longest step of real time; a stalled window does not catch up."""
 
 
 @dataclass
@@ -49,18 +49,18 @@ class Message:
     text: str
     acknowledged: bool = False
     acknowledged_ms: int | None = None
-    """Time of the acknowledgement; None if there was none."""
+    """Time of the acknowledgement, or None."""
 
 
 class HandControl:
-    """Combines keys, sticks and mouse to the command that is held.
+    """Combines keys, sticks and mouse into the held command.
 
     Attributes
     ----------
     armed : bool
-        True while keys fly the chaser. Commands, buttons, scripts, sticks and the key of abort always do.
+        True while keys fly the chaser. Commands, buttons, scripts, sticks and the abort key always do.
     thrust, turn : tuple of float
-        Of the stick or the mouse, each axis from -1 to 1.
+        Demand of the stick or the mouse, each axis from -1 to 1.
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class HandControl:
         self._spent &= self._held
 
     def let_go(self) -> None:
-        """Ignore sticks, and keys that are held, until they are used again."""
+        """Ignore sticks and held keys until they are used again."""
         self._spent = self._held & set(SWITCHES)
         self.centre_sticks()
 
@@ -84,7 +84,7 @@ class HandControl:
         self.thrust = self.turn = STILL
 
     def command(self) -> PilotCommand:
-        """Return what is demanded now."""
+        """Return the present demand."""
         acting = self._held - self._spent
         return PilotCommand(
             thrust=self.thrust,
@@ -96,12 +96,12 @@ class HandControl:
 
 @dataclass
 class WindowRequests:
-    """Requests of commands to the window; the loop serves and clears them.
+    """Requests of commands to the window, which the loop serves and clears.
 
     Parameters
     ----------
-    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to be raised.
-    enlarged : panel that fills the window; empty for none.
+    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to raise.
+    enlarged : panel that fills the window, or empty.
     """
 
     close: bool = False
@@ -120,7 +120,7 @@ class Help:
 
     Parameters
     ----------
-    about : title and description of each panel. panel : the one that the help describes.
+    about : title and description of each panel. panel : panel that the help describes.
     hovered : the panel under the mouse. rects : left, top, width and height of panels and bars.
     """
 
@@ -133,17 +133,17 @@ class Help:
 
 @dataclass(eq=False)
 class Console:
-    """State that commands, views and panels work on.
+    """State that commands, views and panels share.
 
     Parameters
     ----------
     session : the flight; replaced when another scenario is opened.
-    feed : pictures of the chaser's camera. feeds : of further views, by name.
-    options : what the operator has switched.
-    table : every command.
-    shown : panels and views by name, whether they are open.
-    clock_ms : operator's time since the first picture; it also runs while the flight is paused.
-    window_hz, window_gl : how often the window is drawn, and by what.
+    feed : pictures of the chaser's camera. feeds : feeds of further views, by name.
+    options : the operator's settings.
+    table : all commands.
+    shown : panels and views by name, True if open.
+    clock_ms : real time since the first picture; it runs while the flight is paused, too.
+    window_hz, window_gl : frame rate and driver of the window.
     """
 
     session: FlightSession
@@ -160,18 +160,18 @@ class Console:
     help: Help = field(default_factory=Help)
     window: WindowRequests = field(default_factory=WindowRequests)
     device_index: int | None = None
-    """EGL device of what draws."""
+    """EGL device of the renderer."""
     clock_ms: int = 0
     window_hz: float = 0.0
     window_gl: str = ""
     progress: Callable[[], str] = str
-    """Text on what the render process prepares; empty if it prepares nothing."""
+    """Text on the render process's preparations; empty without any."""
     source: str = ""
-    """Built-in name or file of the scenario that flies; empty for one that is in no file."""
+    """Built-in name or file of the flown scenario; empty if it is in no file."""
     recent: list[str] = field(default_factory=list)
-    """Built-in names and files of the scenarios flown last, the newest first."""
+    """Built-in names and files of recent scenarios, newest first."""
     saved_truth: str = ""
-    """Truth record of the picture that was saved last."""
+    """Truth record of the last saved picture."""
     history: SettingsHistory = field(default_factory=SettingsHistory)
     held: frozenset[str] = frozenset()
     hand: HandControl = field(default_factory=HandControl)
@@ -194,11 +194,11 @@ class Console:
     # --- commands
 
     def do(self, name: str, *arguments: Value) -> None:
-        """Do a command, as its key, its button or a script does; a mistake becomes a message.
+        """Run a command, as its key, button or a script does; a mistake becomes a message.
 
         Parameters
         ----------
-        name : of the command. arguments : as its table says.
+        name : name of the command. arguments : values in the order of the command's declaration.
         """
         try:
             command = self.table[name]
@@ -209,18 +209,18 @@ class Console:
             if command.group != "settings":
                 self.history.note(name, before, self.options, self.clock_ms)
         except (UserError, OSError) as error:
-            # the flight goes on, whatever a command meets
+            # the flight continues, whatever happens in a command
             self.say(str(error), "caution")
 
     def _note(self, line: Line) -> None:
-        """Add a line to the log; a full disk must not keep an abort from being done."""
+        """Add a line to the log; a full disk must not prevent an abort."""
         try:
             self.log.add(line)
         except OSError as error:
             self.say(f"the log's file takes no more lines: {error.strerror}", "warning")
 
     def do_line(self, line: str) -> None:
-        """Do a command given as a line: its name, and its arguments after it."""
+        """Run a command given as a line: its name, followed by its arguments."""
         try:
             name, *words = shlex.split(line)
         except ValueError:
@@ -229,13 +229,13 @@ class Console:
         self.do(name, *words)
 
     def order(self, order: Order) -> None:
-        """Give the flight an order, and say what it answers."""
+        """Give the flight an order, and show its answer."""
         if (answer := self.session.order(order)) is not None:
             level, text = answer
             self.say(text, level)
 
     def press(self, commands: Sequence[Command]) -> None:
-        """Do the commands of the keys that went down; those that fly only while hand control is armed."""
+        """Run the commands of keys that went down; those that fly, only while hand control is armed."""
         for command in commands:
             if command.flies and not self.hand.armed:
                 self.say(UNARMED)
@@ -243,7 +243,7 @@ class Console:
                 self.do(command.name)
 
     def hold(self, names: frozenset[str]) -> None:
-        """Set the commands that are held from now on by keys and script."""
+        """Set the commands held from now on by keys and script."""
         names |= frozenset(self._player.held if self._player else ())
         for name in sorted(names - self.held):
             self._note(Line(self.clock_ms, "hold", name))
@@ -256,7 +256,7 @@ class Console:
     # --- time
 
     def play(self, script: Script) -> None:
-        """Do a script's lines at their times from now on."""
+        """Run a script's lines at their times from now on."""
         self._player = Player(script)
 
     @property
@@ -265,13 +265,13 @@ class Console:
         return self._player is not None and not self._player.done
 
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
-        """Let operator's time pass, with what a script does in it at its very milliseconds.
+        """Advance real time, running a script's commands at their exact milliseconds.
 
-        While a scenario is being opened it stands, so that a log that is played again flies the same.
+        It stands still while a scenario is being opened, so that a replayed log flies the same.
 
         Parameters
         ----------
-        keys : held commands by the window's keys.
+        keys : commands held by the window's keys.
         """
         if not self.hand.armed:
             if keys & STEERING:
@@ -294,7 +294,7 @@ class Console:
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
     def stand(self) -> None:
-        """Keep what runs beside the flight up to date while the flight waits for its first picture."""
+        """Update background jobs while the flight waits for its first picture."""
         self._take_opened()
         self.jobs.update(self.session, self.feed.newest, self.clock_ms)
 
@@ -302,7 +302,7 @@ class Console:
         try:
             state = self.session.step(self.hand.command(), (t_ms - self.clock_ms) / 1000)
         except UserError as error:
-            # an orbit that reaches the ground, for example: what was flown is there to look back at
+            # for example an orbit that reaches the ground: the flown part can still be replayed
             self.session.clock.paused = True
             self.say(f"the flight is paused: {error}", "warning")
         else:
@@ -311,7 +311,7 @@ class Console:
         self.clock_ms = t_ms
 
     def _take_opened(self) -> None:
-        """Begin the flight of a scenario that was opened, if any."""
+        """Start the flight of a scenario that was opened, if any."""
         try:
             session = self.opener.take()
         except UserError as error:
@@ -327,19 +327,19 @@ class Console:
         self.remember(self.source)
         self.hand.armed = False
         self.hand.centre_sticks()
-        # nothing of the flight before may look as if it were of this one
+        # data of the previous flight must not appear as this one's
         self.jobs.estimates.forget()
         self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
-        # numbers of another sensor, and other lights
+        # changes of another sensor, and of other lights
         settings.sensor_changes, settings.light_gains = {}, {}
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 
     # --- messages
 
     def say(self, text: str, level: Level = "note") -> None:
-        """Give the operator a message; an immediate repetition is dropped."""
+        """Show the operator a message; an immediate repetition is dropped."""
         if self.messages and self.messages[-1].text == text and not self.messages[-1].acknowledged:
             return
         self.messages = [*self.messages[-KEPT_MESSAGES:], Message(self.clock_ms, level, text)]
@@ -357,11 +357,11 @@ class Console:
 
     @property
     def preparing(self) -> str:
-        """Sentence on what a view waits for."""
+        """Sentence on what a view is waiting for."""
         return f"preparing: {self.progress() or 'the picture'}"
 
     def open_panel(self, name: str, *, shown: bool | None = None) -> None:
-        """Open a panel or view (left out: the other of open and closed), and bring it to the front."""
+        """Open or close a panel or view (by default, toggle), and raise it."""
         self.shown[name] = not self.shown.get(name, False) if shown is None else shown
         if self.shown[name]:
             self.window.front = name

@@ -1,4 +1,4 @@
-"""A whole monitor that shows pictures pixel for pixel, for a camera that looks at it."""
+"""A full-screen monitor that shows pictures pixel by pixel, for a camera that looks at it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ void main() {
 
 
 class FullScreen:
-    """A monitor filled by one picture; no border, no pointer, no scaling.
+    """A monitor filled by one picture, without border, pointer or scaling.
 
     Parameters
     ----------
-    monitor : its number, from 0, in the order of the window system.
+    monitor : index in the order of the window system.
 
     Raises
     ------
@@ -79,12 +79,12 @@ class FullScreen:
         return not (escape or glfw.window_should_close(self._window))
 
     def show(self, image: ByteArray) -> None:
-        """Put (H, W) levels of the monitor's size on it; returns when the monitor has taken them.
+        """Show (H, W) levels of the monitor's size; return when the monitor has taken them.
 
         Raises
         ------
         ValueError
-            If the picture is not of the monitor's size.
+            If the picture has another size.
         """
         if image.shape != self.size_px[::-1]:
             raise ValueError(f"a picture of {image.shape[::-1]} for a monitor of {self.size_px}")
@@ -98,7 +98,7 @@ class FullScreen:
         self._glfw.poll_events()
 
     def close(self) -> None:
-        """Give the monitor back."""
+        """Close the window."""
         self._context.release()
         self._glfw.destroy_window(self._window)
         self._glfw.terminate()

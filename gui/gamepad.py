@@ -1,6 +1,6 @@
-"""Commands of a gamepad's sticks and buttons; its states come from the window. No glfw here.
+"""Commands of a gamepad's sticks and buttons, from states that the window reads.
 
-Axes and buttons are those of SDL's standard mapping, which glfw knows for some thousand gamepads.
+Axes and buttons follow SDL's standard mapping, which glfw supports for some thousand gamepads.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     Pad = tuple[str, tuple[float, ...], tuple[bool, ...]]
 
 DEAD = 0.12
-"""Share of a stick's way about its middle that counts as none."""
+"""Half width of the dead zone, as a share of a stick's travel."""
 GRAIN = 0.05
-"""Step of the shares, so that a trembling stick does not fill the log."""
+"""Step of the shares, so that jitter does not fill the log."""
 LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, LEFT_TRIGGER, RIGHT_TRIGGER = range(6)
 BUTTONS: tuple[Do | tuple[()], ...] = (
     ("steer.stop",),  # A
@@ -38,14 +38,14 @@ BUTTONS: tuple[Do | tuple[()], ...] = (
     ("steer.pulse", "left"),
 )
 LEFT_BUMPER, RIGHT_BUMPER = 4, 5
-STILL = (0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)  # sticks at rest
 
 
 class Gamepad:
-    """Turns states of a gamepad into commands, each once when it changes.
+    """Converts states of a gamepad to commands, each once when it changes.
 
-    Left stick: right and left, down and up. Triggers: forward (right) and back. Right stick: yaw, and pitch as a
-    control column has it: pulled back the nose goes up. Bumpers: roll.
+    Left stick: right and left, down and up. Triggers: forward (right) and back. Right stick: yaw, and pitch as on a
+    control column: pulling back raises the nose. Bumpers: roll.
     """
 
     def __init__(self) -> None:
@@ -53,36 +53,36 @@ class Gamepad:
         self._thrust = self._turn = STILL
 
     def commands(self, pad: Pad | None) -> list[Do]:
-        """Return the commands of what changed since the last call.
+        """Return the commands for the changes since the last call.
 
         Parameters
         ----------
-        pad : name; six axes from -1 to 1, down and right positive, triggers -1 when they are free; fifteen buttons.
-            None where no gamepad is plugged in.
+        pad : name; six axes from -1 to 1, down and right positive, triggers -1 when released; fifteen buttons. None
+            without a gamepad.
         """
         if pad is None:
-            gone = self._last is not None
+            was_connected = self._last is not None
             self._last, self._thrust, self._turn = None, STILL, STILL
-            return [("steer.stick-lost",)] if gone else []
+            return [("steer.stick-lost",)] if was_connected else []
         _, axes, buttons = pad
-        done: list[Do] = []
+        commands: list[Do] = []
         thrust, turn = sticks(axes, buttons)
         if thrust != self._thrust:
-            done.append(("steer.stick-thrust", *thrust))
+            commands.append(("steer.stick-thrust", *thrust))
         if turn != self._turn:
-            done.append(("steer.stick-turn", *turn))
+            commands.append(("steer.stick-turn", *turn))
         before = buttons if self._last is None else self._last
         for what, was, now in zip(BUTTONS, before, buttons, strict=False):
             if what and now and not was:
-                done.append(what)
+                commands.append(what)
         self._last, self._thrust, self._turn = buttons, thrust, turn
-        return done
+        return commands
 
 
 def sticks(
     axes: Sequence[float], buttons: Sequence[bool]
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Thrust to the right, down, forward, and turn up, right, clockwise, as shares."""
+    """Return thrust right, down, forward, and rotation up, right, clockwise, as shares."""
     forward = (axes[RIGHT_TRIGGER] - axes[LEFT_TRIGGER]) / 2
     roll = float(buttons[RIGHT_BUMPER]) - float(buttons[LEFT_BUMPER])
     thrust = (share(axes[LEFT_X]), share(axes[LEFT_Y]), share(forward))
@@ -90,7 +90,7 @@ def sticks(
 
 
 def share(axis: float) -> float:
-    """Return an axis without its dead middle, in even steps from -1 to 1."""
+    """Return an axis without its dead zone, in even steps from -1 to 1."""
     size = min(max((abs(axis) - DEAD) / (1 - DEAD), 0.0), 1.0)
     stepped = round(round(size / GRAIN) * GRAIN, 2)
     return stepped if axis > 0 or stepped == 0.0 else -stepped

@@ -1,4 +1,4 @@
-"""Hover texts: what the mouse over a control, a figure or a place of a picture tells, no wider than one reads."""
+"""Hover texts of controls, figures and places in a picture, of readable width."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 WIDEST = 26.0
-"""Of a hover text, in heights of its letters."""
+"""Width of a hover text, in text heights."""
 
 
 def tell_item(imgui: Any, text: str) -> None:  # noqa: ANN401 - a foreign module
-    """Tell what the last item is, while the mouse rests on it; also of one that cannot be used now."""
+    """Show a text while the mouse rests on the last item, even a disabled one."""
     flags = imgui.HoveredFlags_.delay_short | imgui.HoveredFlags_.allow_when_disabled
     if imgui.is_item_hovered(flags) and text:
         _tell(imgui, text)
 
 
 def tell_place(imgui: Any, corner: Sequence[float], size: Sequence[float], text: str) -> None:  # noqa: ANN401
-    """Tell what is drawn in a rectangle of the current window, while the mouse rests there and holds nothing."""
+    """Show a text while the mouse rests in a rectangle of the current window without a pressed button."""
     x, y = corner
     over = imgui.is_mouse_hovering_rect(imgui.ImVec2(x, y), imgui.ImVec2(x + size[0], y + size[1]))
     if not (over and text) or imgui.is_any_item_active():

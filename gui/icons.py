@@ -1,4 +1,4 @@
-"""Icons of commands: glyphs of Font Awesome 6 Free Solid, which the wheel of imgui-bundle holds (SIL OFL 1.1)."""
+"""Icons of commands: glyphs of Font Awesome 6 Free Solid, included in the imgui-bundle wheel (SIL OFL 1.1)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ ICONS = {name: chr(int(code, 16)) for name, code in (pair.split(":") for pair in
 PRIMARY = frozenset(
     {"capture.start", "hil.start", "docking.approach", "docking.go", "scenario.fly", "guidance.waypoint"}
 )
-"""Commands whose button is filled: what its panel is there for."""
+"""Primary commands of their panels, with filled buttons."""
 
 
 def labelled(name: str, text: str) -> str:
-    """Return a label with the icon of a command before it, if there is one."""
+    """Return a label preceded by the icon of a command, if there is one."""
     return f"{ICONS[name]}  {text}".strip() if name in ICONS else text

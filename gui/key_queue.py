@@ -1,4 +1,4 @@
-"""Keys and letters that were typed ahead of a slow window: none is taken before what the last key opened is there."""
+"""Queue of keys typed ahead of a slow window: none is delivered before the effect of the previous one is drawn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 REST_FRAMES = 3
-"""After a key with Ctrl, Escape or Enter: the window draws what it opens or closes before more is taken."""
+"""Frames without delivery after a key with Ctrl, Escape or Enter, in which the window draws its effect."""
 
 
 class Event(NamedTuple):
@@ -17,8 +17,8 @@ class Event(NamedTuple):
 
     Parameters
     ----------
-    take : hands the event over. key : None for a letter. turns : whether it may begin or end a line of text.
-    pressed : False when a key went up.
+    take : function that delivers the event. key : None for a letter. turns : True if it may begin or end text input.
+    pressed : False for a key release.
     """
 
     take: Callable[[], None]
@@ -28,18 +28,19 @@ class Event(NamedTuple):
 
 
 class KeyQueue:
-    """Key and letter events in their order, delivered before each frame.
+    """Key and letter events in order, delivered before each frame.
 
-    A window of three frames a second gets Ctrl+P and the letters of a command in one go. The line that takes them is
-    there some frames later; until then they would be keys that steer.
+    A window at three frames per second gets Ctrl+P and the letters of a command at once. The text field appears some
+    frames later; until then the letters would act as keys that steer.
 
     Parameters
     ----------
-    on_key : takes window, key, scancode, action and modifiers, as glfw gives them. on_letter : window and code point.
-    pressed, released, ctrl : glfw's actions of a key that goes down and up, and its bit of the Ctrl key.
-    turns : keys that begin or end a line of text by themselves.
-    urgent : predicate of a key, whether its press overtakes what waits. It discards the presses before it, and never
-        overtakes a key that may begin or end a line of text.
+    on_key : function of window, key, scancode, action and modifiers, as in glfw.
+    on_letter : callback of a window and a code point.
+    pressed, released, ctrl : glfw's actions for press and release, and its bit for Ctrl.
+    turns : keys that begin or end text input by themselves.
+    urgent : predicate for keys whose press overtakes the queue. It discards earlier presses, but never overtakes a key
+        that may begin or end text input.
     """
 
     def __init__(
@@ -60,11 +61,11 @@ class KeyQueue:
         self._rest = 0
 
     def __len__(self) -> int:
-        """Events that wait."""
+        """Return the number of queued events."""
         return len(self._events)
 
     def key(self, window: object, key: int, scancode: int, action: int, modifiers: int) -> None:
-        """Take a key that went down or up. Its repeats are dropped: holding is a state, not a queue."""
+        """Queue a key press or release; repeats are dropped, because holding is a state."""
         if action not in (self._pressed, self._released):
             return
         pressed = action == self._pressed
@@ -87,26 +88,26 @@ class KeyQueue:
         )
 
     def deliver(self) -> None:
-        """Hand over the events since the last frame, up to the first key that may begin or end a line of text.
+        """Deliver the events since the last frame, up to the first key that may begin or end text input.
 
-        No more than Dear ImGui takes in a frame: no key twice, and no such key after a letter; the rest of it would
-        wait there, and the frames of rest be over too soon.
+        No more than Dear ImGui processes in one frame: no key twice, and no such key after a letter; it would queue the
+        rest beyond our pause.
         """
         if self._rest:
             self._rest -= 1
             return
-        changed: set[int] = set()
+        keys_seen: set[int] = set()
         typed = False
         while self._events:
             event = self._events[0]
-            if event.key in changed or (typed and event.turns):
+            if event.key in keys_seen or (typed and event.turns):
                 return
             self._events.popleft()
             event.take()
             if event.key is None:
                 typed = True
             else:
-                changed.add(event.key)
+                keys_seen.add(event.key)
             if event.turns:
                 self._rest = REST_FRAMES
                 return

@@ -1,4 +1,4 @@
-"""The keyboard of a window: which keys are held, which went down, and whether text is typed."""
+"""The keyboard of a window: keys held, keys pressed, and text input."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Keys:
-    """The keys of a surface, by their names in Dear ImGui: none, where there is no keyboard."""
+    """The keys of a surface, by their names in Dear ImGui; none without a keyboard."""
 
     @property
     def typing(self) -> bool:
@@ -24,18 +24,18 @@ class Keys:
         return False
 
     def set_urgent(self, names: Iterable[str]) -> None:
-        """Choose the keys that overtake those waiting for a slow window."""
+        """Set the keys that overtake queued ones in a slow window."""
 
     def held(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
         """Return which keys are held."""
         return []
 
     def still_held(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
-        """Return which keys no release and no loss of the focus has been reported of."""
+        """Return the keys for which neither release nor loss of focus has been reported."""
         return []
 
     def hit(self, names: Iterable[str]) -> list[str]:  # noqa: ARG002 - of a keyboard
-        """Return which keys went down since the last frame."""
+        """Return the keys that went down since the last frame."""
         return []
 
 
@@ -45,7 +45,7 @@ class Keyboard(Keys):
     Parameters
     ----------
     imgui, glfw : the modules. native : glfw's window.
-    on_key, on_letter : take events for Dear ImGui, as glfw gives them.
+    on_key, on_letter : functions that pass events to Dear ImGui, with glfw's arguments.
     """
 
     def __init__(
@@ -79,15 +79,14 @@ class Keyboard(Keys):
         self._urgent = frozenset(self.code(n) for n in names)
 
     def held(self, names: Iterable[str]) -> list[str]:
-        """Return which keys are held; none while text is typed.
+        """Return the held keys; none during text input.
 
-        A key counts once its press was delivered in its turn, and no longer than it is down now, whatever waits in the
-        queue.
+        A key counts from the delivery of its press until its actual release, whatever is queued.
         """
         return self.still_held(self._where(names, self._imgui.is_key_down))
 
     def still_held(self, names: Iterable[str]) -> list[str]:
-        """Return which keys no release and no loss of the focus has been reported of."""
+        """Return the keys for which neither release nor loss of focus has been reported."""
         return [n for n in names if self._down(n)]
 
     def _down(self, name: str) -> bool:
@@ -99,13 +98,15 @@ class Keyboard(Keys):
         return int(getattr(self._glfw, f"KEY_{glfw_name.upper()}"))
 
     def hit(self, names: Iterable[str]) -> list[str]:
-        """Return which keys went down since the last frame; while text is typed F1 to F12 alone."""
+        """Return the keys that went down since the last frame; during text input only F1 to F12."""
         return self._where(names, lambda key: self._imgui.is_key_pressed(key, False), typed=True)
 
-    def _where(self, names: Iterable[str], asked: Callable[[Any], bool], *, typed: bool = False) -> list[str]:
+    def _where(
+        self, names: Iterable[str], pressed: Callable[[Any], bool], *, typed: bool = False
+    ) -> list[str]:
         if self._imgui.get_io().want_text_input:
             names = [n for n in names if typed and n[:1] == "f" and n[1:].isdigit()]
-        return [n for n in names if asked(getattr(self._imgui.Key, f"_{n}" if n.isdigit() else n))]
+        return [n for n in names if pressed(getattr(self._imgui.Key, f"_{n}" if n.isdigit() else n))]
 
     @property
     def ctrl(self) -> bool:

@@ -1,6 +1,6 @@
-"""The window's order: menu, status line, dockable panels; the layout is kept from one start to the next.
+"""The arrangement of the window: menu, status line, dockable panels; the layout is saved between starts.
 
-A window narrower than 900 units has a layout of its own: the view above, everything else in one row of tabs below.
+A window narrower than 900 units has its own layout: the view above, everything else in tabs below.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ log = logging.getLogger(__name__)
 
 Form = Literal["wide", "narrow"]
 NARROW = 900.0
-"""Screen units of width at scale 1 below which panels go under the view."""
-VERSION = 1
+"""Window width in screen units, at scale 1, below which panels go under the view."""
+VERSION = 1  # version of the saved layout's file
 LARGEST_BYTES = 400_000
-RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26
+RIGHT, LEFT, BOTTOM = 0.27, 0.3, 0.26  # shares of the window that the docks take
 LOWEST, HIGHEST = 0.2, 0.5
-"""Bounds of the bottom dock's share of the height, which leaves the view the form of its picture."""
+"""Bounds of the bottom dock's share of the height, chosen for the view's aspect ratio."""
 PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
     "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
@@ -47,15 +47,15 @@ PRESETS: dict[str, frozenset[str]] = {
     "estimate": frozenset({"camera", "estimator", "keypoints", "parts", "picture"}),
     "link": frozenset({"camera", "board-link", "chaser", "log"}),
 }
-"""Panels that are open in each layout."""
+"""Open panels of each layout."""
 
 
 class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
-    """A layout as it is kept.
+    """A saved layout.
 
     Parameters
     ----------
-    shown : panels by name, whether they are open. docking : Dear ImGui's settings by form. recent : scenarios.
+    shown : panels by name, True if open. docking : Dear ImGui's settings by layout form. recent : scenarios flown last.
     """
 
     version: int = VERSION
@@ -67,32 +67,32 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def layout_file() -> Path:
-    """``FLYAROUND_CONSOLE_LAYOUT``, or ``console.json`` in the platform's folder for settings of Flyaround."""
-    chosen = os.environ.get("FLYAROUND_CONSOLE_LAYOUT", "")
-    return Path(chosen) if chosen else Path(platformdirs.user_config_dir("flyaround")) / "console.json"
+    """Return ``FLYAROUND_CONSOLE_LAYOUT``, or ``console.json`` in the platform's settings folder of Flyaround."""
+    path = os.environ.get("FLYAROUND_CONSOLE_LAYOUT", "")
+    return Path(path) if path else Path(platformdirs.user_config_dir("flyaround")) / "console.json"
 
 
 def read_layout(path: Path) -> SavedLayout:
-    """Return the kept layout, or a new one if there is none or it is damaged."""
+    """Return the saved layout, or a new one if there is none or it is damaged."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
         if len(data) > LARGEST_BYTES:
             raise ValueError("too large")
-        saved = msgspec.json.decode(data, type=SavedLayout)
-        if saved.version != VERSION or not 0.5 <= saved.font_scale <= 3.0:
+        layout = msgspec.json.decode(data, type=SavedLayout)
+        if layout.version != VERSION or not 0.5 <= layout.font_scale <= 3.0:
             raise ValueError("of another version")
     except FileNotFoundError:
         return SavedLayout()
     except (OSError, ValueError) as error:
-        # a layout is never worth a flight
+        # a damaged layout must not prevent a flight
         log.warning("the console's layout in %s is not used: %s", path, error)
         return SavedLayout()
-    return saved
+    return layout
 
 
 def panel_commands() -> tuple[Command, ...]:
-    """Return a command for each panel that opens and closes it, and one for each layout."""
+    """Return a command for each panel that opens or closes it, and one for each layout."""
 
     def toggle(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
         console.open_panel(name, shown=state)
@@ -131,7 +131,7 @@ class Layout:
 
     Parameters
     ----------
-    window : drawn in. saved : layout of the last time.
+    window : surface to draw in. saved : last layout.
     """
 
     def __init__(self, window: Surface, saved: SavedLayout) -> None:
@@ -144,19 +144,19 @@ class Layout:
         self._form: Form | None = None
         self._build = False
         self._aspect, self._bottom_open = 1.6, False
-        """Of the camera's picture, and whether a panel lies below the view."""
+        """Aspect ratio of the camera's picture, and True if a panel is below the view."""
         self._to_raise: list[str] = []
         self._was_shown: dict[str, bool] = {}
         self._dockspace = 0
         self._docked: set[str] = set()
-        """Panels that lie on the window's own ground, as of the last frame."""
+        """Panels on the window's own background, as of the last frame."""
 
     def first_shown(self) -> dict[str, bool]:
-        """Return which panels are open at the start."""
+        """Return the initial state of each panel, True if open."""
         return {p.name: self._saved.shown.get(p.name, p.shown and p.place != "over") for p in self.panels}
 
     def before_frame(self, console: Console, size: tuple[float, float]) -> None:
-        """Load the docking of another form or preset, which is impossible while a frame is laid out."""
+        """Load the docking of another form or preset, which is impossible during a frame."""
         form: Form = "narrow" if size[0] < NARROW * self._window.scale else "wide"
         if console.window.preset:
             open_ = PRESETS[console.window.preset]
@@ -168,16 +168,16 @@ class Layout:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         if form != self._form:
             self._form = form
-            kept = self._saved.docking.get(form, "")
-            if kept:
-                self._window.imgui.load_ini_settings_from_memory(kept)
-            self._build = not kept
+            settings = self._saved.docking.get(form, "")
+            if settings:
+                self._window.imgui.load_ini_settings_from_memory(settings)
+            self._build = not settings
         camera = console.session.plan.camera
         self._aspect = camera.width_px / camera.height_px
         self._bottom_open = any(console.shown.get(p.name) for p in self.panels if p.place == "bottom")
 
     def keep(self, console: Console, path: Path) -> None:
-        """Write the layout; a disk that is full is no reason to fail."""
+        """Write the layout; a full disk is ignored."""
         if self._form is not None:
             self._saved.docking[self._form] = self._window.imgui.save_ini_settings_to_memory()
         over = {p.name for p in self.panels if p.place == "over"}
@@ -202,7 +202,7 @@ class Layout:
         self._dockspace = imgui.get_id("panels of the console")
         if self._build:
             self._build_docks()
-        # the window is cleared to the panels' own ground: a blended plate over all of it costs a software driver 10 ms
+        # the window is cleared to the panels' background: blending a plate over it costs a software driver 10 ms
         bare = imgui.DockNodeFlags_.auto_hide_tab_bar | imgui.DockNodeFlags_.passthru_central_node
         imgui.dock_space_over_viewport(self._dockspace, None, bare)
         hovered = ""
@@ -214,7 +214,7 @@ class Layout:
             ):
                 hovered = panel.name if self._panel(console, panel) else hovered
         if self._build:
-            # tabs that are new come up by themselves for some frames; one window a frame takes the focus
+            # new tabs raise themselves for some frames; one window per frame takes the focus
             self._build, self._to_raise = False, [""] * 4 + self._first_tabs(console)
         elif self._to_raise and (name := self._to_raise.pop(0)):
             imgui.set_window_focus(name)
@@ -223,7 +223,7 @@ class Layout:
         self._was_shown = dict(console.shown)
 
     def _strip(self, console: Console) -> None:
-        """Draw the transport strip above the status line, and the jobs above it, if there are any."""
+        """Draw the transport strip above the status line, and above it the jobs, if any."""
         imgui = self._window.imgui
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_saved_settings
         height = imgui.get_frame_height() + 2 * imgui.get_style().window_padding.y
@@ -239,17 +239,17 @@ class Layout:
             imgui.end()
 
     def _first_tabs(self, console: Console) -> list[str]:
-        """Windows of the first open panel of each place, the middle's last."""
+        """Return the windows of the first open panel of each place, the centre's last."""
         first: dict[str, str] = {}
         for panel in self.panels:
             if console.shown.get(panel.name) and panel.place != "over":
                 first.setdefault(panel.place, _window_name(panel))
-        # panels of a task are at the left: in a narrow window, where all share a dock, theirs is the last to come up
+        # panels on the left belong to a task: in a narrow window, with a single dock, theirs is raised last
         last = ["left", "centre"]
         return [first[place] for place in sorted(first, key=lambda p: last.index(p) if p in last else -1)]
 
     def _close_menus(self) -> None:
-        """Close an open menu or list on Escape, which Dear ImGui does by itself only with keyboard navigation."""
+        """Close an open menu or list on Escape, as Dear ImGui does only with keyboard navigation."""
         imgui = self._window.imgui
         if imgui.is_key_pressed(imgui.Key.escape, False) and imgui.is_popup_open(
             "", imgui.PopupFlags_.any_popup
@@ -258,11 +258,11 @@ class Layout:
 
     @property
     def tour_seen(self) -> bool:
-        """True once the tour was ended or skipped."""
+        """True once the tour was completed or skipped."""
         return self._saved.tour_seen
 
     def about(self) -> dict[str, tuple[str, str]]:
-        """Title and description of each panel."""
+        """Return title and description of each panel."""
         return {p.name: (p.title, _description(type(p))) for p in self.panels}
 
     def _panel(self, console: Console, panel: Panel) -> bool:
@@ -303,14 +303,14 @@ class Layout:
             panel.draw(console)
             hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)
         imgui.end()
-        # an Escape that came together with the key that opened it was for something else
+        # ignore an Escape that arrived with the key that opened it
         escaped = over and self._was_shown.get(panel.name) and imgui.is_key_pressed(imgui.Key.escape, False)
         if not stays or escaped:
             console.do(f"panel.{panel.name}", False)
         return hovered
 
     def _enlarged(self, console: Console, panel: Panel) -> None:
-        """Draw a panel over all others; its dock is kept for it."""
+        """Draw a panel over all others, keeping its dock."""
         imgui, screen = self._window.imgui, self._window.imgui.get_main_viewport()
         imgui.set_next_window_pos(screen.work_pos)
         imgui.set_next_window_size(screen.work_size)
@@ -325,7 +325,7 @@ class Layout:
             console.do("window.enlarge")
 
     def _dock_of(self, panel: Panel) -> int:
-        """Return the dock of an open panel of the same place; the middle otherwise."""
+        """Return the dock of an open panel of the same place; the centre by default."""
         internal = self._window.imgui.internal
         for other in self.panels:
             if other is panel or other.place != panel.place or not self._was_shown.get(other.name):
@@ -356,7 +356,7 @@ class Layout:
             split("right-upper", "right", imgui.Dir.down, 0.81)
             split("right-middle", "right-upper", imgui.Dir.down, 0.63)
             split("right-low", "right-middle", imgui.Dir.down, 0.5)
-            # docks whose panels are closed take no room
+            # docks whose panels are all closed take no space
             split("left", "centre", imgui.Dir.left, LEFT)
             view = screen.work_size.x * (1 - RIGHT) * (1 - LEFT) / self._aspect
             share = min(max(1 - view / screen.work_size.y, LOWEST), HIGHEST)
@@ -367,7 +367,7 @@ class Layout:
                     _window_name(panel), nodes.get(panel.place, nodes["centre"])
                 )
         for node in nodes.values():
-            # until a panel has drawn its ground there, which else is white
+            # a new dock is white until a panel has drawn its background
             internal.dock_builder_get_node(node).last_bg_color = self._w.color(style.GROUND)
         internal.dock_builder_finish(self._dockspace)
 

@@ -1,4 +1,4 @@
-"""The menu bar: seven menus that hold every command that needs no argument, each once."""
+"""The menu bar: seven menus with every command that needs no argument, each once."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from flyaround.gui.surface import Surface
 
 Entries = tuple[tuple[str, tuple[str, ...]], ...]
-"""Titles of submenus with names of commands, which may end in ``*`` for those that no other entry has; entries of the
-menu itself have an empty title."""
+"""Titles of submenus with names of commands, which may end in ``*`` for all commands that no other entry lists; entries
+of the menu itself have an empty title.
+"""
 NO_ICON = " " * 6
-"""As wide as an icon, so that titles stand in one column."""
+"""Width of an icon, for aligning titles."""
 TEXT = """
 File
   panel.scenarios
@@ -79,7 +80,7 @@ EXPLICIT = frozenset(
 
 @cache
 def commands_of(table: CommandTable, entry: str) -> tuple[str, ...]:
-    """Return the names of the commands that an entry stands for, in the table's order."""
+    """Return the names of the commands that an entry matches, in the table's order."""
     if "*" not in entry:
         return (entry,)
     offered = (c.name for c in table if not c.held and c.at_once)
@@ -91,7 +92,7 @@ class MenuBar:
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:

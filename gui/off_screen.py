@@ -1,4 +1,4 @@
-"""The console without a window: drawn into a texture under EGL, for scripts, tests and machines without a display."""
+"""The console without a window: drawn to a texture under EGL, for scripts, tests and machines without a display."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from flyaround.simulator.render.gl.context import create_context
 
 
 class OffScreen(Surface):
-    """A surface that nobody sees and that has no keys and no pointer: what is done comes from a script.
+    """A surface without display, keys and pointer; commands come from a script.
 
-    A process has either surfaces of this kind or windows: PyOpenGL is loaded for one of them.
+    A process has either such surfaces or windows, because PyOpenGL is loaded for one of them.
 
     Parameters
     ----------
@@ -71,6 +71,6 @@ class OffScreen(Surface):
         self._closed = True
 
     def wait(self, longest_s: float) -> bool:
-        """Let time pass: no input comes."""
+        """Let time pass; no input comes."""
         time.sleep(longest_s)
         return False

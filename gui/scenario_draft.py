@@ -1,4 +1,4 @@
-"""A scenario's text while it is edited: what is wrong with it, and where it is kept."""
+"""The text of a scenario during editing, its first error, and its files."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _DOTTED = re.compile(r"\b([a-z]\w*(?:\.\w+)+)\b")
 
 @dataclass
 class ScenarioDraft:
-    """The text, and what it is of.
+    """The text and its origin.
 
     Parameters
     ----------
-    name : of the scenario that it began as. folder : of files that it names.
-    problem : what is wrong with it, one sentence; nothing where it is right.
+    name : name of the original scenario. folder : folder of files that it names.
+    problem : what is wrong with it, in one sentence; empty if nothing is.
     """
 
     text: str = ""
@@ -37,17 +37,17 @@ class ScenarioDraft:
     changed: bool = False
 
     def edit(self, name_or_path: str) -> None:
-        """Begin from a built-in scenario or a file.
+        """Start from a built-in scenario or a file.
 
         Raises
         ------
         UserError
-            If there is none; the text stays.
+            If there is none; the text is kept.
         """
         if name_or_path in list_scenarios():
             text, folder = show_scenario(name_or_path), Path()
         else:
-            load_scenario(name_or_path)  # says what is wrong with the name
+            load_scenario(name_or_path)  # report a wrong name
             path = Path(name_or_path)
             text, folder = path.read_text("utf-8-sig"), path.parent
         self.text, self.folder, self.problem, self.changed = text, folder, "", False
@@ -59,7 +59,7 @@ class ScenarioDraft:
         Raises
         ------
         UserError
-            If it has a mistake; `problem` says the same.
+            If it has a mistake, which is also `problem`.
         """
         try:
             content = self.text.encode()
@@ -72,12 +72,12 @@ class ScenarioDraft:
         return scenario
 
     def save(self, path: Path) -> None:
-        """Write the text, if it is right.
+        """Write the text, if it is valid.
 
         Raises
         ------
         UserError
-            If it has a mistake, or its place is not there.
+            If it has a mistake, or the folder does not exist.
         """
         self.check()
         if path.suffix != ".toml":
@@ -104,7 +104,7 @@ def line_of(message: str, text: str) -> int | None:
 
 
 def _line_of_key(text: str, path: str) -> int | None:
-    """Line of a key such as ``sensor.exposure_s``; of its section where the key is not written."""
+    """Return the line of a key such as ``sensor.exposure_s``, or of its section if the key is absent."""
     section, _, key = path.rpartition(".")
     here = ""
     assignment = re.compile(rf"^\s*{re.escape(key)}\s*(?:=|\.)")

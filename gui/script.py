@@ -1,7 +1,7 @@
-"""The operator's log, and the same as a script: one line a command, with the operator's time in seconds before it.
+"""The operator's log in the form of a script: one command per line, preceded by real time in seconds.
 
-``12.350 time.rate 10.0`` does what the button did; ``hold steer.forward`` and ``release steer.forward`` are a key that
-goes down and up. Time is counted in whole milliseconds, so that a log that is played again flies the same flight.
+``12.350 time.rate 10.0`` repeats a button press; ``hold steer.forward`` and ``release steer.forward`` are a key press
+and release. Time is counted in whole milliseconds, so that a replayed log flies the same flight.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ Verb = Literal["do", "hold", "release"]
 LARGEST_BYTES = 4_000_000
 LARGEST_S = 1e7
 NAME_A_METHOD = {"estimator.method", "hil.board"}
-"""Commands whose argument is an estimator's name, which older scripts may call by a former one."""
+"""Commands whose argument is an estimator, which older scripts may name differently."""
 KEPT_LINES = 100_000
-"""A log beyond this forgets its first lines; a day of flying has fewer."""
+"""Largest number of lines in a log, more than a day of flying; the first ones are dropped."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Line:
 
     Parameters
     ----------
-    t_ms : operator's time. verb : a command that is done, or a held one that begins or ends.
+    t_ms : real time. verb : ``do``, or for a held command ``hold`` and ``release``.
     """
 
     t_ms: int
@@ -65,7 +65,7 @@ class Script:
         Raises
         ------
         UserError
-            If it cannot be read, is too large, or a line is wrong.
+            If it cannot be read, is too large, or a line is invalid.
         """
         try:
             with path.open("rb") as file:
@@ -78,7 +78,7 @@ class Script:
 
     @staticmethod
     def of(text: str, table: CommandTable, where: str = "script") -> Script:
-        """Return a script from its text; empty lines and those that begin with ``#`` are passed over."""
+        """Return a script from its text, ignoring empty lines and those that begin with ``#``."""
         lines: list[Line] = []
         for number, raw in enumerate(text.splitlines(), 1):
             if not raw.strip() or raw.lstrip().startswith("#"):
@@ -112,21 +112,21 @@ def _line(raw: str, table: CommandTable, where: str) -> Line:
     command = table[words[1]]
     if command.held:
         raise UserError(f"{command.name} lasts: write 'hold {command.name}' and 'release {command.name}'")
-    given = words[2:]
+    values = words[2:]
     if command.name in NAME_A_METHOD:
-        given = [name_in_file(word, where) for word in given]
-    return Line(t_ms, "do", command.name, command.read(given))
+        values = [name_in_file(word, where) for word in values]
+    return Line(t_ms, "do", command.name, command.read(values))
 
 
 class CommandLog:
-    """The operator's commands, line by line; also in a file, if one is given, as soon as each is done."""
+    """The operator's commands, line by line, optionally written to a file at once."""
 
     def __init__(self) -> None:
         self.lines: list[Line] = []
         self._file: FileIO | None = None
 
     def write_to(self, path: Path, header: Sequence[str] = ()) -> None:
-        """Write each line to a file from now on, flushed, so that a crash loses none.
+        """Write each line to a file from now on, unbuffered, so that a crash loses none.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class CommandLog:
         """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            # unbuffered: a line is in the file when it is written, and nothing is left to be lost
+            # unbuffered: nothing can be lost
             self._file = path.open("wb", buffering=0)
             self._put(self.text(header))
         except OSError as error:
@@ -150,12 +150,12 @@ class CommandLog:
             self._file = None
 
     def add(self, line: Line) -> None:
-        """Keep a line; of very many the first are forgotten.
+        """Add a line, dropping the first ones of a very long log.
 
         Raises
         ------
         OSError
-            If the file takes no more; the log goes on without it.
+            If the file cannot be written; the log continues without it.
         """
         self.lines.append(line)
         self._put(f"{line}\n")
@@ -177,11 +177,11 @@ class CommandLog:
 
 
 class Player:
-    """Hands out a script's lines when they are due.
+    """Returns a script's lines when they are due.
 
     Parameters
     ----------
-    script : to be played, from the operator's time 0 on.
+    script : script to play, from real time 0 on.
     """
 
     def __init__(self, script: Script) -> None:
@@ -190,15 +190,15 @@ class Player:
 
     @property
     def done(self) -> bool:
-        """True once nothing is left."""
+        """True once no lines are left."""
         return not self._lines
 
     def next_ms(self) -> int | None:
-        """Return when the next line is due, in the operator's time."""
+        """Return the real time of the next line."""
         return self._lines[0].t_ms if self._lines else None
 
     def due(self, t_ms: int) -> list[Line]:
-        """Return the commands that are due; held keys change `held`."""
+        """Return the commands that are due, and update `held`."""
         due: list[Line] = []
         while self._lines and self._lines[0].t_ms <= t_ms:
             line = self._lines.pop(0)

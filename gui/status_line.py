@@ -17,7 +17,7 @@ class StatusLine:
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -57,7 +57,7 @@ class StatusLine:
         imgui.end()
 
     def _master_caution(self, console: Console) -> None:
-        """Draw the light of unacknowledged cautions; it blinks until a click or F9."""
+        """Draw the light of unacknowledged cautions, which blinks until a click or F9."""
         imgui, w = self._w.window.imgui, self._w
         waiting = console.waiting
         warning = any(m.level == "warning" for m in waiting)
@@ -76,7 +76,7 @@ class StatusLine:
 
     @staticmethod
     def _message(console: Console) -> tuple[str, style.Rgba]:
-        """Return the newest message and its colour; how many others wait to be acknowledged stands behind it."""
+        """Return the newest message and its colour, with the number of other unacknowledged ones."""
         if not console.messages:
             return "F1: commands and keys", style.QUIET
         newest = console.messages[-1]
@@ -87,13 +87,13 @@ class StatusLine:
 
 
 def rates_text(console: Console) -> str:
-    """Return the rates at which the window and each picture view on the screen are drawn."""
+    """Return the frame rates of the window and of each visible view."""
     views = [f"{name.replace('-', ' ')} {f.frames_s:.0f}" for name, f in console.feeds.items() if f.looked_at]
     pictures = f"pictures {console.feed.frames_s:.0f}/s"
     return f"window {console.window_hz:.0f}/s   {', '.join([pictures, *(f'{v}/s' for v in views)])}"
 
 
 def note_window(imgui: Any, console: Console, name: str) -> None:  # noqa: ANN401 - a foreign module
-    """Keep where the current window lies, for the tour."""
+    """Record the position of the current window, for the tour."""
     place, size = imgui.get_window_pos(), imgui.get_window_size()
     console.help.rects[name] = (place.x, place.y, size.x, size.y)

@@ -15,9 +15,9 @@ GROUND: Rgba = (0.055, 0.066, 0.082, 1.0)
 RAISED: Rgba = (0.105, 0.125, 0.152, 1.0)
 EDGE: Rgba = (0.17, 0.20, 0.24, 1.0)
 PLATE: Rgba = (*GROUND[:3], 0.85)
-"""Ground of figures over a picture: even the quietest must be read over a sunlit cloud deck."""
+"""Background of figures over a picture: dim text must be legible over sunlit clouds."""
 HALO: Rgba = (0.0, 0.0, 0.0, 0.8)
-"""Dark outline of what is written over a picture, so that it reads on black and on a sunlit cloud."""
+"""Outline of text over a picture, for legibility on black and on sunlit clouds."""
 
 # Colours that people with any of the usual colour deficiencies tell apart: Okabe & Ito (2008), Color Universal Design
 SKY_BLUE: Rgba = (0.337, 0.706, 0.914, 1.0)
@@ -27,29 +27,29 @@ YELLOW: Rgba = (0.941, 0.894, 0.259, 1.0)
 VERMILLION: Rgba = (0.835, 0.369, 0.0, 1.0)
 PURPLE: Rgba = (0.8, 0.475, 0.655, 1.0)
 BLUE: Rgba = (0.0, 0.447, 0.698, 1.0)
-"""Too dark for letters and thin lines on the console's ground; for areas."""
+"""Too dark for text and thin lines on the console's background; for areas."""
 
 PRIMARY: Rgba = (0.0, 0.40, 0.63, 1.0)
-"""Fill of a primary action's button: `BLUE`, darker, so that letters read on it."""
+"""Fill of a primary action's button: `BLUE`, darkened for text."""
 BRIGHT = 0.2
-"""Luminance of a fill from which on dark letters have the greater contrast."""
+"""Luminance of a fill above which dark text has more contrast."""
 GUARDED: Rgba = (0.42, 0.14, 0.06, 1.0)
 """Fill of the abort button while its guard is closed."""
 
 ACCENT = SKY_BLUE
 GOOD, WARN, BAD = GREEN, YELLOW, VERMILLION
-WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION
+WITHIN, NEAR, OUTSIDE = SKY_BLUE, YELLOW, VERMILLION  # colours by distance from a limit
 LIMIT_COLORS: dict[str, Rgba] = {"within": WITHIN, "near": NEAR, "outside": OUTSIDE}
 LIMIT_MARKS: dict[str, str] = {"within": "", "near": "!", "outside": "#"}
-"""And without colour."""
+"""The same without colour."""
 ESTIMATE: Rgba = (0.95, 0.6, 0.8, 1.0)
-"""What an estimator says, beside the truth in `ACCENT`: `PURPLE`, lighter."""
+"""Colour of an estimator's output, beside the truth in `ACCENT`: `PURPLE`, lightened."""
 AXIS_COLORS: tuple[Rgba, Rgba, Rgba] = (VERMILLION, GREEN, SKY_BLUE)
-"""x, y, z."""
+"""Colours of the axes x, y, z."""
 
 
 def luminance(rgba: Rgba) -> float:
-    """Relative luminance of an sRGB colour, its alpha left out (WCAG 2.1)."""
+    """Return the relative luminance of an sRGB colour, ignoring its alpha (WCAG 2.1)."""
     r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in rgba[:3])
     return 0.2126 * r + 0.7152 * g + 0.0722 * b
 
@@ -62,13 +62,13 @@ def over(front: Rgba, back: Rgba) -> Rgba:
 
 
 def contrast(front: Rgba, back: Rgba) -> float:
-    """Contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
+    """Return the contrast ratio of a colour over an opaque one, from 1 to 21 (WCAG 2.1: 4.5 for text, 3 for lines)."""
     bright, dark = sorted((luminance(over(front, back)), luminance(back)), reverse=True)
     return (bright + 0.05) / (dark + 0.05)
 
 
 def letters_on(fill: Rgba) -> Rgba:
-    """Return the colour of letters on a fill: dark on a bright one."""
+    """Return the text colour on a fill: dark on a bright one."""
     return GROUND if luminance(over(fill, GROUND)) > BRIGHT else INK
 
 
@@ -81,7 +81,7 @@ def apply_style(imgui: Any, scale: float) -> None:  # noqa: ANN401 - the binding
 
     Parameters
     ----------
-    imgui : the module. scale : of the monitor.
+    imgui : module ``imgui_bundle.imgui``. scale : scale of the monitor.
     """
     style = imgui.get_style()
     imgui.style_colors_dark()

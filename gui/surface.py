@@ -1,4 +1,4 @@
-"""The surface of the console: Dear ImGui's context and fonts, and pictures as textures, in a context of OpenGL."""
+"""The surface of the console: Dear ImGui's context and fonts, and pictures as textures, in an OpenGL context."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 FONT_PX = 16.0
 SOFTWARE = ("llvmpipe", "softpipe", "swrast")
-"""Drivers that draw on the processor."""
+"""Drivers that draw on the CPU."""
 
 
 def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
-    """Return the modules ``imgui_bundle`` and ``glfw``, loaded in the order that gives both one libglfw.
+    """Return the modules ``imgui_bundle`` and ``glfw``, loaded in the order that makes them share one libglfw.
 
     Parameters
     ----------
-    off_screen : whether OpenGL is used by EGL. The first call decides for the process.
+    off_screen : True to use OpenGL by EGL. The first call decides for the process.
 
     Raises
     ------
@@ -41,14 +41,14 @@ def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
         If the extra is not installed.
     """
     try:
-        # PyOpenGL reports each optional accelerator that it does without
+        # PyOpenGL reports each missing accelerator
         logging.getLogger("OpenGL").setLevel(logging.WARNING)
         if off_screen:
             os.environ["PYOPENGL_PLATFORM"] = "egl"
         import imgui_bundle  # noqa: PLC0415 - an optional part
         import OpenGL  # noqa: PLC0415
 
-        # every call checked costs as much as the call; moderngl's error state is read once a frame
+        # checking every call doubles its cost; moderngl's error state is read once per frame
         OpenGL.ERROR_CHECKING = False
         import glfw  # noqa: PLC0415
         from imgui_bundle.python_backends import glfw_backend  # noqa: F401, PLC0415
@@ -58,14 +58,14 @@ def import_parts(*, off_screen: bool = False) -> tuple[Any, Any]:
 
 
 class Surface(ABC):
-    """A surface of the console; made and used by the main thread only.
+    """A surface of the console, used by the main thread only.
 
-    A subclass opens the context of OpenGL and Dear ImGui's renderer for it, and says where time and input come from.
+    A subclass opens the OpenGL context and Dear ImGui's renderer, and provides time and input.
 
     Parameters
     ----------
-    context : of OpenGL, current. target : framebuffer of the context that is drawn into.
-    monitor_scale : pixels to a unit of the screen.
+    context : current OpenGL context. target : framebuffer to draw into.
+    monitor_scale : pixels per screen unit.
     """
 
     keys: Keys
@@ -81,7 +81,7 @@ class Surface(ABC):
         io = self.imgui.get_io()
         io.set_ini_filename("")
         io.config_flags |= self.imgui.ConfigFlags_.docking_enable
-        # panels are moved by their titles, so that a drag in a picture or a map is the picture's
+        # panels are moved by their titles, so that pictures and maps can be dragged
         io.config_windows_move_from_title_bar_only = True
         self._backend: Any = self._renderer()
         self._growth = 1.0
@@ -103,19 +103,19 @@ class Surface(ABC):
         figures = fonts.add_font_from_file_ttf(str(folder / "Inconsolata-Medium.ttf"), size)
         return text, figures
 
-    # --- of a window, or of what stands in for one
+    # --- provided by subclasses
 
     @abstractmethod
     def _renderer(self) -> Any:  # noqa: ANN401 - of a foreign module
-        """Dear ImGui's renderer, for the context that is current."""
+        """Return Dear ImGui's renderer for the current context."""
 
     @abstractmethod
     def _take_input(self) -> None:
-        """Hand Dear ImGui the size, the time and the input of the next frame."""
+        """Pass size, time and input of the next frame to Dear ImGui."""
 
     @abstractmethod
     def _show(self) -> None:
-        """Show what was drawn."""
+        """Show the drawn frame."""
 
     @property
     @abstractmethod
@@ -160,7 +160,7 @@ class Surface(ABC):
 
     @property
     def scale(self) -> float:
-        """Size of letters and panels: the monitor's, and a little more in a large window."""
+        """Size of text and panels: the monitor's scale, slightly enlarged in a large window."""
         return self._monitor_scale * self._growth * self.font_scale
 
     def copy(self, text: str) -> None:
@@ -178,7 +178,7 @@ class Surface(ABC):
         try:
             yield
         except BaseException:
-            # a panel that failed left parts of itself open, which is not the error to report
+            # a failed panel leaves open items, which is not the error to report
             with suppress(RuntimeError):
                 self.imgui.end_frame()
             raise
@@ -188,7 +188,7 @@ class Surface(ABC):
         self.context.clear(*style.GROUND)
         self._backend.render(self.imgui.get_draw_data())
         if self.capture:
-            # before it is shown: afterwards a window's back buffer holds nothing one may rely on
+            # before it is shown, after which a window's back buffer is undefined
             self.captured = self._read_pixels()
         self._show()
 
@@ -202,14 +202,14 @@ class Surface(ABC):
         *,
         size: tuple[float, float] | None = None,
     ) -> Any:  # noqa: ANN401 - an imgui handle
-        """Return the picture as a texture for ``imgui.image``, uploaded if ``key`` is new.
+        """Return a picture as a texture for ``imgui.image``, uploaded if ``key`` is new.
 
         Parameters
         ----------
-        view : who shows it; each has a texture of its own.
-        image : (H, W) or (H, W, 3) numbers for a screen, or what makes them of a new ``key``.
-        size : on the screen, where it is known. A software driver is then handed a picture of that size: OpenCV scales
-            it in a tenth of the time.
+        view : name of the view; each has its own texture.
+        image : (H, W) or (H, W, 3) screen values, or a function that computes them for a new ``key``.
+        size : size on the screen, if known; the picture is then scaled by OpenCV, which takes a tenth of a software
+            driver's time.
         """
         ratio = self.imgui.get_io().display_framebuffer_scale
         scaled = (
@@ -240,20 +240,20 @@ class Surface(ABC):
             texture = self.context.texture((width, height), components, alignment=1)
             texture.swizzle = "RRR1" if components == 1 else "RGB1"
             texture.repeat_x = texture.repeat_y = False
-            # a texel a pixel needs no interpolation
+            # one texel per pixel needs no interpolation
             kind = self.context.NEAREST if whole_pixels else self.context.LINEAR
             texture.filter = (kind, kind)
         texture.write(np.ascontiguousarray(image).tobytes(), alignment=1)
         return texture
 
     def _read_pixels(self) -> ByteArray:
-        """Return (H, W, 3) what was drawn, top row first."""
+        """Return the (H, W, 3) drawn pixels, top row first."""
         width, height = self.framebuffer_size
         data = self._target.read(viewport=(0, 0, width, height), components=3, alignment=1)
         return np.ascontiguousarray(np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1])
 
     def release(self) -> None:
-        """Free what it held."""
+        """Free its resources."""
         for texture, _, _ in self._textures.values():
             texture.release()
         self._backend.shutdown()

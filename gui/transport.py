@@ -1,4 +1,4 @@
-"""Strips above the status line: clock, rate, scrubber, hand control and a guarded abort; and what runs beside."""
+"""Strips above the status line: clock, rate, scrubber, hand control and a guarded abort; and background jobs."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.flight_history import Timeline
 
 NARROW_EM = 56
-"""Width of the window in letters' heights below which the strip has fewer words."""
+"""Window width, in text heights, below which the strip shortens its texts."""
 GUARD_MS = 3000
-"""Time for which the abort button's open guard waits for the second click, in milliseconds."""
+"""Time for which the open guard of the abort button waits for the second click [ms]."""
 
 
 class TransportStrip:
-    """Buttons that never move, the same in every layout.
+    """Buttons at fixed positions, the same in every layout.
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -47,7 +47,7 @@ class TransportStrip:
         imgui.same_line()
         w.button(console, "time.step", label="Step", width=4.4 * em)
         imgui.same_line()
-        # a narrow window leaves the slider over the flight the room of words
+        # in a narrow window texts make room for the scrubber
         narrow = imgui.get_window_width() < NARROW_EM * em
         self._rate(console, (5 if narrow else 7) * em)
         imgui.same_line()
@@ -72,7 +72,7 @@ class TransportStrip:
         self._abort(console, 7 * em)
 
     def _rate(self, console: Console, width: float) -> None:
-        """Draw the slider of the clock's rate; equal lengths are equal factors."""
+        """Draw the slider of the clock's rate, on a logarithmic scale."""
         w, imgui, flight = self._w, self._w.imgui, console.session.clock
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
@@ -82,7 +82,7 @@ class TransportStrip:
             console.do("time.rate", f"{RATES[wanted]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
-        """Draw a slider over the flight, with marks of bookmarks, burns and where another future was left."""
+        """Draw a slider over the flight, with marks of bookmarks, burns and discarded futures."""
         w, imgui = self._w, self._w.imgui
         imgui.set_next_item_width(width)
         flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
@@ -103,7 +103,7 @@ class TransportStrip:
             console.do("timeline.seek", max(round(t_s, 3), 0.0))
 
     def _abort(self, console: Console, width: float) -> None:
-        """Abort by two clicks: the first opens the guard for three seconds. The key needs one."""
+        """Abort by two clicks, of which the first opens the guard for three seconds; the key needs one press."""
         w = self._w
         opened = console.clock_ms - self._opened_ms < GUARD_MS
         fill = style.BAD if opened else style.GUARDED
@@ -120,11 +120,11 @@ class TransportStrip:
 
 
 class JobStrip:
-    """A line for what runs beside the flight, each job with its progress and a button that ends it.
+    """A line for background jobs, each with its progress and a button that ends it.
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -152,8 +152,8 @@ class RunningJob:
 
     Parameters
     ----------
-    text : what it is, and how far. share : of what is to be done; None where that is not known.
-    end : command that ends it; empty where it cannot be ended.
+    text : description and progress. share : completed share; None if unknown.
+    end : command that ends it, or empty.
     """
 
     text: str
@@ -162,22 +162,20 @@ class RunningJob:
 
 
 def running_jobs(jobs: Jobs) -> list[RunningJob]:
-    """Return the jobs that are under way."""
-    found = []
+    """Return the running jobs."""
+    rows = []
     capture = jobs.capture
     if capture.running and capture.request is not None:
         left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
-        found.append(
-            RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop")
-        )
+        rows.append(RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop"))
     if jobs.film is not None:
-        found.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
+        rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if jobs.hil.on:
         text = f"board session {jobs.hil.state}, {jobs.hil.sent} pictures sent"
-        found.append(RunningJob(text, None, "hil.stop"))
+        rows.append(RunningJob(text, None, "hil.stop"))
     if jobs.mesh is not None:
-        found.append(RunningJob(f"importing {jobs.mesh.name}"))
+        rows.append(RunningJob(f"importing {jobs.mesh.name}"))
     if jobs.keeping:
-        found.append(RunningJob("writing the flight"))
-    return found
+        rows.append(RunningJob("writing the flight"))
+    return rows

@@ -1,4 +1,4 @@
-"""Parts that panels share: headings, rows of figures, controls of commands, tables, plots, text that wraps."""
+"""Widgets that panels share: headings, rows of figures, controls of commands, tables, plots, wrapped text."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ DRAGGED = "figure"
 
 
 class Widgets:
-    """Parts over one window's Dear ImGui.
+    """Widgets over one window's Dear ImGui.
 
     Parameters
     ----------
-    window : whose fonts and scale are used.
+    window : surface with the fonts and scale.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -38,7 +38,7 @@ class Widgets:
 
     @property
     def width(self) -> float:
-        """Free width of the panel."""
+        """Available width of the panel."""
         return float(self.imgui.get_content_region_avail().x)
 
     @property
@@ -47,17 +47,17 @@ class Widgets:
         return float(self.imgui.get_text_line_height_with_spacing())
 
     def columns(self, least: float, fewest: int = 1) -> tuple[int, float]:
-        """Return how many columns of at least this width fit at scale 1, and the width of each."""
+        """Return the number of columns of at least this width at scale 1, and their width."""
         spacing = self.imgui.get_style().item_spacing.x
         n = max(fewest, int((self.width + spacing) / (least * self.window.scale + spacing)))
         return n, (self.width - (n - 1) * spacing) / n
 
     def button_width(self, label: str) -> float:
-        """Width of a button with this label."""
+        """Return the width of a button with this label."""
         return float(self.imgui.calc_text_size(label).x + 2 * self.imgui.get_style().frame_padding.x)
 
     def flow(self, width: float, *, first: bool) -> None:
-        """Stay in the line if a part of this width still fits."""
+        """Continue the line if an item of this width still fits."""
         imgui = self.imgui
         if first:
             return
@@ -66,7 +66,7 @@ class Widgets:
             imgui.same_line()
 
     def grid(self, count: int, least: float, fewest: int = 1) -> Iterator[float]:
-        """Yield the width of each of ``count`` cells, which lie in columns."""
+        """Yield the width of each of ``count`` cells, arranged in columns."""
         columns, width = self.columns(least, fewest)
         start, step = self.imgui.get_cursor_pos_x(), width + self.imgui.get_style().item_spacing.x
         for k in range(count):
@@ -88,7 +88,7 @@ class Widgets:
         self.imgui.push_style_color(self.imgui.Col_.text, self.imgui.ImVec4(*rgba))
 
     def one_line(self, text: str, rgba: style.Rgba) -> None:
-        """Draw text of this colour that is not wrapped."""
+        """Draw coloured text without wrapping."""
         self.coloured(rgba)
         self.imgui.text_unformatted(text)
         self.imgui.pop_style_color()
@@ -106,21 +106,21 @@ class Widgets:
         size = self.imgui.calc_text_size
         if size(text).x <= width:
             return text
-        kept = len(text)
-        while kept > 1 and size(text[:kept] + "...").x > width:
-            kept -= 1
-        return text[:kept].rstrip() + "..."
+        length = len(text)
+        while length > 1 and size(text[:length] + "...").x > width:
+            length -= 1
+        return text[:length].rstrip() + "..."
 
     def tip(self, text: str) -> None:
-        """Give the last part a hover text."""
+        """Give the last item a hover text."""
         hover_text.tell_item(self.imgui, text)
 
     def about(self, console: Console, name: str, *given: Value, argument: str = "") -> None:
-        """Give the last part the hover text of its command: purpose, key, and arguments with their units.
+        """Give the last item the hover text of its command: purpose, key, and arguments with their units.
 
         Parameters
         ----------
-        given : arguments that the part has. argument : the only one that it is for.
+        given : arguments that the item supplies. argument : name of the only one that it sets.
         """
         command = console.table[name]
         if argument:
@@ -131,11 +131,11 @@ class Widgets:
     def row(
         self, name: str, values: Sequence[float], form: str, tip: str, *, figure: int | None = None
     ) -> None:
-        """Draw a line of figures; they go under the name if the panel is narrow.
+        """Draw a line of figures, which go below the name in a narrow panel.
 
         Parameters
         ----------
-        figure : number under which it can be dragged into a plot; None if it cannot.
+        figure : index for dragging it into a plot; None if it cannot be dragged.
         """
         imgui = self.imgui
         figures = " ".join(form.format(v) for v in values)
@@ -170,22 +170,22 @@ class Widgets:
 
         Parameters
         ----------
-        label : instead of the command's title. width : 0 for that of the label, -1 for the rest of the line.
-        on : lit. icon : of another command or state. fill : colour; that of a primary action if the command is one.
+        label : replaces the command's title. width : 0 for that of the label, -1 for the rest of the line.
+        on : True if lit. icon : icon of another command or state. fill : colour, by default that of a primary command.
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
-        # numbers change while a button is down, which must not make it another one
+        # arguments may change while a button is down, so they are not part of its identity
         words = " ".join(a for a in arguments if isinstance(a, str))
         if self.filled_button(f"{text}###{name} {label} {words}", width, fill):
             console.do(name, *arguments)
         self.about(console, name, *arguments)
 
     def filled_button(self, label: str, width: float, fill: style.Rgba | None) -> bool:
-        """Draw a button of a colour, also under the pointer; return True if it was clicked."""
+        """Draw a button of a colour, also when hovered; return True if it was clicked."""
         imgui = self.imgui
         if fill is not None:
-            # letters are dark on a bright fill
+            # dark text on a bright fill
             self.coloured(
                 style.GROUND if style.luminance(style.over(fill, style.GROUND)) > 0.2 else style.INK
             )
@@ -198,7 +198,7 @@ class Widgets:
         return clicked
 
     def buttons(self, console: Console, names: Sequence[str], per_row: int) -> None:
-        """Draw buttons of one width, ``per_row`` in a row or fewer in a narrow panel."""
+        """Draw buttons of one width, ``per_row`` in a row, or fewer in a narrow panel."""
         imgui = self.imgui
         widest = max(self.button_width(labelled(n, console.table[n].title)) for n in names)
         widest = (
@@ -209,7 +209,7 @@ class Widgets:
             self.button(console, name, width=width, on=state is not None and state(console))
 
     def switch(self, console: Console, name: str, label: str | None = None) -> None:
-        """Draw a tick box of a command that is switched."""
+        """Draw a tick box of a switch."""
         command = console.table[name]
         state = command.state is not None and command.state(console)
         changed, value = self.imgui.checkbox(f"{label or command.title}##{name}", state)
@@ -218,7 +218,7 @@ class Widgets:
         self.about(console, name)
 
     def switches(self, console: Console, names: Sequence[str]) -> None:
-        """Draw tick boxes in as many columns as fit, two at most."""
+        """Draw tick boxes in as many columns as fit, at most two."""
         widest = max(self.imgui.calc_text_size(console.table[n].title).x for n in names)
         column = self.width / 2
         two = widest + 2.5 * self.imgui.get_frame_height() <= column
@@ -239,13 +239,13 @@ class Widgets:
         argument: str = "",
         width: float = -1.0,
     ) -> str:
-        """Draw a list to choose a command's argument from; return what is chosen.
+        """Draw a list of choices for a command's argument; return the selected one.
 
-        The command is done with a new choice, unless the choice is only one of its arguments.
+        A new choice runs the command, unless it has other arguments.
 
         Parameters
         ----------
-        shown : makes the text of a choice. argument : what is chosen, if the command takes others.
+        shown : function that returns the text of a choice. argument : name of the argument, if the command has others.
         """
         imgui = self.imgui
         imgui.set_next_item_width(width)
@@ -268,7 +268,7 @@ class Widgets:
 
         Parameters
         ----------
-        shares : of the columns in the width. rows : a function that draws each cell. heads : of the columns.
+        shares : relative widths of the columns. rows : functions that draw the cells. heads : titles of the columns.
         """
         imgui = self.imgui
         if not imgui.begin_table(name, len(shares), imgui.TableFlags_.sizing_stretch_prop):
@@ -286,11 +286,11 @@ class Widgets:
 
     @contextmanager
     def plot(self, name: str, height: float, tip: str, *, still: bool = True) -> Iterator[bool]:
-        """Open a plot without legend and title; yield False if it is out of sight.
+        """Open a plot without legend and title; yield False if it is not visible.
 
         Parameters
         ----------
-        height : at scale 1. still : the mouse does not move it.
+        height : height at scale 1. still : True if the mouse does not move it.
         """
         flags = self.implot.Flags_
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title
@@ -302,7 +302,7 @@ class Widgets:
             self.tip(tip)
 
     def curve(self, rgba: style.Rgba) -> Any:  # noqa: ANN401 - an implot value
-        """Return how a plotted line of this colour is drawn."""
+        """Return the style of a plotted line of this colour."""
         spec = self.implot.Spec()
         spec.line_color, spec.line_weight = self.imgui.ImVec4(*rgba), 1.5
         return spec
@@ -321,8 +321,8 @@ class Widgets:
 class Panel(ABC):
     """A panel or view of the window.
 
-    ``name`` is of its command (``panel.NAME``), with its ``keys``. ``place`` is the dock at first (``over``: a window
-    of its own in the middle), ``shown`` whether it is open at first, ``bare`` whether it draws up to its edges.
+    ``name`` is that of its command (``panel.NAME``), with its ``keys``. ``place`` is the initial dock (``over``: a
+    floating window in the centre), ``shown`` is True if it is open initially, ``bare`` if it draws up to its edges.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The window of the console: glfw, its OpenGL context, its keys and what is dropped on it."""
+"""The window of the console: glfw, its OpenGL context, keys and dropped files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NO_DISPLAY = (
     "without any: flyaround sim --off-screen"
 )
 MOST_DROPPED = 4
-"""Files of one drop that are opened."""
+"""Largest number of files of one drop that are opened."""
 
 
 def open_glfw(
@@ -24,15 +24,15 @@ def open_glfw(
     monitor: object = None,
     **hints: int,
 ) -> Any:  # noqa: ANN401 - a foreign handle
-    """Return a new window with an OpenGL 3.3 context, which is made current; None if there is none.
+    """Return a new window with an OpenGL 3.3 context, which is made current; None if that fails.
 
     Parameters
     ----------
-    monitor : that it fills. hints : further ones of glfw, by name.
+    monitor : monitor to fill. hints : further glfw hints, by name.
     """
-    wanted = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
-    wanted |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
-    for hint, value in (wanted | hints).items():
+    all_hints = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
+    all_hints |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
+    for hint, value in (all_hints | hints).items():
         glfw.window_hint(getattr(glfw, hint), value)
     native = glfw.create_window(*size, title, monitor, None)
     if native:
@@ -45,7 +45,7 @@ class Window(Surface):
 
     Parameters
     ----------
-    title : of the window. size : width and height in screen units.
+    title : title of the window. size : width and height in screen units.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
@@ -67,7 +67,7 @@ class Window(Surface):
         )
         self._glfw.set_key_callback(self._native, self.keys.queue.key)
         self._glfw.set_char_callback(self._native, self.keys.queue.letter)
-        # a key that is down when the window loses the focus must not stay down
+        # keys that are down when the window loses focus must be released
         self._glfw.set_window_focus_callback(
             self._native, lambda _, focused: self.imgui.get_io().add_focus_event(bool(focused))
         )
@@ -87,7 +87,7 @@ class Window(Surface):
                 "(Debian and Ubuntu: apt-get install libgl1-mesa-dri libglx-mesa0)"
             )
         glfw.set_window_size_limits(native, 480, 360, glfw.DONT_CARE, glfw.DONT_CARE)
-        # the loop paces itself: waiting for the screen would hold the keys up
+        # the loop paces itself: waiting for the display would delay keys
         glfw.swap_interval(0)
         return native
 
@@ -175,7 +175,7 @@ class Window(Surface):
         )
 
     def release(self) -> None:
-        """Close the window and free what it held."""
+        """Close the window and free its resources."""
         super().release()
         self._glfw.destroy_window(self._native)
         self._glfw.terminate()

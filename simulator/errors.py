@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-# share of letters in common; one wrong letter of three still passes, bogus for burns does not
+# share of matching letters: one wrong letter of three passes, "bogus" for "burns" does not
 _NEAR = 0.65
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 

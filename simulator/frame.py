@@ -34,13 +34,13 @@ class Frame:
     scene : the snapshot that was drawn.
     image : (H, W) or (H, W, 3) digital numbers, RGB order.
     radiance : linear band radiance before the detector [W m-2 sr-1].
-    truth : the label record, or None when labels were not asked for.
+    truth : the label record, or None if no labels were requested.
     mask : (H, W) uint8, 255 on the target, or None. depth_m : (H, W) camera z, NaN outside, or None.
     layers : the label images that were requested, by name.
     stage_ms : wall time of each stage: the frame's ledger.
-    faults : of the camera that changed the image on purpose.
-    time_code_px : columns and rows of a code drawn into the image, the ends not included; None without one.
-    camera_frame : the camera's own frame counter, where it is not the frame's number.
+    faults : camera faults injected into the image.
+    time_code_px : columns and rows (half-open) of a time code drawn into the image, or None.
+    camera_frame : the camera's own frame counter, if it differs from the frame's number.
     """
 
     scene: SceneState
@@ -66,11 +66,11 @@ class Frame:
         return self.stage_ms.get("render", 0.0) + self.stage_ms.get("sensor", 0.0)
 
     def without_radiance(self) -> Frame:
-        """Return the frame without radiance and depth, which a window does not need."""
+        """Return the frame without radiance and depth, for a window."""
         return replace(self, radiance=NO_RADIANCE, depth_m=None)
 
     def image_and_truth(self) -> Frame:
-        """Return the frame without radiance, mask and layers, which a board is not sent."""
+        """Return the frame without radiance, mask and layers, for a board."""
         return replace(self, radiance=NO_RADIANCE, depth_m=None, mask=None, layers={})
 
     def without_image(self) -> Frame:
@@ -85,24 +85,31 @@ def take_frame(
 
     Parameters
     ----------
-    target : the craft of the scene, or the model that it is a variation of.
-    labels : True if to label, or which layers to give beyond truth and mask.
+    target : model of the scene's craft, before any variation.
+    labels : True for truth and mask, or a request for further layers.
     """
     target = scene.target.drawn(target)
     start = time.perf_counter()
     noise = prefetch_scene_noise(scene)
     exposed = integrate(renderer, scene, target)
-    drawn = time.perf_counter()
+    drawn_s = time.perf_counter()
     signal = expose_scene(scene, exposed.radiance)
     image = digitise_scene(scene, signal, noise=noise)
     formed = time.perf_counter()
-    stage_ms = {"render": (drawn - start) * 1e3, "sensor": (formed - drawn) * 1e3}
+    stage_ms = {"render": (drawn_s - start) * 1e3, "sensor": (formed - drawn_s) * 1e3}
     stage_ms.update({f"render.{name}": ms for name, ms in exposed.stage_ms.items()})
     if not labels:
         return Frame(scene, image, exposed.radiance, stage_ms=stage_ms)
     request = labels if isinstance(labels, LabelRequest) else LabelRequest()
-    known = label_picture(renderer, scene, target, request, signal, image)
+    labels_of_frame = label_picture(renderer, scene, target, request, signal, image)
     stage_ms["labels"] = (time.perf_counter() - formed) * 1e3
     return Frame(
-        scene, image, exposed.radiance, known.truth, known.mask, known.depth_m, known.layers, stage_ms
+        scene,
+        image,
+        exposed.radiance,
+        labels_of_frame.truth,
+        labels_of_frame.mask,
+        labels_of_frame.depth_m,
+        labels_of_frame.layers,
+        stage_ms,
     )

@@ -1,7 +1,7 @@
 """The frame loop: scenes become frames, in this process or in drawing processes, and every sink receives each frame.
 
-Frames come along a plan (`run_frames`), or one at a time from the newest state (`FrameProducer.submit`). A closed loop
-and the console decide by what they have seen what is drawn next: nothing is drawn from a future that is not decided.
+Frames come from a plan (`run_frames`), or one at a time from the newest state (`FrameProducer.submit`), because a
+closed loop and the console decide on each frame from the previous ones.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class FrameRequest:
 
     Parameters
     ----------
-    labels : True if to label, or which layers to give beyond truth and mask.
-    timed : wait for the driver after every pass to time it; None leaves the renderer's setting.
+    labels : True for truth and mask, or a request for further layers.
+    timed : True to wait for the driver after every pass to time it; None leaves the renderer's setting.
     """
 
     scene: SceneState
@@ -104,7 +104,7 @@ class FrameProducer(ABC, Generic[Taken]):
         JobsLostError
             If the renderer died and was restarted: all frames in progress are lost.
         RuntimeError
-            If nothing is under way, or something else went wrong.
+            If no frame is in flight, or something else went wrong.
         """
 
     def finished(self) -> Iterator[Taken]:
@@ -118,10 +118,10 @@ class FrameProducer(ABC, Generic[Taken]):
         Raises
         ------
         RuntimeError
-            If frames of an earlier, interrupted call are in progress: they would be confused with this one's.
+            If frames of an earlier, interrupted call are in flight: they would be confused with this one's.
         """
         if self.in_flight > 0:
-            raise RuntimeError("frames of a run that was broken off are under way; open another producer")
+            raise RuntimeError("frames of an interrupted run are in flight; open another producer")
         for request in requests:
             if not self.has_room:
                 yield self.result()
@@ -145,8 +145,8 @@ class _FramesHere(FrameProducer[Taken]):
 
     Parameters
     ----------
-    renderer : stays open when this closes.
-    stage : function applied to each frame. target : target instead of the one that a scene names.
+    renderer : renderer to draw with; it stays open when this closes.
+    stage : function applied to each frame. target : replaces the target that a scene names.
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class _FramesHere(FrameProducer[Taken]):
         return draw_request(self._renderer, self._asked.popleft(), self._stage, self._target)
 
     def frames(self, requests: Iterable[FrameRequest]) -> Iterator[Taken]:
-        # nothing is gained here by asking for the next before this one is drawn
+        # drawing ahead gains nothing in the same process
         for request in requests:
             yield draw_request(self._renderer, request, self._stage, self._target)
 
@@ -197,11 +197,11 @@ class OpenRenderer:
     Parameters
     ----------
     device_index : EGL device.
-    first : the first scene to come, for a quicker first frame: its maps are read while the renderer starts.
-    processes : that draw at once, this one too. On a GPU each needs a processor; a software driver shares the
-        processors out among them, and two are better used by two processes of one thread than by one of two.
-    gives_way : increment of the processes' niceness, as in `os.nice`.
-    progress : line that reports what the processes prepare.
+    first : first scene to come; its maps are read while the renderer starts.
+    processes : number of drawing processes, this one included. On a GPU each needs a processor; a software driver
+        shares the processors among them, and one thread in each of two processes is faster than two threads in one.
+    gives_way : increment of the process's niceness, as in `os.nice`.
+    progress : line that reports preparations.
     """
 
     device_index: int | None = None
@@ -217,7 +217,7 @@ class OpenRenderer:
             os.nice(self.gives_way)
         if self.progress is not None:
             publish_progress(self.progress)
-        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who asks need not load OpenGL
+        from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - callers need not load OpenGL
 
         prefetched = prefetch_maps_of(self.first)
         from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same; maps are read meanwhile
@@ -226,7 +226,7 @@ class OpenRenderer:
 
 
 class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
-    """Draws frames in processes of their own, ahead of the caller; parameters as of `open_frames`."""
+    """Draws frames ahead of the caller in processes of their own; the parameters are those of `open_frames`."""
 
     def __init__(self, stage: Callable[[Frame], Taken], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
         super().__init__(
@@ -270,17 +270,16 @@ def open_frames(
 
     Parameters
     ----------
-    stage : what is made of each frame where it is drawn, be it checking and encoding, or `Frame.without_radiance`, so
-        that less travels. For other processes a function of a module, or an object that can be pickled.
-    first : the first scene to come, for a quicker first frame.
-    prefetched : its maps, where they are being read already.
-    ahead : frames of each other process that may be under way or waiting to be collected.
-    restarts : True to restart other processes that die.
-    answer_within_s : other processes that use no processor time for this long while a frame is due are restarted; one
-        that prepares something for the first time may take as long as it works. None waits for ever.
-    gives_way : how much less urgent other processes are than this one, as of `os.nice`: a window goes before images.
-    progress : line that reports what other processes prepare.
-    target : target of scenes rendered in this process, instead of the one that they name.
+    stage : function applied to each frame where it is drawn: encoding, or `Frame.without_radiance` to send less. With
+        other processes, a module-level function or a picklable object.
+    first : first scene to come, for a quicker first frame.
+    prefetched : maps of ``first`` that are being read already.
+    ahead : frames that each process may have in flight.
+    restarts : True to restart processes that die.
+    answer_within_s : restart processes idle for this long while a frame is due; None waits for ever.
+    gives_way : increment of the processes' niceness, as in `os.nice`, so that a window stays responsive.
+    progress : line that reports preparations.
+    target : replaces the target that scenes name, in this process.
     """
     if processes:
         opener = OpenRenderer(
@@ -295,7 +294,7 @@ def open_frames(
         ) as elsewhere:
             yield elsewhere
         return
-    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - who draws elsewhere need not load OpenGL
+    from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - processes that draw elsewhere need not load OpenGL
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
 
     maps = prefetch_maps_of(first) if prefetched is None else prefetched
@@ -345,16 +344,17 @@ def run_frames(
 
     Parameters
     ----------
-    renderer : renders here, one after the other; or a frame source of `open_frames`.
-    labels : as of `take_frame`, or what to label of each frame by its number.
-    numbers : of the frames, in order; all of the plan unless given.
+    renderer : renderer to draw with here, or a producer from `open_frames`.
+    labels : labels as in `take_frame`, or a function that returns them for a frame's number.
+    numbers : numbers of the frames to draw, in order; by default the whole plan.
     """
     producer = (
         renderer if isinstance(renderer, FrameProducer) else _FramesHere(renderer, whole_frame, plan.target)
     )
-    chosen = range(plan.n_frames) if numbers is None else numbers
+    frame_numbers = range(plan.n_frames) if numbers is None else numbers
     requests = (
-        FrameRequest(scene=plan.scene(k), labels=labels(k) if callable(labels) else labels) for k in chosen
+        FrameRequest(scene=plan.scene(k), labels=labels(k) if callable(labels) else labels)
+        for k in frame_numbers
     )
     receivers = tuple(sinks)
     for frame in producer.frames(requests):

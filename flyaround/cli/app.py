@@ -78,7 +78,7 @@ ABOUT = {
     "demo": "Fly, capture and check 20 images, run 30 frames through a board process, and write a report page.",
     "targets": "List the targets, add a mesh as one, export or draw them.",
 }
-"""First paragraph of each command's help, for the page that lists them: nothing is imported for it."""
+"""First paragraph of each command's help, for the page that lists them without importing anything."""
 HIL_ABOUT = {
     "host": "Stream a flight to a board, or fly on its poses (--closed-loop).",
     "board": "Run the board agent on this machine: connect, estimate, answer; the exit code says how it ended.",

@@ -70,12 +70,12 @@ def _run_bench(
     device_index: int | None,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Time scenes, start-up, world, sensors, link, estimator and capture. Return the document of ``bench --json``.
+    """Time scenes, start-up, world, sensors, link, estimator and capture; return the document of ``bench --json``.
 
     Raises
     ------
     UserError
-        If a scene is not one of the bench's.
+        If a scene is unknown.
     """
     check_scenes(scenes)
     machine, costs = bench_scenes(

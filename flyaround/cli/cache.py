@@ -1,4 +1,4 @@
-"""cache: list or remove what is kept on this machine between runs."""
+"""cache: list or remove the data kept on this machine between runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cache(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List what is kept between runs (decoded maps, baked light, targets), or remove it."""
-    removed = clear_cache() if clear else 0
+    freed_bytes = clear_cache() if clear else 0
     kinds, most = cache_kinds(), most_cache_bytes()
     total = sum(kind.size_bytes for kind in kinds)
     if as_json:
@@ -39,14 +39,14 @@ def cache(
                     "folder": str(cache_folder()),
                     "size_bytes": total,
                     "most_bytes": most,
-                    "removed_bytes": removed,
+                    "removed_bytes": freed_bytes,
                     "kinds": [asdict(kind) for kind in kinds],
                 }
             )
         )
         return
     if clear:
-        say(f"removed {removed / MB:.0f} MB from {cache_folder()}")
+        say(f"removed {freed_bytes / MB:.0f} MB from {cache_folder()}")
         return
     table = Table("kind", Column("files", justify="right"), Column("MB", justify="right"))
     for kind in kinds:

@@ -42,7 +42,7 @@ def compare(
 ) -> None:
     """Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere."""
     if run.sensor is not None:
-        sensor_preset(run.sensor)  # a wrong name is said before the work
+        sensor_preset(run.sensor)  # report a wrong name before the work
     model = load_target(run.target)
     reference, output = Path(run.reference), Path(run.output)
     references = read_references(

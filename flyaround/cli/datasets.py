@@ -52,13 +52,13 @@ def capture(
     place = run.output.rstrip("/") or run.output
     summaries = {}
     for member, plan in plans.items():
-        wanted = ",".join(plan.labels) if data_set.labels is None else data_set.labels
+        layers = ",".join(plan.labels) if data_set.labels is None else data_set.labels
         with progress_bar(member or "capture", quiet=as_json) as progress:
             summaries[member] = capture_plan(
                 plan,
                 place if not member else f"{place}/{member}",
                 formats=names,
-                labels=parse_labels(wanted),
+                labels=parse_labels(layers),
                 sensors=parse_sensors(data_set.sensors),
                 split=shares,
                 beside={RUN_TOML: run_toml(run)},
@@ -202,12 +202,12 @@ def _tell_check(report: CheckReport) -> None:
 def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | RecipePlan]:
     """Return the plan named ``""``, or, for a recipe of several data sets, their plans by folder.
 
-    ``n`` frames are of all of them together; each has its own seed, so that no two draw alike.
+    ``n`` frames are distributed over all of them; each has its own seed, so that no two are alike.
 
     Raises
     ------
     UserError
-        As `_choose_plan`, and where there are fewer frames than data sets.
+        As in `_choose_plan`, and if there are fewer frames than data sets.
     """
     members = [] if name in list_scenarios() or not is_recipe(name) else load_recipe(name).members
     if not members:
@@ -228,12 +228,12 @@ def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | Rec
 
 
 def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
-    """Return the plan of a recipe or scenario, with the given options in place of its own.
+    """Return the plan of a recipe or scenario; given options replace its own.
 
     Raises
     ------
     UserError
-        If there is no such scenario or recipe, or ``every_s`` is asked of a recipe.
+        If there is no such scenario or recipe, or ``every_s`` is used with a recipe.
     """
     bands: Bands | None = "rgb" if pictures.rgb else None
     if name not in list_scenarios() and is_recipe(name):

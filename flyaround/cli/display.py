@@ -75,7 +75,7 @@ def display(
         return
     plan = plan_flight(load_flown(str(scenario), "hil display"), n=n)
     predistorter = None if calibration is None else Predistorter(read_calibration(calibration))
-    # the window's context and the renderer's do not share a thread: frames come from a process of their own
+    # the window's context and the renderer's must not share a thread: frames come from another process
     with (
         FullScreen(monitor) as screen,
         open_frames(Frame.image_and_truth, processes=1, first=plan.scene(0)) as producer,
@@ -134,21 +134,21 @@ def display_calibrate(
             f"--screen is {screen}, wanted: WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
         )
     size = (int(parts[0]), int(parts[1]))
-    found = calibrate(_read_grabs(grabs, size), size)
-    write_calibration(found, output)
+    screen_map = calibrate(_read_grabs(grabs, size), size)
+    write_calibration(screen_map, output)
     figures = {
-        "geometry_rms_px": found.geometry_rms_px,
-        "black_dn": found.black_dn,
-        "white_dn": found.white_dn,
-        "code_left_px": found.code_left_px,
-        "code_top_px": found.code_top_px,
+        "geometry_rms_px": screen_map.geometry_rms_px,
+        "black_dn": screen_map.black_dn,
+        "white_dn": screen_map.white_dn,
+        "code_left_px": screen_map.code_left_px,
+        "code_top_px": screen_map.code_top_px,
     }
     if as_json:
         typer.echo(json.dumps(figures))
     else:
         say(
-            f"{output}: map to {found.geometry_rms_px:.3f} px rms; black {found.black_dn:.0f}, white"
-            f" {found.white_dn:.0f} DN above it where the screen is darkest"
+            f"{output}: map to {screen_map.geometry_rms_px:.3f} px rms; black {screen_map.black_dn:.0f}, white"
+            f" {screen_map.white_dn:.0f} DN above it where the screen is darkest"
         )
 
 

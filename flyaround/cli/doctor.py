@@ -36,7 +36,7 @@ def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
         for f in findings:
             table.add_row(f.part, Text(f.found, "green" if f.ok else "red"))
         terminal().print(table)
-        # below the table and not in it: a command stays in one piece, to be copied
+        # below the table, so that a command can be copied in one piece
         for f in findings:
             if f.advice:
                 say(f"- {f.part}: {f.advice}")
@@ -77,9 +77,9 @@ def _opengl() -> Finding:
 
 def _rays() -> Finding:
     there = embree_is_here()
-    found = "Embree" if there else "a grid in numpy"
+    ray_caster = "Embree" if there else "a grid in numpy"
     advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
-    return Finding("rays for baked light", there, False, found, "" if there else advice)
+    return Finding("rays for baked light", there, False, ray_caster, "" if there else advice)
 
 
 def _library() -> Finding:
@@ -92,10 +92,10 @@ def _library() -> Finding:
 
 
 def _cache() -> Finding:
-    found = (
+    cache_text = (
         f"{cache_folder()}, {sum(kind.size_bytes for kind in cache_kinds()) / 1e6:.0f} MB (flyaround cache)"
     )
-    return Finding("cache", True, False, found, "")
+    return Finding("cache", True, False, cache_text, "")
 
 
 def _screen() -> Finding:

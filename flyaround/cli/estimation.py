@@ -75,8 +75,8 @@ def _choice(method: str, published: Published) -> MethodChoice:
 
 def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
     """Estimate an image and return the JSON document; write an image of every stage if a folder is given."""
-    taken = read_png(path)
-    image = checked_picture(taken, intrinsics, str(path))
+    raw = read_png(path)
+    image = checked_picture(raw, intrinsics, str(path))
     trace: dict[str, Any] | None = None if place is None else {"every_stage": True}
     result = estimator.estimate(image, trace)
     if place is not None and trace is not None:
@@ -85,7 +85,7 @@ def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return {
         "image": str(path),
-        "picture": about_pictures(taken, intrinsics.pixel_encoding),
+        "picture": about_pictures(raw, intrinsics.pixel_encoding),
         "accepted": bool(result.accepted),
         "reason": result.reason,
         "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],
@@ -163,17 +163,17 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
     Raises
     ------
     UserError
-        If there is no such method, two have one name, or parts of the published ones are asked of others.
+        If there is no such method, two have one name, or options of published methods are used with others.
     """
-    chosen = list(dict.fromkeys(run.methods or (HYBRID,)))
-    for method in chosen:
+    methods = list(dict.fromkeys(run.methods or (HYBRID,)))
+    for method in methods:
         check_method(method)
-    choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in chosen)
+    choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in methods)
     if len({c.label for c in choices}) < len(choices):
         raise UserError("two networks in --method have files of one name; rename one")
-    if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in chosen):
+    if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in methods):
         raise UserError(
-            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {chosen[0]}"
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {methods[0]}"
         )
     return choices
 
@@ -189,7 +189,7 @@ def check_method(method: str) -> None:
     Raises
     ------
     UserError
-        With the available methods; for a network, with the fault in its file.
+        If there is none; the message lists the methods or, for a network, states the fault of its file.
     """
     try:
         check_any_method(method)

@@ -60,7 +60,7 @@ def fly(
         contents["replay.toml"] = replay_scenario(plan.scenario, "flight.npz").encode()
     for name, content in contents.items():
         write_atomic(output / name, content)
-    # an earlier flight is there until the new one is written
+    # an earlier flight is kept until the new one is written
     for file in earlier:
         if file.name not in contents:
             file.unlink()
@@ -80,15 +80,15 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
     UserError
         If the folder holds something else.
     """
-    found = tuple(sorted(folder.iterdir())) if folder.is_dir() else ()
-    foreign = [p.name for p in found if p.name not in FLIGHT_FILES or not p.is_file()]
+    files = tuple(sorted(folder.iterdir())) if folder.is_dir() else ()
+    foreign = [p.name for p in files if p.name not in FLIGHT_FILES or not p.is_file()]
     if foreign:
         raise UserError(f"{folder} holds {foreign[0]}, which fly did not write; name another folder with -o")
-    return found
+    return files
 
 
 def _tell_flight(summary: dict[str, Any]) -> None:
-    """Print a flight's summary: where its states are, its phases, events and delta-v."""
+    """Print a flight's summary: folder, phases, events and delta-v."""
     say(f"{summary['rows']} states in {summary['states']}")
     for words in summary["followed"]:
         say(words)
@@ -97,8 +97,12 @@ def _tell_flight(summary: dict[str, Any]) -> None:
     if summary["delta_v_m_s"] is None:
         say("delta-v: not known, the path is followed exactly; [chaser.thrusters] in the scenario flies it")
     else:
-        used = summary["propellant_kg"]
-        mass = "" if used is None else f", {used:.4g} kg of propellant from {summary['mass_kg'][0]:g} kg"
+        propellant_kg = summary["propellant_kg"]
+        mass = (
+            ""
+            if propellant_kg is None
+            else f", {propellant_kg:.4g} kg of propellant from {summary['mass_kg'][0]:g} kg"
+        )
         say(f"delta-v: {summary['delta_v_m_s']:.4g} m/s{mass}")
     say(f"nearest: {summary['min_range_m']:.2f} m at {summary['min_range_s']:g} s")
     for event in summary["events"]:
@@ -184,19 +188,19 @@ def cameras(
             )
         rows = {name: load_camera(name) for name in list_cameras()}
     else:
-        found = read_camera_file(camera)
-        model = found.camera(camera)
-        wanted = (width_px or model.width_px, height_px or model.height_px)
-        if wanted != (model.width_px, model.height_px):
+        camera_file = read_camera_file(camera)
+        model = camera_file.camera(camera)
+        size = (width_px or model.width_px, height_px or model.height_px)
+        if size != (model.width_px, model.height_px):
             raise UserError(
                 f"{camera} is for images of {model.width_px} x {model.height_px} pixels, wanted are "
-                f"{wanted[0]} x {wanted[1]}; calibrate at that size, or use [sensor] roi_px and binning"
+                f"{size[0]} x {size[1]}; calibrate at that size, or use [sensor] roi_px and binning"
             )
         if export is not None:
-            write_atomic(export, camera_text(found, form or "native", camera).encode())
-        if found.notes and camera not in list_cameras():
-            say(f"{camera}: {found.notes}", stderr=True)
-        rows = {found.name or Path(camera).stem: model}
+            write_atomic(export, camera_text(camera_file, form or "native", camera).encode())
+        if camera_file.notes and camera not in list_cameras():
+            say(f"{camera}: {camera_file.notes}", stderr=True)
+        rows = {camera_file.name or Path(camera).stem: model}
     if as_json:
         typer.echo(msgspec.json.encode(rows).decode())
         return

@@ -70,19 +70,19 @@ def audit(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
 ) -> None:
     """Compare a ledger with the time codes in the images; exit 1 unless they agree in every frame."""
-    found = audit_pictures(read_ledger(folder), pictures_of(pictures))
+    agreement = audit_pictures(read_ledger(folder), pictures_of(pictures))
     if as_json:
-        typer.echo(json.dumps({**asdict(found), "passed": found.passed}))
+        typer.echo(json.dumps({**asdict(agreement), "passed": agreement.passed}))
     else:
-        say(f"{found.pictures} pictures: {found.agree} agree with the ledger in number and time")
+        say(f"{agreement.pictures} pictures: {agreement.agree} agree with the ledger in number and time")
         for what, names in (
-            ("without a code that can be read", found.unreadable),
-            ("wrong", found.wrong),
-            ("come twice", found.twice),
-            ("answered frames without a picture", found.missing),
+            ("without a code that can be read", agreement.unreadable),
+            ("wrong", agreement.wrong),
+            ("come twice", agreement.twice),
+            ("answered frames without a picture", agreement.missing),
         ):
             if names:
                 more = ", ..." if len(names) > MAX_LISTED else ""
                 say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MAX_LISTED])}{more}")
-    if not found.passed:
+    if not agreement.passed:
         raise typer.Exit(1)

@@ -45,25 +45,25 @@ def board(run: Run) -> None:
     With gige://ADDRESS the board reads a camera on the network through Aravis: that of hil camera, or a real one. A
     camera takes no poses: they are written to a file, and sent to a host by --answer.
     """
-    given = msgspec.structs.asdict(run)
-    given |= msgspec.structs.asdict(given.pop("at_camera"))
-    url, target = given["url"], given["target"]
-    check_options(url, given)
-    check_method(given["method"])
-    with TemporaryDirectory() as folder:  # read once, and not needed any more
+    options = msgspec.structs.asdict(run)
+    options |= msgspec.structs.asdict(options.pop("at_camera"))
+    url, target = options["url"], options["target"]
+    check_options(url, options)
+    check_method(options["method"])
+    with TemporaryDirectory() as folder:  # the key file is read only once
         path = Path(folder) / f"{target}.board.json"
         write_board_model(load_target(target), path)
-        own = added_factory(path, given["method"]) if given["method"] in plugins("estimator") else None
+        own = added_factory(path, options["method"]) if options["method"] in plugins("estimator") else None
         if url.startswith(SCHEME):
-            make, name, sha256 = own or estimator_factory(path, given["method"])
+            make, name, sha256 = own or estimator_factory(path, options["method"])
         else:
-            agent = make_agent(url, str(path), given, own)
+            agent = make_agent(url, str(path), options, own)
     if url.startswith(SCHEME):
-        hello = describe_board(name, sha256, given["method"], compiled=True)
-        _report_and_exit(run_camera_board(url, camera_board_options(given), make, hello))
+        hello = describe_board(name, sha256, options["method"], compiled=True)
+        _report_and_exit(run_camera_board(url, camera_board_options(options), make, hello))
         return
     try:
-        summary = serve_sessions(agent, reconnect=given["reconnect"], start=[])
+        summary = serve_sessions(agent, reconnect=options["reconnect"], start=[])
     except NoSessionError as error:
         say(f"flyaround: {error}", stderr=True)
         raise typer.Exit(ExitCode.NO_SESSION) from error

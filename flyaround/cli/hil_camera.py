@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 SCHEME = "gige://"
-# a picture without an answer after so long has none
+# time-out for a pose [s]
 ANSWER_S = 30.0
 
 
@@ -78,9 +78,9 @@ def serve_camera(run: CameraRun) -> None:
         with open_frames(
             image_alone, processes=1, device_index=run.gpu, first=plan.scene(0), restarts=True
         ) as producer:
-            drawn = DrawnPictures(plan, producer)
-            drawn.warm_up()
-            run_camera(drawn, config, **callbacks)
+            pictures = DrawnPictures(plan, producer)
+            pictures.warm_up()
+            run_camera(pictures, config, **callbacks)
     finally:
         if ledger is not None:
             summary = ledger.close()
@@ -93,7 +93,7 @@ def serve_camera(run: CameraRun) -> None:
 
 
 def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
-    """Return the camera's initial settings, which a client reads first."""
+    """Return the camera's initial settings."""
     first = plan.scene(0)
     return CameraTerms(
         width_px=first.camera.width_px,
@@ -109,12 +109,12 @@ def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
 def _config(plan: Plan, terms: CameraTerms, run: CameraRun) -> EndpointConfig:
     """Return the interface of the camera and the addresses that it answers."""
     there = find_interface(run.interface, run.address)
-    allowed = tuple(check_address(a, "--allow") for a in run.allow)
+    addresses = tuple(check_address(a, "--allow") for a in run.allow)
     name, description = (OWN_NAME, write_xml(terms)) if run.xml is None else read_xml(Path(run.xml))
     key = None if run.key is None else Path(run.key)
     return EndpointConfig(
         interface=there,
-        allowed=allowed or tuple(dict.fromkeys(("127.0.0.1", there.address))),
+        allowed=addresses or tuple(dict.fromkeys(("127.0.0.1", there.address))),
         terms=terms,
         xml=description,
         xml_name=name,
@@ -131,12 +131,12 @@ def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger 
     log = None if run.log is None else Path(run.log)
     if log is not None:
         write_run(empty_folder(log, option="--log"), run)
-    flown = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
-    return CameraLedger(log, config.answers.link, flown)
+    record = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
+    return CameraLedger(log, config.answers.link, record)
 
 
 def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url: str | None) -> str:
-    """Return the camera's address, who may control it, and the command to type."""
+    """Return the camera's address, who may control it, and a command to type."""
     address = config.interface.address
     options = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
     return (

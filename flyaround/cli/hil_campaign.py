@@ -18,10 +18,10 @@ from flyaround.runs.campaign import CampaignRun, DelayMapRun
 from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
 
-# command of a local board, like hil board
+# command of a local board, as hil board runs it
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
-MAX_REASONS = 10
-MAX_LEVELS = 100
+MAX_REASONS = 10  # failed cases that are listed
+MAX_LEVELS = 100  # values of one axis of a delay map
 
 
 @with_run_options
@@ -31,8 +31,8 @@ def campaign(
 ) -> None:
     """Fly cases with their seeds unattended and judge them: requirement matrix, JUnit XML; exit 1 if one is not met.
 
-    Broken off at any place and begun again with the same words, it goes on; in lockstep the same file gives the same
-    bytes (docs/hil_campaign.md).
+    An interrupted campaign continues if the command is given again; in lockstep the same file gives the same bytes
+    (docs/hil_campaign.md).
     """
     file, output = Path(run.file), Path(run.output)
     with progress_bar("runs", quiet=as_json) as progress:
@@ -42,7 +42,7 @@ def campaign(
             board_command=BOARD_COMMAND,
             workers=run.workers,
             progress=progress,
-            # output folder and number of workers do not change the result, so the bytes must not depend on them
+            # output folder and number of workers do not affect the result and must not affect the bytes
             command=("flyaround", "hil", "campaign", run.file),
             say=lambda sentence: say(sentence, stderr=True),
         )
@@ -52,8 +52,8 @@ def campaign(
     else:
         failed = [case for case in outcome.cases if not case.passed]
         for requirement in outcome.requirements:
-            met = f"{requirement.runs_passed} of {requirement.runs} runs"
-            say(Text.assemble(f"{requirement.name}: ", (met, "" if requirement.passed else "red")))
+            passed = f"{requirement.runs_passed} of {requirement.runs} runs"
+            say(Text.assemble(f"{requirement.name}: ", (passed, "" if requirement.passed else "red")))
         for case in failed[:MAX_REASONS]:
             say(f"{case.name}, seed {case.seed}: {case.reason}")
         if len(failed) > MAX_REASONS:
@@ -70,7 +70,7 @@ def delay_map(
 ) -> None:
     """Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.
 
-    Without images: poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
+    No images are drawn: the poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
     output = Path(run.output)
     load_flown(run.scenario, "hil delay-map")
@@ -114,7 +114,7 @@ def _levels(text: str, option: str, most: float) -> tuple[float, ...]:
     Raises
     ------
     UserError
-        If one is none, or out of bounds.
+        If one is not a number, or out of bounds.
     """
     try:
         levels = tuple(float(word) for word in text.split(","))

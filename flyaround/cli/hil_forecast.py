@@ -36,14 +36,14 @@ def forecast(
     plan = plan_flight(load_flown(scenario, "hil forecast"), n=1, seed=seed)
     empty_folder(output, option="--output")
     with progress_bar("flights", quiet=as_json) as progress:
-        found = fly_forecasts(plan, runs=runs, horizon_s=horizon_s, progress=progress)
-    write_forecasts(output, found, plan.scenario_name)
+        errors = fly_forecasts(plan, runs=runs, horizon_s=horizon_s, progress=progress)
+    write_forecasts(output, errors, plan.scenario_name)
     if as_json:
-        typer.echo(msgspec.json.encode(asdict(found)).decode())
+        typer.echo(msgspec.json.encode(asdict(errors)).decode())
         return
-    for error in found.rigid_body:
+    for error in errors.rigid_body:
         say(
             f"{error.horizon_s:5g} s ahead: {error.rms_deg:.3f} deg RMS, 95 % below {error.p95_deg:.3f} deg, "
-            f"one sigma foretold {error.sigma_deg:.3f} deg"
+            f"one sigma predicted {error.sigma_deg:.3f} deg"
         )
-    say(f"of {found.rigid_body[0].count} forecasts: {output / FORECAST_PNG}")
+    say(f"of {errors.rigid_body[0].count} forecasts: {output / FORECAST_PNG}")

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scenario.scenario import Scenario
 
-# Exit code of a run in which no pose was accepted, or that the board left.
+# Exit code if no pose was accepted, or the board left.
 NO_ANSWERS = 3
 
 
@@ -181,15 +181,15 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
     interface = listen.removeprefix(SCHEME).rstrip("/")
     flags = {field.name: field.flag for field in run_fields(HostRun)} | {"as_json": "--json"}
     of_camera = {"scenario", "listen", "seed", "gpu"}
-    # also where a value is the default: who gives it expects that it counts
-    given = [
+    # include values equal to the default: whoever sets one expects an effect
+    options = [
         flag
         for name, flag in flags.items()
         if name not in of_camera and str(context.get_parameter_source(name)) != "ParameterSource.DEFAULT"
     ]
-    if given:
+    if options:
         raise UserError(
-            f"{listen} serves a camera, and {', '.join(given)} {'is' if len(given) == 1 else 'are'} about a board's"
+            f"{listen} serves a camera, and {', '.join(options)} {'is' if len(options) == 1 else 'are'} about a board's"
             f" link: leave out; flyaround hil camera {run.scenario} --interface {interface} has options of its own"
         )
     serve_camera(CameraRun(scenario=run.scenario, interface=interface, seed=run.seed, gpu=run.pictures.gpu))
@@ -201,8 +201,8 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     flown = load_flown(run.scenario, "hil host")
     plan = plan_flight(flown, n=1, seed=run.seed)
     settings = ClosedLoopConfig(seed=plan.seed, frame_every=frame_every(run.pictures.every_s, plan))
-    struck = _faults(run, flown)
-    link = PoseLink.without_pictures(struck)
+    faults = _faults(run, flown)
+    link = PoseLink.without_pictures(faults)
     log = _path(run.recording.log)
     if log is not None:
         empty_folder(log, option="--log")
@@ -211,7 +211,7 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
     if log is not None:
         write_run(log, run)
         record = FlownRecord.of(plan, scenario_source(run.scenario), command_line())
-        write_terms(log, terms_without_board(record, struck, summary.started_utc))
+        write_terms(log, terms_without_board(record, faults, summary.started_utc))
         write_steps(log, result.steps)
         write_document(log / SUMMARY_JSON, summary)
     _print_summary(summary, log, as_json=as_json)
@@ -221,9 +221,7 @@ def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
 def _exit_unless_answered(
     summary: LedgerSummary, n_frames: int, timeout_s: float, *, allow_none: bool
 ) -> None:
-    """Exit with 3 if the board left for good or accepted no pose, so that a script does not take the run for
-    complete.
-    """
+    """Exit with 3 if the board left for good or no pose was accepted, so that scripts notice."""
     if summary.ended != "completed":
         say(
             f"flyaround: the board left after {summary.sent} of {n_frames} frames ({summary.board_gone}) and"
@@ -251,15 +249,15 @@ def _exit_unless_arrived(summary: LedgerSummary) -> None:
 def _send(
     flight: FlightRun, config: RunConfig, recorders: tuple[Recorder, ...], target: str, *, as_json: bool
 ) -> LedgerSummary:
-    """Run the host with a progress bar. Return its summary, printed also if the run is interrupted."""
+    """Run the host with a progress bar; return its summary, which is printed even if the run is interrupted."""
     ends: list[LedgerSummary] = []
-    done = 0
+    n_done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
 
         def count(_row: FrameRecord) -> None:
-            nonlocal done
-            done += 1
-            progress(done, flight.n_frames)
+            nonlocal n_done
+            n_done += 1
+            progress(n_done, flight.n_frames)
 
         def end(summary: LedgerSummary) -> None:
             if summary.ended in {"completed", "board_lost", "interrupted"}:

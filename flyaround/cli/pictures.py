@@ -1,6 +1,6 @@
 """render: one image and its truth.
 
-The Earth's maps are prefetched before the packages that draw are imported: the first start does both at once.
+The Earth's maps are prefetched before the renderer's packages are imported, so that both run in parallel.
 """
 
 from __future__ import annotations
@@ -101,18 +101,20 @@ def _recorded_view(path: Path) -> _View:
 def _flown_view(run: RenderRun) -> _View:
     """Return the view of the scenario at the requested time."""
     bands: Bands | None = "rgb" if run.rgb else None
-    flown = load_flown(run.scenario or "", "render")
+    scenario = load_flown(run.scenario or "", "render")
     if run.environment is not None:
-        flown = msgspec.structs.replace(flown, environment=environment_section(run.environment))
-    flown = with_choices(flown, run.encoding, auto_exposure=run.auto_exposure)
+        scenario = msgspec.structs.replace(scenario, environment=environment_section(run.environment))
+    scenario = with_choices(scenario, run.encoding, auto_exposure=run.auto_exposure)
     prefetched: dict[Bands, EarthMaps] = {}
-    if flown.environment.layers().earth:
-        # two at a time: an empty cache is filled while the target is built and flown
-        in_bands = bands or flown.output.bands
-        prefetched[in_bands] = prefetch_earth_maps(in_bands, flown.environment.layers(), flown.epoch_utc)
+    if scenario.environment.layers().earth:
+        # two at a time: an empty cache is filled while the target is loaded and the flight propagated
+        in_bands = bands or scenario.output.bands
+        prefetched[in_bands] = prefetch_earth_maps(
+            in_bands, scenario.environment.layers(), scenario.epoch_utc
+        )
     from flyaround.simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
 
-    plan = plan_flight(flown, times=(run.time_s,), seed=run.seed, bands=bands, quality=run.quality)
+    plan = plan_flight(scenario, times=(run.time_s,), seed=run.seed, bands=bands, quality=run.quality)
     return _View(plan.scene(0), plan.target, LabelRequest(), prefetched, plan.scenario_document)
 
 
@@ -146,7 +148,7 @@ def _render_poses(run: RenderRun, view: _View, *, as_json: bool) -> None:
             progress(k + 1, plan.n_frames)
     write_run(output, run)
     if as_json:
-        written = [{"image": str(image), "truth": str(truth)} for image, truth in sink.written]
-        typer.echo(json.dumps({"frames": written}))
+        files = [{"image": str(image), "truth": str(truth)} for image, truth in sink.written]
+        typer.echo(json.dumps({"frames": files}))
     else:
         say(f"{plan.n_frames} images and their truth: {sink.written[0][0]} and on")

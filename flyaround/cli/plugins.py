@@ -1,4 +1,4 @@
-"""plugins: what other packages add, and whether it can be imported."""
+"""plugins: entry points of other packages, and errors when importing them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from flyaround.simulator.runtime.plugins import plugins as plugins_of
 
 def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
     """List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md)."""
-    found = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
-    rows = [(plugin, _state(plugin)) for plugin in found]
+    plugins_by_kind = [plugin for kind in GROUPS for plugin in plugins_of(kind).values()]
+    rows = [(plugin, _state(plugin)) for plugin in plugins_by_kind]
     if as_json:
         fields = ("kind", "name", "package", "version")
         typer.echo(json.dumps([{**{f: getattr(p, f) for f in fields}, "problem": why} for p, why in rows]))

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scene.state import SceneState
 
+# numbers of an imported sample's pose, as in its file
 RAW = ("x", "y", "z", "rx", "ry", "rz", "q1", "q2", "q3", "q4")
 SAMPLE_COLUMNS = ("sample", *RAW, *COLUMNS, "background", "redraws", "epoch_utc")
 
@@ -118,8 +119,8 @@ def _list_recipes(*, as_json: bool) -> None:
 def _samples_csv(plan: RecipePlan, progress: Callable[[int, int], None]) -> str:
     """Return one row per sample, with all digits.
 
-    ``x`` to ``q4`` are the paper's raw data (left-handed: metres, degrees, quaternion), empty where no Euler angles
-    were drawn; ``q_w`` to ``t_z_m`` the pose label, as `render --poses` reads it.
+    ``x`` to ``q4`` are raw draws as in the paper (left-handed: metres, degrees, quaternion), empty unless Euler angles
+    were drawn; ``q_w`` to ``t_z_m`` are the pose label, as read by `render --poses`.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

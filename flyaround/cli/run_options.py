@@ -1,4 +1,4 @@
-"""The options of a command, made from the fields of its run; given options override the keys of ``--run FILE``."""
+"""The options of a command, derived from the fields of its run; they override the keys of ``--run FILE``."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
 
     Parameters
     ----------
-    kind : of the run; the argument's annotation unless given.
+    kind : type of the run; by default the argument's annotation.
     """
     signature = inspect.signature(command, eval_str=True)
     own = [p.replace(kind=p.KEYWORD_ONLY) for p in signature.parameters.values() if p.name != "run"]
     kind = signature.parameters["run"].annotation if kind is None else kind
     fields = {field.name: field for field in run_fields(kind)}
 
-    def called(**given: Any) -> None:  # noqa: ANN401 - the options'
-        run = make_run(kind, {name: given[name] for name in fields})
-        command(run=run, **{p.name: given[p.name] for p in own})
+    def called(**values: Any) -> None:  # noqa: ANN401 - the options'
+        run = make_run(kind, {name: values[name] for name in fields})
+        command(run=run, **{p.name: values[p.name] for p in own})
 
     parameters = [*map(_parameter, fields.values()), *own, _run_parameter(kind, fields)]
     called.__doc__, called.__name__, called.__module__ = command.__doc__, command.__name__, command.__module__
@@ -51,7 +51,7 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
     Raises
     ------
     UserError
-        If a value is not allowed, or two options do not go together.
+        If a value is not allowed, or options exclude each other.
     """
     table: dict[str, Any] = {}
     flags = {}
@@ -75,14 +75,14 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
 
 
 def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option's value
-    """Return an option's value as the document has it: choices in any case, no empty list."""
+    """Return an option's value as in the document: choices in any case, None for an empty list."""
     if isinstance(value, list | tuple):
         return [_plain(item, kind) for item in value] or None
     if isinstance(value, Path):
         return str(value)
     choices = [v for t in _alternatives(kind) if isinstance(t, mi.LiteralType) for v in t.values]
     if isinstance(value, str):
-        return next((known for known in choices if str(known).lower() == value.lower()), value)
+        return next((choice for choice in choices if str(choice).lower() == value.lower()), value)
     return value
 
 

@@ -1,4 +1,4 @@
-"""Scenarios for the commands that fly one. A recipe's name is refused with the command that takes it."""
+"""Scenarios for the commands that fly one; a recipe's name is refused with advice."""
 
 from __future__ import annotations
 

@@ -60,8 +60,8 @@ def overview(
         folder = contact_sheet.parent if contact_sheet.suffix == ".html" else contact_sheet
         page = "index.html" if folder == contact_sheet else contact_sheet.name
         with progress_bar("contact sheet", quiet=as_json) as progress:
-            made = write_contact_sheet(rows, folder, page=page, progress=progress)
-        say(f"{made}", stderr=as_json)
+            page_path = write_contact_sheet(rows, folder, page=page, progress=progress)
+        say(f"{page_path}", stderr=as_json)
     if as_json:
         typer.echo(json.dumps([_summary(t) for t in rows]))
     elif contact_sheet is None:
@@ -75,15 +75,15 @@ def add(
 ) -> None:
     """Make a mesh a target: check it, repair what is safe, propose keypoints and a wireframe."""
     file, craft = Path(run.file), run.craft
-    chosen = run.name if run.name is not None else _name_of(file)
-    check_name(chosen, built_in_targets(), replace=run.replace)
+    name = run.name if run.name is not None else _name_of(file)
+    check_name(name, built_in_targets(), replace=run.replace)
     options = ImportOptions(
         **msgspec.structs.asdict(run.frame),
         **msgspec.structs.asdict(run.surface),
         mass_kg=craft.mass_kg,
         density_kg_m3=craft.density_kg_m3,
     )
-    target, lines = import_mesh(file, chosen, options)
+    target, lines = import_mesh(file, name, options)
     if craft.classes is not None:
         own = _read_classes(Path(craft.classes), target)
         target = changed(target, part_classes={**target.part_classes, **own})
@@ -105,7 +105,7 @@ def add(
     *findings, what = lines
     for line in findings:
         say(f"- {line}")
-    say(f"target {chosen!r} in {path}")
+    say(f"target {name!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
     say("exposure: [sensor] exposure_s of your scenario; capture says how much of the craft is burnt out")

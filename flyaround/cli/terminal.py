@@ -1,6 +1,6 @@
 """Literal text on the terminal (Rich would read square brackets and `:names:` as mark-up), and a progress bar.
 
-Names out of files may hold anything: what a terminal would obey instead of showing is written as an escape.
+Names from files may hold anything: control characters are printed as escapes.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType
     from rich.segment import Segment
 
-# C0 and C1 controls, marks that reverse the order of what follows, and bytes of names that are no text
+# C0 and C1 controls, marks that reverse text direction, and surrogates for undecodable bytes
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def visible(text: str) -> str:
-    """Return a text with control characters as Python escapes; tabs and line ends stay."""
+    """Return a text with control characters as Python escapes, except tabs and line ends."""
     return _OBEYED.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
@@ -37,18 +37,18 @@ class VisibleConsole(Console):
 
 
 def terminal(*, stderr: bool = False) -> Console:
-    """Return a console of the output or error stream that prints text and table cells literally."""
+    """Return a console on the output or error stream that prints texts and table cells literally."""
     return VisibleConsole(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
 def say(text: RenderableType, *, stderr: bool = False) -> None:
-    """Print a sentence; the terminal wraps long lines, so that a path stays in one piece."""
+    """Print a sentence without wrapping, so that a path stays in one piece."""
     terminal(stderr=stderr).print(text, soft_wrap=True)
 
 
 @contextmanager
 def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar on the error stream, unless it is no terminal or ``quiet``. Yield ``update(done, total)``."""
+    """Show a progress bar on the error stream, if it is a terminal and not ``quiet``; yield ``update(done, total)``."""
     from rich.progress import (  # noqa: PLC0415 - slow to import, and help pages have no bar
         BarColumn,
         MofNCompleteColumn,
@@ -69,7 +69,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, i
     task = bar.add_task(what, total=None)
 
     def update(done: int, total: int) -> None:
-        # it appears with the first step, so that a mistake found before it leaves one sentence alone
+        # it appears with the first step, so that an earlier error is printed alone
         bar.start()
         bar.update(task, completed=done, total=total)
 

@@ -55,7 +55,7 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         from flyaround.hil.train.keypoints.head_training import train_head  # noqa: PLC0415 - the same
     except ImportError as error:
         raise missing_extra("training", "train", error) from error
-    made = train_head(
+    trained = train_head(
         craft,
         output,
         views=run.views,
@@ -65,16 +65,16 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         report=report,
     )
     if as_json:
-        typer.echo(msgspec.json.encode(made).decode())
+        typer.echo(msgspec.json.encode(trained).decode())
         return
     say(
-        f"{output}: {made.steps} steps on {made.views} views; on views kept back keypoints are {made.median_px:.1f} of "
-        f"128 px off in the median, {100 * made.within_10_px:.0f} % within 10 px, "
-        f"{100 * made.present:.0f} % of craft noticed"
+        f"{output}: {trained.steps} steps on {trained.views} views; on views kept back keypoints are "
+        f"{trained.median_px:.1f} of 128 px off in the median, {100 * trained.within_10_px:.0f} % within 10 px, "
+        f"{100 * trained.present:.0f} % of craft noticed"
     )
-    if made.symmetries:
+    if trained.symmetries:
         say(
-            f"{craft} looks nearly the same under {made.symmetries} rotations: its keypoints are known up to these"
+            f"{craft} looks nearly the same under {trained.symmetries} rotations: its keypoints are known up to these"
         )
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 RUN_TOML = "run.toml"
 PATH = "path"
 NOT_RECORDED = "how"
-"""Metadata of a field that only says where the result goes or what draws it. Such fields are not recorded."""
+"""Metadata of a field that affects only the destination or the processes; such fields are not recorded."""
 
 
 class Only(NamedTuple):
@@ -34,8 +34,8 @@ class Only(NamedTuple):
     Parameters
     ----------
     field, other : keys, such as ``pictures.n``.
-    values : values of the other field; None for any but its default.
-    sentence : said otherwise; ``{value}`` is that of the field.
+    values : allowed values of the other field; None for any but its default.
+    sentence : error message; ``{value}`` is replaced by the field's value.
     """
 
     field: str
@@ -56,7 +56,7 @@ class RunField(NamedTuple):
 
     Parameters
     ----------
-    key : place in the document, such as ``line.listen``. section : type of its table.
+    key : key in the document, such as ``line.listen``. section : type of its table.
     declared : help and names on the command line. recorded : False for a field marked ``NOT_RECORDED``.
     """
 
@@ -82,7 +82,7 @@ class RunField(NamedTuple):
         """Name on the command line."""
         if isinstance(self.declared, ArgumentInfo):
             return self.name.upper()
-        # Typer puts the first name where a default would be
+        # Typer expects the name where a default would be
         names = [n for n in (self.declared.default, *(self.declared.param_decls or ())) if isinstance(n, str)]
         long = [name for name in names if name.startswith("--")]
         return [*long, *names, f"--{self.name.replace('_', '-')}"][0].partition("/")[0]
@@ -107,12 +107,12 @@ def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
 
 
 def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
-    """Read and check the keys of a run's file; missing ones may come from the command line.
+    """Read and check the keys of a run's file; the command line may add missing ones.
 
     Raises
     ------
     UserError
-        If it cannot be read, is another command's, or has a mistake: file, key, value and allowed values.
+        If it cannot be read, belongs to another command, or has a mistake: file, key, value and allowed values.
     """
     where = f"--run {path}"
     raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
@@ -153,19 +153,19 @@ def refuse_exclusions(run: Run) -> None:
     Raises
     ------
     UserError
-        With the sentence of the first rule that is broken.
+        If they do; the message is that of the first broken rule.
     """
-    given = {field.key for field in given_fields(run)}
+    set_keys = {field.key for field in given_fields(run)}
     for rule in run.RULES:
-        fits = rule.other in given if rule.values is None else attrgetter(rule.other)(run) in rule.values
-        if rule.field in given and not fits:
+        fits = rule.other in set_keys if rule.values is None else attrgetter(rule.other)(run) in rule.values
+        if rule.field in set_keys and not fits:
             raise UserError(rule.sentence.format(value=attrgetter(rule.field)(run)))
 
 
 def run_toml(run: Run) -> bytes:
-    """Return a run as TOML: every key that has a value, without the secrets of URLs.
+    """Return a run as TOML: every key with a value, without the secrets of URLs.
 
-    Fields that do not change the result are left out: output folder, processes and devices.
+    Fields that do not affect the result are omitted: output folder, processes and devices.
     """
     table = msgspec.to_builtins(run)
     for field in run_fields(type(run)):

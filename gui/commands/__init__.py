@@ -1,1 +1,1 @@
-"""Commands of the operator, one file a subject; `all` lists them."""
+"""The operator's commands, one file per subject; `all` lists them."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-THIS, NEW = "this-flight", "new"
+THIS, NEW = "this-flight", "new"  # what to capture, and into which folder, unless told otherwise
 
 
 def _what(console: Console, what: str) -> str:
@@ -44,14 +44,14 @@ def _start(
     formats: str | None = None,
     workers: int | None = None,
 ) -> None:
-    given = _what(console, what or THIS)
-    place = new_folder(FOLDER, f"set-{Path(given).stem}") if folder in {None, NEW} else Path(str(folder))
+    source = _what(console, what or THIS)
+    place = new_folder(FOLDER, f"set-{Path(source).stem}") if folder in {None, NEW} else Path(str(folder))
     console.jobs.capture.start(
         CaptureRequest(
-            what=given, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
+            what=source, frames=frames, folder=place, formats=formats or "native", workers=workers or 1
         )
     )
-    console.say(f"capturing {frames} frames of {given} into {place}")
+    console.say(f"capturing {frames} frames of {source} into {place}")
 
 
 def _stop(console: Console) -> None:

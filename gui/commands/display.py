@@ -26,7 +26,7 @@ OVERLAY_KEYS = {
     "times": "F8",
     "docking": "F10",
 }
-MOST_STOPS = 8.0
+MOST_STOPS = 8.0  # largest change of the exposure [powers of two]
 
 
 def _layer(name: str, console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
@@ -39,7 +39,7 @@ def _layer_is_on(name: str, console: Console) -> bool:
 
 
 def _meter(console: Console) -> None:
-    """Expose as the meter wants this moment's scene."""
+    """Set the exposure to the meter's for the present scene."""
     session, settings = console.session, console.options.settings
     scene = session.scene()
     wanted_s = wanted_exposure_s(AutoExposure(), scene, session.plan.target)

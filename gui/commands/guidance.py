@@ -36,10 +36,10 @@ COMMANDS = (
             f"guidance.{name}",
             f"{title} approach",
             f"along the {axis} to a hold point, by default 10 m from the centre of mass",
-            order(made),
+            order(kind),
             arguments=(HOLD, SPEED),
         )
-        for name, title, axis, made in (
+        for name, title, axis, kind in (
             ("vbar", "V-bar", "velocity axis", orders.ApproachVbar),
             ("rbar", "R-bar", "radius", orders.ApproachRbar),
         )

@@ -1,4 +1,4 @@
-"""Commands of the log: keep it as a script."""
+"""Commands of the log: save it as a script."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def script_header(console: Console) -> tuple[str]:
 
 
 def script_of(console: Console) -> str:
-    """Return the log as a script, with what it was made of."""
+    """Return the log as a script, with its header."""
     return console.log.text(script_header(console))
 
 

@@ -1,4 +1,4 @@
-"""Commands for people: undo, size of letters, help, tour, pictures of the window, films, files that are dropped."""
+"""Commands for people: undo, text size, help, tour, pictures of the window, films, dropped files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1
+LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font's scale
 TOUR_STEPS = 6
 
 
@@ -61,9 +61,9 @@ def _film_end(console: Console) -> None:
     if film is None:
         raise UserError("no film is being made: begin one with film.start")
     film.close()
-    left = f", {film.left_out} left out" if film.left_out else ""
+    skipped = f", {film.left_out} left out" if film.left_out else ""
     if film.trouble is None:
-        console.say(f"filmed {film.path}: {film.pictures} pictures{left}")
+        console.say(f"filmed {film.path}: {film.pictures} pictures{skipped}")
     else:
         console.say(film.trouble, "caution")
 
@@ -85,10 +85,10 @@ def _open(console: Console, path: str) -> None:
 
 
 def _enlarge(console: Console, panel: str | None = None) -> None:
-    window, wanted = console.window, panel or console.help.hovered or "lvlh-map"
-    if f"panel.{wanted}" not in console.table:
-        raise UserError(f"there is no panel '{wanted}' to enlarge; F1 lists them as panel.NAME")
-    window.enlarged = "" if window.enlarged else wanted
+    window, panel_name = console.window, panel or console.help.hovered or "lvlh-map"
+    if f"panel.{panel_name}" not in console.table:
+        raise UserError(f"there is no panel '{panel_name}' to enlarge; F1 lists them as panel.NAME")
+    window.enlarged = "" if window.enlarged else panel_name
 
 
 COMMANDS = (

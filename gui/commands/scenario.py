@@ -1,4 +1,4 @@
-"""Commands of scenarios: open another one, edit its text, fly what was edited."""
+"""Commands of scenarios: open another one, edit its text, fly the edited text."""
 
 from __future__ import annotations
 

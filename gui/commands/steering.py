@@ -1,4 +1,4 @@
-"""Commands of the chaser: thrust and turns as long as a key is held, and what flies when none is."""
+"""Commands of the chaser: thrust and rotation while a key is held, and automatic modes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def order(make: Callable[..., Order]) -> Callable[..., None]:
-    """Return a command's function that gives the order made of the command's arguments."""
+    """Return a command's function that gives the order made from its arguments."""
     return lambda console, *values: console.order(make(*values))
 
 

@@ -1,4 +1,4 @@
-"""Commands of the timeline: go back in what was flown, fly on from there, mark places, make it a scenario."""
+"""Commands of the timeline: seek, fly on, bookmark, and export the flown flight."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 FOLDER = Path("out") / "console" / "flights"
 SLICE_S = 0.008
-"""Of each turn of the window, for a flight that is being written."""
+"""Time per turn of the window for writing a flight."""
 SKIP_S = 10.0
 FRAMES = 50
-"""Of a data set, unless given."""
+"""Default number of frames of a data set."""
 
 
 def _seek(console: Console, t_s: float) -> None:
@@ -79,11 +79,11 @@ def _neighbour(step: int, console: Console) -> None:
 
 @dataclass(eq=False)
 class Keeping:
-    """A flight that is being written, a little of it in each turn of the window.
+    """A flight that is being written in portions, one per turn of the window.
 
     Parameters
     ----------
-    then : what is done with the scenario once it is whole.
+    then : function called with the scenario once it is complete.
     """
 
     console: Console
@@ -92,7 +92,7 @@ class Keeping:
     _told_s: float = 0.0
 
     def __call__(self) -> bool:
-        """Write some more; return False at the end."""
+        """Write a portion; return False at the end."""
         try:
             replay = self.files.go_on(SLICE_S)
         except (UserError, OSError) as error:

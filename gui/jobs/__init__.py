@@ -1,1 +1,1 @@
-"""Programs beside the window: a data set being captured, a board and the host's side of its link; no window."""
+"""Background jobs beside the window: capture, board and link, estimator, film; no window."""

@@ -1,4 +1,4 @@
-"""Everything that runs beside the flight, kept up once a turn of the loop."""
+"""All background jobs, updated once per turn of the loop."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Jobs:
 
     Parameters
     ----------
-    say : reports a text, and its level unless it is a note. do : runs a command.
+    say : function that reports a text with a level. do : function that runs a command.
     """
 
     say: Callable[..., None]
@@ -36,15 +36,15 @@ class Jobs:
     film: Film | None = None
     mesh: MeshImport | None = None
     keeping: list[Callable[[], bool]] = field(default_factory=list)
-    """Flights that are being written; each returns False at its end."""
+    """Flights being written; each call writes a portion and returns False at the end."""
     _filmed: Picture | None = None
 
     def update(self, session: FlightSession, picture: Picture | None, t_ms: int) -> None:
-        """Hand each job the newest state of the flight, and report its news.
+        """Pass each job the newest state of the flight, and report its news.
 
         Parameters
         ----------
-        picture : the newest of the chaser's camera. t_ms : operator's time.
+        picture : newest picture of the chaser's camera. t_ms : real time.
         """
         self._update_estimates(picture)
         for note in self.hil.update(session):
@@ -92,7 +92,7 @@ class Jobs:
             self.do("scenario.target", target)
 
     def close(self) -> None:
-        """End all of them."""
+        """End all jobs."""
         for job in (self.estimates, self.hil, self.capture, self.film, self.mesh):
             if job is not None:
                 job.close()

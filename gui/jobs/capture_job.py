@@ -1,4 +1,4 @@
-"""A data set captured beside the flight: `flyaround capture` in a process of its own, followed by its files."""
+"""A data set captured beside the flight: `flyaround capture` in its own process, watched through its files."""
 
 from __future__ import annotations
 
@@ -31,12 +31,13 @@ MOST_FRAMES, MOST_WORKERS = 1_000_000, 64
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureRequest:
-    """A capture to be run.
+    """Options of a capture.
 
     Parameters
     ----------
-    what : scenario or recipe, a name or a file. frames : how many. folder : where. formats : with commas.
-    workers : processes that draw. resume : go on with what is there.
+    what : name or file of a scenario or recipe. frames : number of frames. folder : destination. formats :
+        comma-separated.
+    workers : number of drawing processes. resume : True to continue an existing set.
     """
 
     what: str
@@ -61,18 +62,18 @@ class CaptureRequest:
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """A small picture of a frame that was written: (h, w) or (h, w, 3), RGB."""
+    """A small picture of a written frame: (h, w) or (h, w, 3), RGB."""
 
     name: str
     image: ByteArray
 
 
 class CaptureJob:
-    """One capture: started, looked at, stopped; a finished or failed one stays to be seen.
+    """One capture; a finished or failed one stays visible.
 
     Parameters
     ----------
-    clock : seconds, monotonic.
+    clock : monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -86,22 +87,22 @@ class CaptureJob:
         self.began_s = 0.0
         self.ended_s = 0.0
         self.outcome = ""
-        """How the last one ended, in a sentence; empty while it runs or where there was none."""
+        """Outcome of the last capture in a sentence; empty while it runs, or without one."""
         self.thumbnails: list[Thumbnail] = []
 
     @property
     def running(self) -> bool:
-        """True while a capture is under way."""
+        """True while a capture is running."""
         return self._program is not None
 
     @property
     def stopping(self) -> bool:
-        """True once it was asked to end."""
+        """True once it has been asked to end."""
         return self._program is not None and self._program.stopped
 
     @property
     def pid(self) -> int | None:
-        """Number of its process."""
+        """Process identifier."""
         return None if self._program is None else self._program.pid
 
     @property
@@ -113,18 +114,18 @@ class CaptureJob:
 
     @property
     def left_s(self) -> float | None:
-        """Estimated time left at the pace so far [s]; None while unknown."""
+        """Estimated remaining time [s]; None while unknown."""
         if self.request is None or not self.running or self.done < 2:
             return None
         return self.elapsed_s / self.done * max(self.request.frames - self.done, 0)
 
     def start(self, request: CaptureRequest) -> None:
-        """Begin; the folder is the program's to check.
+        """Start a capture; the program itself checks the folder.
 
         Raises
         ------
         UserError
-            If one is under way.
+            If one is running.
         OSError
             If the program cannot be started.
         """
@@ -136,12 +137,12 @@ class CaptureJob:
         self._looked_s = 0.0
 
     def stop(self) -> None:
-        """Tell it to end; what is written stays, and can be gone on with."""
+        """Ask it to end; written frames stay, and it can be resumed."""
         if self._program is not None:
             self._program.stop()
 
     def update(self) -> str | None:
-        """Look at it, now and then; a sentence at its end."""
+        """Check it from time to time; return a sentence at its end."""
         program, request = self._program, self.request
         if self._decoding is not None and self._decoding.done():
             self.thumbnails, self._decoding = self._decoding.result(), None
@@ -173,7 +174,7 @@ class CaptureJob:
 
 
 def pictures_in(folder: Path) -> list[str]:
-    """Return the names of the written pictures, in order; of a recipe of several data sets those of all."""
+    """Return the names of the written pictures in order; those of all data sets, for a recipe of several."""
     places = [folder, *(p for p in _folders(folder) if (p / "images").is_dir())]
     names = []
     for place in places:
@@ -201,8 +202,8 @@ def _folders(folder: Path) -> list[Path]:
 
 
 def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
-    """Return small pictures of these files; unreadable ones are left out."""
-    made = []
+    """Return small pictures of these files, without unreadable ones."""
+    pictures = []
     for name in names:
         try:
             data = np.fromfile(folder / name, np.uint8)
@@ -216,11 +217,11 @@ def thumbnails(folder: Path, names: list[str]) -> list[Thumbnail]:
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         if small.ndim == 3:
             small = cv2.cvtColor(small, cv2.COLOR_BGR2RGB)
-        # 10 or 12 bits lie in 16: the largest value is the picture's scale
+        # 10 or 12 bits are stored in 16: scale by the largest value
         full = 255 if small.dtype == np.uint8 else max(int(small.max()), 255)
         light = decode(small / full, _encoding(folder / name))
-        made.append(Thumbnail(name, np.rint(255 * shown_light(light)).astype(np.uint8)))
-    return made
+        pictures.append(Thumbnail(name, np.rint(255 * shown_light(light)).astype(np.uint8)))
+    return pictures
 
 
 class _Camera(msgspec.Struct):
@@ -250,15 +251,15 @@ def _outcome(program: ChildProgram, request: CaptureRequest, done: int) -> str:
 
 
 def _summary(text: str, done: int) -> str:
-    """Return how many frames were written, and how many were put aside."""
+    """Return the number of written frames, and of quarantined ones."""
     try:
         report = json.loads(text)
         reports = report.get("members", {"": report}).values()
-        written = sum(int(r["written"]) + int(r["kept"]) for r in reports)
+        n_written = sum(int(r["written"]) + int(r["kept"]) for r in reports)
         aside = sum(len(r["quarantined"]) for r in reports)
     except (ValueError, KeyError, TypeError, AttributeError):
         return f"{done} frames"
-    return f"{written} frames" + (f", {aside} more put aside" if aside else "")
+    return f"{n_written} frames" + (f", {aside} more put aside" if aside else "")
 
 
 def time_text(seconds: float) -> str:

@@ -1,6 +1,6 @@
-"""The estimator beside the flight: any method on the newest picture, in a process of its own, one picture at a time.
+"""The estimator beside the flight: any method on the newest picture, in its own process, one picture at a time.
 
-The window never waits for it: what is under way is polled, and a process that hangs or dies is ended and started again.
+The window never waits: results are polled, and a process that hangs or dies is restarted.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 State = Literal["off", "starting", "waiting", "estimating"]
 
 LIMIT_S = 20.0
-"""A process that has done nothing for so long while an answer is due hangs. Making an estimator may take minutes."""
+"""Time without processor use, while an answer is due, after which the process is restarted."""
 KEPT = 2000
-"""Answers that are kept for the plots."""
+"""Number of answers kept for the plots."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparedEstimate:
-    """One answer beside the truth of its picture.
+    """An answer with the truth of its picture.
 
     Parameters
     ----------
-    t_s : simulated time of the picture. done_s : when it was known, on the clock of `Estimates`.
-    E_R_deg, E_T_m : errors against the truth; None without a pose. took_ms : of the whole estimate.
+    t_s : simulated time of the picture. done_s : time of the answer, on the clock of `Estimates`.
+    E_R_deg, E_T_m : errors against the truth; None without a pose.
     size_px : width and height of the picture.
     """
 
@@ -61,12 +61,12 @@ class ComparedEstimate:
 
 
 class Estimates:
-    """Runs a method on the newest picture, again and again while it is on; `update` is called once a turn.
+    """Runs a method on the newest picture repeatedly while it is on; call `update` once per turn.
 
     Parameters
     ----------
-    open_resource, work : of the process; tests give their own.
-    limit_s : a process that uses no processor time for so long is restarted. clock : seconds, monotonic.
+    open_resource, work : resource and function of the process.
+    limit_s : time without processor use after which a process is restarted. clock : monotonic time [s].
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Estimates:
         self._answered = False
         self._since_s = 0.0
 
-    # --- what the operator asks for
+    # --- requests of the operator
 
     def start(self) -> None:
         """Run from the next picture on."""
@@ -101,12 +101,12 @@ class Estimates:
             self.on, self._last = True, None
 
     def stop(self) -> None:
-        """Run no more; what is under way is given up."""
+        """Stop; the estimate in progress is abandoned."""
         self.on = False
         self._end_worker()
 
     def choose(self, method: str) -> None:
-        """Go on with another method; what an earlier one is at is given up."""
+        """Continue with another method, abandoning the estimate in progress."""
         if method == self.method:
             return
         self.method, self._last = method, None
@@ -114,11 +114,11 @@ class Estimates:
             self._end_worker()
 
     def want_stages(self, *, wanted: bool) -> None:
-        """Have pictures of the stages with each answer from now on; they take as long again."""
+        """Request pictures of the stages with each answer from now on, which doubles the time."""
         self.stages_wanted, self._last = wanted, None
 
     def forget(self) -> None:
-        """Forget all answers; the one under way is discarded when it comes."""
+        """Discard all answers, including the one in progress."""
         self.newest, self._last, self._discarded = None, None, self._under_way
         self.history.clear()
 
@@ -133,29 +133,29 @@ class Estimates:
 
     @property
     def pid(self) -> int | None:
-        """Number of the process, while there is one."""
+        """Identifier of the process, while there is one."""
         return None if self._worker is None else self._worker.pids[0]
 
     @property
     def per_s(self) -> float:
-        """Answers a second, over the last ten."""
+        """Answers per second, over the last ten."""
         last = list(self.history)[-10:]
         span = last[-1].done_s - last[0].done_s if len(last) > 1 else 0.0
         return (len(last) - 1) / span if span > 0 else 0.0
 
     def take_troubles(self) -> list[str]:
-        """Return the failures since the last call, a sentence each."""
+        """Return the failures since the last call, one sentence each."""
         troubles, self._troubles = self._troubles, []
         return troubles
 
-    # --- once a turn
+    # --- once per turn
 
     def update(self, picture: Picture | None) -> bool:
-        """Take an answer that is there, and give the newest picture; whether an answer came. Never waits.
+        """Take an answer, if ready, and submit the newest picture; return True if an answer came. Never waits.
 
         Parameters
         ----------
-        picture : the newest of the sensor view.
+        picture : newest picture of the sensor view.
         """
         before = self.newest
         if not self.on:
@@ -194,7 +194,7 @@ class Estimates:
 
     @property
     def busy_s(self) -> float:
-        """Time that the answer under way has taken so far [s]."""
+        """Elapsed time of the answer in progress [s]."""
         return 0.0 if self._under_way is None else self._clock() - self._since_s
 
     def _submit(self, worker: WorkerPool[Answer], picture: Picture) -> None:
@@ -221,7 +221,7 @@ class Estimates:
             return
         estimate = compared(picture, method, answer, self._clock())
         if self.history and estimate.t_s < self.history[-1].t_s:
-            # the flight was begun again
+            # the flight was restarted
             self.history.clear()
         self.history.append(estimate)
         self.newest = estimate
@@ -240,7 +240,7 @@ class Estimates:
             worker.close()
 
     def _forget_request(self) -> None:
-        """Have what was under way asked for again, should it run on."""
+        """Request the abandoned estimate again, if it is switched on."""
         self._under_way = self._last = None
         self._answered = False
 
@@ -250,7 +250,7 @@ class Estimates:
 
 
 def compared(picture: Picture, method: str, answer: Answer, done_s: float) -> ComparedEstimate:
-    """Return an estimate beside the truth of its picture."""
+    """Return an estimate with the truth of its picture."""
     scene = picture.frame.scene
     q, t = answer.q_camera_from_target_wxyz, answer.t_camera_from_target_m
     turn = shift = None

@@ -1,4 +1,4 @@
-"""The process of the console's estimator: its requests and answers, and the estimators that it keeps."""
+"""The process of the console's estimator: requests, answers, and its cached estimators."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Quat, Vec3
     from flyaround.simulator.scene.state import TargetRef
 
-STAGE_QUALITY = 88
+STAGE_QUALITY = 88  # JPEG quality of a stage's picture
 KEPT_ESTIMATORS = 4
 NICENESS = 5
-"""Window and pictures go first where there are few processors."""
+"""Niceness: window and pictures have priority."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class EstimateRequest:
 
     Parameters
     ----------
-    t_s : mid-exposure, for a method that follows the target. stages : whether pictures of the stages are wanted.
+    t_s : mid-exposure, for a tracking method. stages : True to return pictures of the stages.
     """
 
     method: str
@@ -62,7 +62,7 @@ class Answer:
 
 
 class EstimatesByProcess:
-    """Estimators of the process, made when a method, a camera or a craft is first requested."""
+    """Estimators of the process, created when a method, camera or craft is first requested."""
 
     info = "ready"
 
@@ -93,7 +93,7 @@ class EstimatesByProcess:
         if key not in self._made:
             try:
                 check_any_method(request.method)
-                made = any_estimator(
+                estimator = any_estimator(
                     board_model(request.target.drawn()),
                     CameraIntrinsics.from_dict(msgspec.to_builtins(request.camera)),
                     MethodChoice(request.method),
@@ -102,7 +102,7 @@ class EstimatesByProcess:
                 raise UserError(f"the estimator cannot be made: {error}") from error
             while len(self._made) >= KEPT_ESTIMATORS:
                 self._made.pop(next(iter(self._made)))
-            self._made[key] = made
+            self._made[key] = estimator
         return self._made[key]
 
 

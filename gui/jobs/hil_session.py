@@ -1,4 +1,4 @@
-"""A session of the host's side of the link on the console's flight, and a board of this machine beside it: polled."""
+"""A session of the host's side of the link on the console's flight, and a board on this machine, both polled."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 State = Literal["off", "starting", "waiting for a board", "streaming", "ending"]
 
-KEPT_ROWS = 5000
+KEPT_ROWS = 5000  # frames whose records are kept
 RATE_OVER_S = 5.0
 END_PATIENCE_S, KILL_PATIENCE_S = 3.0, 15.0
-"""After which a session that is to end is interrupted, and killed."""
+"""Times after which a session that should end is interrupted, and killed."""
 BIN_EDGES_MS = tuple(float(e) for e in np.round(np.geomspace(1.0, 10_000.0, 41), 3))
-"""Of the latencies' distribution, evenly in the logarithm."""
+"""Bins of the latency distribution, uniform in the logarithm."""
 
 
 class HilSession:
-    """Starts the process, hands it the newest moment when it asks, keeps the rows. Nothing here waits.
+    """Starts the process, sends it the newest scene on request, and keeps the ledger's rows. Nothing here waits.
 
     Parameters
     ----------
-    clock : seconds, monotonic.
+    clock : monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -56,7 +56,7 @@ class HilSession:
         self._reset(None, None)
 
     def _reset(self, session: FlightSession | None, log_dir: Path | None) -> None:
-        """Forget the session before, with its figures."""
+        """Discard the previous session, with its figures."""
         self._session, self.log_dir = session, log_dir
         self._wanted = self._interrupted = False
         self._sent_t_s: float | None = None
@@ -68,10 +68,10 @@ class HilSession:
         self._arrived_s: deque[float] = deque(maxlen=KEPT_ROWS)
         self.outcomes: Counter[str] = Counter()
         self.struck: Counter[str] = Counter()
-        """Frames that a fault struck, by its kind."""
+        """Number of frames affected by each kind of fault."""
         self.sent = 0
 
-    # --- what the operator asks for
+    # --- requests of the operator
 
     @property
     def on(self) -> bool:
@@ -95,18 +95,18 @@ class HilSession:
         return None if self._process is None else self._process.pid
 
     def start(self, session: FlightSession, config: RunConfig, device_index: int | None = None) -> None:
-        """Begin on a flight.
+        """Start on a flight.
 
         Raises
         ------
         UserError
-            If there is one already.
+            If there is a session already.
         """
         if self.on:
             raise UserError("a session with a board is under way: end it first")
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        # no daemon: it has processes of its own, for drawing and for the link
+        # not a daemon, because it starts processes for drawing and for the link
         self._process = context.Process(
             target=stream, args=(theirs, config, device_index), name="flyaround hil host"
         )
@@ -122,7 +122,7 @@ class HilSession:
         self._send(Close("the session was stopped in the console"))
 
     def add_fault(self, fault: CameraFault | LineFault) -> None:
-        """Apply a fault from the next picture on.
+        """Inject a fault from the next picture on.
 
         Raises
         ------
@@ -135,20 +135,20 @@ class HilSession:
 
     @property
     def board_running(self) -> bool:
-        """True while a board of this machine runs."""
+        """True while a board runs on this machine."""
         return self._board is not None or self._board_wanted is not None
 
     def start_board(self, target: str, method: str, url: str | None = None) -> None:
-        """Start a board's process on this machine, at the latest when the session's host listens.
+        """Start a board's process on this machine, once the session's host listens.
 
         Parameters
         ----------
-        target : name of the craft. url : of the host; this session's unless given.
+        target : name of the craft. url : URL of the host; by default this session's.
 
         Raises
         ------
         UserError
-            If one runs, or there is no session to connect to.
+            If one is running, or there is no session to connect to.
         """
         if self.board_running:
             raise UserError("a board runs on this machine already: stop it first")
@@ -168,14 +168,14 @@ class HilSession:
         if self._board is not None:
             self._board.stop()
 
-    # --- once a turn
+    # --- once per turn
 
     def update(self, session: FlightSession) -> list[SessionNote]:
-        """Take what came, send the newest moment, and return the news.
+        """Take arrived events, send the newest scene, and return the news.
 
         Parameters
         ----------
-        session : the flight that is shown; another than the session began with ends it.
+        session : the present flight; the session ends if it is not the one it began with.
         """
         notes = self._look_at_board()
         if self._process is None:
@@ -185,7 +185,7 @@ class HilSession:
             self.stop()
         self._take(notes)
         if self._wanted and self._stop_s is None and session.t_s != self._sent_t_s:
-            # a flight that is paused has no new moment, and the board waits
+            # a paused flight has no new scene, and the board waits
             self._wanted, self._sent_t_s = False, session.t_s
             self._send(session.scene())
         self._hasten()
@@ -211,8 +211,8 @@ class HilSession:
                 self.url = url
                 notes.append(SessionNote(f"a board may connect: flyaround hil board {url}"))
                 if self._board_wanted is not None:
-                    wanted, self._board_wanted = self._board_wanted, None
-                    self.start_board(*wanted)
+                    board, self._board_wanted = self._board_wanted, None
+                    self.start_board(*board)
             case SessionNote(text, warning):
                 if text.startswith("board connected"):
                     self.board_name = text.partition(": ")[2]
@@ -232,20 +232,20 @@ class HilSession:
         self.sent += 1
 
     def _hasten(self) -> None:
-        """Interrupt what is to end and does not; then kill it."""
+        """Interrupt a process that should have ended; then kill it."""
         if self._stop_s is None or self._process is None or self._process.pid is None:
             return
-        waited = self._clock() - self._stop_s
-        if waited > END_PATIENCE_S and not self._interrupted:
+        waited_s = self._clock() - self._stop_s
+        if waited_s > END_PATIENCE_S and not self._interrupted:
             self._interrupted = True
             with contextlib.suppress(OSError):
                 os.kill(self._process.pid, signal.SIGINT)
-        if waited > KILL_PATIENCE_S:
+        if waited_s > KILL_PATIENCE_S:
             self._process.kill()
 
     def _over(self) -> SessionNote:
         exit_code = None if self._process is None else self._process.exitcode
-        asked = self._stop_s is not None
+        was_asked = self._stop_s is not None
         self._forget_process()
         if self._failed is not None:
             return SessionNote(f"the session with the board ended: {self._failed.sentence}", warning=True)
@@ -258,18 +258,18 @@ class HilSession:
             text += f"; the board left ({s.board_gone})"
         if self.log_dir is not None:
             text += f"; flyaround hil report {self.log_dir}"
-        return SessionNote(text, warning=not asked)
+        return SessionNote(text, warning=not was_asked)
 
     def _look_at_board(self) -> list[SessionNote]:
         board = self._board
         if board is None or board.running:
             return []
-        words, code, asked = board.last_words(), board.exit_code, board.stopped
+        words, code, was_stopped = board.last_words(), board.exit_code, board.stopped
         board.close()
         self._board = None
         return [
             SessionNote(
-                f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not asked
+                f"the board's process ended: {words or f'exit code {code}'}", bool(code) and not was_stopped
             )
         ]
 
@@ -287,7 +287,7 @@ class HilSession:
         self.url = self.board_name = ""
 
     def close(self) -> None:
-        """End both, in a bounded time."""
+        """End both, in bounded time."""
         if self._board is not None:
             self._board.close()
             self._board = None
@@ -295,7 +295,7 @@ class HilSession:
             return
         self.stop()
         while self._process.is_alive():
-            # rows that nobody takes must not block its last words
+            # unread rows must not block its last messages
             self._take([])
             self._hasten()
             self._process.join(0.05)
@@ -305,19 +305,19 @@ class HilSession:
 
     @property
     def per_s(self) -> float:
-        """Answers a second over the last seconds."""
+        """Answers per second over the last seconds."""
         now = self._clock()
         recent = [t for t in self._arrived_s if now - t < RATE_OVER_S]
         return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 
     @property
     def accepted(self) -> int:
-        """Poses that the board stands by."""
+        """Number of accepted poses."""
         return self.outcomes["accepted"]
 
     @property
     def drops(self) -> dict[str, int]:
-        """Frames without an answer by cause."""
+        """Number of frames without an answer, by cause."""
         return {
             name.removeprefix("dropped:"): n
             for name, n in sorted(self.outcomes.items())
@@ -325,10 +325,10 @@ class HilSession:
         }
 
     def latencies_ms(self) -> FloatArray:
-        """Return (n,) times from the first byte out to the pose back, of the answered frames [ms]."""
+        """Return (n,) times from the first byte sent to the pose received, for answered frames [ms]."""
         return np.array([r.e2e_ms for r in self.rows if r.e2e_ms is not None], float)
 
     def latency_counts(self) -> FloatArray:
-        """Return (40,) answered frames by latency, between `BIN_EDGES_MS`; the outer ones take what lies beyond."""
+        """Return (40,) numbers of answered frames by latency between `BIN_EDGES_MS`, the rest in the outer bins."""
         clipped = np.clip(self.latencies_ms(), BIN_EDGES_MS[0], BIN_EDGES_MS[-1])
         return np.histogram(clipped, BIN_EDGES_MS)[0].astype(float)

@@ -1,9 +1,9 @@
-"""The host's side of a link on the console's flight, in a process of its own: scenes and faults in, events out.
+"""The host's side of a link on the console's flight, in its own process: scenes and faults in, events out.
 
 The pipe carries scenes, faults and, at the end, `Close` to the process, and each `Event` from it.
 
-In lockstep: the next picture is of the newest moment of the flight once the board has answered. The process draws it
-whole, as `flyaround hil host` does, and runs the same link, faults and ledger.
+In lockstep, the next picture is of the flight's newest moment once the board has answered. The process draws complete
+frames like `flyaround hil host`, with the same link, faults and ledger.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ CAMERA_FAULTS: tuple[type, ...] = get_args(CameraFault)
 
 @dataclass(frozen=True)
 class SceneWanted:
-    """Request for the newest moment of the flight."""
+    """Request for the newest scene of the flight."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ Event = SceneWanted | Listening | SessionNote | FrameRecord | LedgerSummary | Fa
 def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> None:
     """Run the host until told to stop; the entry point of the process."""
     threading.Thread(target=_leave_with_parent, name="watch parent", daemon=True).start()
-    # who closes the session interrupts it, as Ctrl-C does
+    # closing the session interrupts it, like Ctrl-C
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     logging.getLogger("flyaround.hil.host").addHandler(_ToConsole(pipe))
     logging.getLogger("flyaround.hil.host").setLevel(logging.INFO)
@@ -83,7 +83,7 @@ def stream(pipe: Connection, config: RunConfig, device_index: int | None) -> Non
 
 
 class _Newest:
-    """The newest moment as frames, with the faults that came meanwhile."""
+    """The newest scene as frames, with the faults that arrived meanwhile."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
@@ -107,12 +107,12 @@ class _Newest:
                 yield next(faulty)
 
     def take_line_faults(self) -> list[LineFault]:
-        """Return the line faults that came since the last frame."""
-        taken, self._line_faults = self._line_faults, []
-        return taken
+        """Return the line faults since the last frame."""
+        faults, self._line_faults = self._line_faults, []
+        return faults
 
     def _next(self) -> SceneState | None:
-        """Wait for a scene that is not drawn yet, and keep the faults that come before it; None at the end."""
+        """Wait for a new scene, keeping faults that arrive before it; return None at the end."""
         self._pipe.send(SceneWanted())
         with contextlib.suppress(EOFError):
             while not isinstance(message := self._pipe.recv(), SceneState | Close):
@@ -139,13 +139,13 @@ class _ToConsole(logging.Handler):
         self._pipe = pipe
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send it; a console that is gone needs no words."""
+        """Send the record, if the console still exists."""
         with contextlib.suppress(OSError):
             self._pipe.send(SessionNote(record.getMessage(), record.levelno >= logging.WARNING))
 
 
 def _leave_with_parent() -> None:
-    """End as by Ctrl-C once the console is gone: one that was killed tells nobody."""
+    """End as by Ctrl-C once the console has ended, which a killed one cannot announce."""
     parent: Any = parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])

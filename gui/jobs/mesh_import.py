@@ -1,4 +1,4 @@
-"""A mesh becomes a target in a process of its own, by ``flyaround targets add``; the flight goes on meanwhile."""
+"""Import of a mesh as a target in its own process, by ``flyaround targets add``, while the flight continues."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ LONGEST_NAME, LONGEST_MISTAKE = 40, 400
 
 
 class MeshImport:
-    """One mesh at a time.
+    """The import of one mesh.
 
     Parameters
     ----------
-    path : of the mesh.
+    path : file of the mesh.
 
     Raises
     ------
@@ -35,7 +35,7 @@ class MeshImport:
         )
 
     def update(self) -> str | None:
-        """Return the mistake once the import has ended, empty if there is none; None until then."""
+        """Return the error once the import has ended, empty if there is none; None before."""
         if self._program.running:
             return None
         code, words = self._program.exit_code, self._program.last_words()
@@ -43,10 +43,10 @@ class MeshImport:
         return (words or f"it ended with code {code}")[:LONGEST_MISTAKE] if code else ""
 
     def close(self) -> None:
-        """Give it up."""
+        """Abandon it."""
         self._program.close()
 
 
 def target_name(stem: str) -> str:
-    """Return a target's name made of a file's."""
+    """Return a target's name derived from a file's."""
     return re.sub(r"[^a-z0-9]+", "-", stem.lower()).strip("-")[:LONGEST_NAME] or "mesh"

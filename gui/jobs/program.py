@@ -1,4 +1,4 @@
-"""A command of Flyaround that runs beside the window: its output in a file, polled, ended in a bounded time."""
+"""A Flyaround command in its own process: output to a file, polled, ended in bounded time."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 PATIENCE_S = 8.0
-"""Time that a program has to end before it is killed."""
+"""Grace period before a program is killed."""
 MOST_BYTES = 200_000
-"""Of a program's output that are read."""
+"""Largest number of output bytes that are read."""
 
 
 class ChildProgram:
-    """``flyaround`` with arguments, in a process of its own.
+    """``flyaround`` with arguments, in its own process.
 
     Parameters
     ----------
-    arguments : after ``flyaround``. clock : seconds, monotonic.
+    arguments : command line after ``flyaround``. clock : monotonic time [s].
 
     Raises
     ------
@@ -38,7 +38,7 @@ class ChildProgram:
         self.arguments = tuple(arguments)
         self._clock = clock
         self._told_s: float | None = None
-        # -P: no folder named hil in the working directory is taken for ours
+        # -P: a folder named hil in the working directory is not imported
         command = [sys.executable, "-P", "-m", "flyaround", *arguments]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
         self._out, self._err = (tempfile.TemporaryFile() for _ in range(2))  # noqa: SIM115 - closed by `close`
@@ -48,12 +48,12 @@ class ChildProgram:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process identifier."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """True while it runs; kills it if it was asked to end and does not."""
+        """True while it runs; if it does not end when asked, it is killed."""
         if self._process.poll() is not None:
             return False
         if self._told_s is not None and self._clock() - self._told_s > PATIENCE_S:
@@ -67,7 +67,7 @@ class ChildProgram:
 
     @property
     def stopped(self) -> bool:
-        """True once it was asked to end."""
+        """True once it has been asked to end."""
         return self._told_s is not None
 
     def stop(self) -> None:
@@ -88,7 +88,7 @@ class ChildProgram:
         return lines[-1].removeprefix("flyaround: ") if lines else ""
 
     def close(self, patience_s: float = 2.0) -> None:
-        """End it, waiting a little; then it is killed."""
+        """End it, waiting a little before it is killed."""
         self.stop()
         try:
             self._process.wait(patience_s)

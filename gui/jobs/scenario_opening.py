@@ -1,4 +1,4 @@
-"""Opening a scenario beside the flight: it is read and propagated in a thread, and the window goes on meanwhile."""
+"""Opening a scenario beside the flight: it is read and propagated in a thread."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ if TYPE_CHECKING:
 
 
 class ScenarioOpener:
-    """One scenario at a time."""
+    """Opens one scenario at a time."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="scenario")
         self._pending: Future[FlightSession] | None = None
         self.name = ""
         self.source = ""
-        """Built-in name or file of what was opened last; empty for a scenario that is in no file."""
+        """Built-in name or file of the scenario opened last; empty if it is in no file."""
 
     def is_busy(self) -> bool:
         """Return True while a scenario is being opened."""
         return self._pending is not None
 
     def open(self, scenario: str | Scenario) -> None:
-        """Begin to open a scenario, by its name, its file or as it is.
+        """Start opening a scenario, given by name, file or object.
 
         Raises
         ------
@@ -42,12 +42,12 @@ class ScenarioOpener:
         self._pending = self._pool.submit(_open, scenario)
 
     def take(self) -> FlightSession | None:
-        """Return the flight that was opened, once.
+        """Return the opened flight, once.
 
         Raises
         ------
         UserError
-            If it could not be; says what is wrong.
+            If it could not be opened; the message says why.
         """
         if self._pending is None or not self._pending.done():
             return None

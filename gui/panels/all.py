@@ -21,8 +21,8 @@ panels.log:LogPanel panels.key_list:KeyList panels.key_list:Palette panels.help:
 
 def _class(name: str) -> type[Panel]:
     module, _, kind = name.partition(":")
-    found: type[Panel] = getattr(import_module(f"flyaround.gui.{module}"), kind)
-    return found
+    panel: type[Panel] = getattr(import_module(f"flyaround.gui.{module}"), kind)
+    return panel
 
 
 PANELS = tuple(_class(name) for name in CLASSES.split())

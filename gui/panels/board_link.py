@@ -93,12 +93,12 @@ class BoardLinkPanel(Panel):
             w.row("Position", (1e3 * (last.E_T_m or 0.0),), "{:.1f} mm", "error of the last accepted pose")
 
     def _distribution(self, hil: HilSession) -> None:
-        """Answered pictures by latency, on a log scale of milliseconds."""
+        """Draw answered pictures by latency, on a logarithmic scale of milliseconds."""
         w, implot = self._w, self._w.implot
         counts = hil.latency_counts()
         tip = "pictures by their latency, from the first byte out to the pose back [ms, log scale]"
-        with w.plot("latency", 120, tip) as seen:
-            if not seen:
+        with w.plot("latency", 120, tip) as is_open:
+            if not is_open:
                 return
             axis = implot.AxisFlags_
             implot.setup_axes("latency [ms]", "pictures", axis.no_highlight, axis.no_highlight)
@@ -107,7 +107,7 @@ class BoardLinkPanel(Panel):
             implot.setup_axis_scale(implot.ImAxis_.x1, implot.Scale_.log10)
             implot.setup_axes_limits(low, high, 0, 1.1 * float(counts.max()), w.imgui.Cond_.always)
             decades = [m * p for p in (1, 10, 100, 1000) for m in (1, 2, 5)] + [10000]
-            # one at the edge would leave the panel
+            # a line at the edge would leave the panel
             ticks = [t for t in decades if low <= t <= 0.8 * high]
             if ticks:
                 implot.setup_axis_ticks(implot.ImAxis_.x1, [float(t) for t in ticks], [str(t) for t in ticks])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.capture_job import CaptureJob
     from flyaround.gui.surface import Surface
 
-THUMB = 120.0
+THUMB = 120.0  # least width of a small picture
 
 
 class CapturePanel(Panel):
@@ -70,9 +70,9 @@ class CapturePanel(Panel):
                 (self._formats.add if on else self._formats.discard)(name)
         self._frames = min(max(self._frames, 1), MOST_FRAMES)
         self._workers = min(max(self._workers, 1), MOST_WORKERS)
-        chosen = ",".join(sorted(self._formats)) or "native"
-        given = (self._frames, self._what, self._folder or NEW, chosen, self._workers)
-        w.button(console, "capture.start", *given, width=w.width)
+        formats_text = ",".join(sorted(self._formats)) or "native"
+        arguments = (self._frames, self._what, self._folder or NEW, formats_text, self._workers)
+        w.button(console, "capture.start", *arguments, width=w.width)
         if job.outcome:
             colour = style.GOOD if job.outcome.startswith("captured") else style.WARN
             w.text(job.outcome, colour, "how the last capture ended")
@@ -80,7 +80,7 @@ class CapturePanel(Panel):
                 w.button(console, "capture.resume", width=w.width)
 
     def _label(self, text: str) -> None:
-        """Draw a name before the next part, which takes the rest of the line."""
+        """Draw a label before the next item, which takes the rest of the line."""
         imgui = self._w.imgui
         imgui.align_text_to_frame_padding()
         self._w.one_line(text, style.QUIET)

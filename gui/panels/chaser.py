@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 SHOWN = ("LVLH m", "LVLH mm/s", "Rel. °/s", "Cam. °/s", "Off axis", "Altitude")
-"""The other figures stand over the view."""
+"""Figures of this panel; the others are drawn over the view."""
 
 
 class ChaserPanel(Panel):

@@ -20,13 +20,13 @@ class CommandLinePanel(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
-        found = command_lines(console.session, console.options, console.source, console.saved_truth)
-        for what, line in found.lines:
+        command_line = command_lines(console.session, console.options, console.source, console.saved_truth)
+        for what, line in command_line.lines:
             w.text(what, style.QUIET)
             w.button(console, "log.copy-text", line, label="Copy")
             imgui.same_line()
             imgui.push_font(w.window.figure_font, 0.0)
             w.text(line)
             imgui.pop_font()
-        for text in found.left_out:
+        for text in command_line.left_out:
             w.text(text, style.WARN)

@@ -19,6 +19,7 @@ STATES = {
     "near": "near its limit: up to twice as much",
     "outside": "outside: more than twice its limit",
 }
+# colours of the decisions at a hold point
 DECIDED = {"open": style.INK, "go": style.WITHIN, "no-go": style.OUTSIDE, "passed": style.QUIET}
 
 

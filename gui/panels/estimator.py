@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
-"""Errors are drawn on a log scale; smaller ones lie on its edge."""
-THUMB = 150.0
+"""Least error on the logarithmic scale; smaller ones are drawn on its edge."""
+THUMB = 150.0  # least width of a small picture
 SLOW_S = 3.0
-"""Beyond this the panel says for how long it has been at work."""
+"""Time after which the panel shows how long it has been at work."""
 STATES = {
     "off": "off",
     "starting": "starting its process ...",
@@ -144,11 +144,11 @@ class EstimatorPanel(Panel):
             axis, always = implot.AxisFlags_, w.imgui.Cond_.always
             implot.setup_axes("", "", axis.no_highlight, axis.no_highlight)
             low, high = float(t[0]), float(t[-1])
-            # a little wider than the data: dots at its ends are whole
+            # a little wider than the data, so that dots at the ends are whole
             margin = 0.04 * max(high - low, 1.0)
             implot.setup_axis_limits(implot.ImAxis_.x1, low - margin, high + margin, always)
-            seen = values[np.isfinite(values)]
-            least, most = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 1.0)
+            finite = values[np.isfinite(values)]
+            least, most = (float(finite.min()), float(finite.max())) if len(finite) else (0.1, 1.0)
             if log:
                 implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             limits = (least / 2, 2 * most) if log else (-0.1, 1.1)

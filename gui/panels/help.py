@@ -22,7 +22,7 @@ GROUPS = {
     "steering": ("steer", "guide", "burn"),
     "keys": ("help", "window"),
 }
-"""Groups of the commands of a panel that is not called as they are."""
+"""Command groups of panels whose name differs from the group's."""
 
 
 class HelpPanel(Panel):

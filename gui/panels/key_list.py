@@ -36,10 +36,10 @@ class KeyList(Panel):
         _, self._wanted = imgui.input_text_with_hint("##find", "find a command", self._wanted)
         w.tip("a few letters of a command's name, help or key; a click on one does it")
         for group, commands in console.table.groups():
-            found = [c for c in commands if matches(c, self._wanted)]
-            if found:
+            matching = [c for c in commands if matches(c, self._wanted)]
+            if matching:
                 w.section(group.capitalize())
-                command_rows(w, console, found)
+                command_rows(w, console, matching)
 
 
 def command_rows(w: Widgets, console: Console, commands: Iterable[Command]) -> None:
@@ -88,21 +88,21 @@ class Palette(Panel):
         )
         w.tip("a command and its arguments, as a script has them; Enter does it, or the first one below")
         name, _, rest = self._line.strip().partition(" ")
-        found = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
-        chosen = None
-        for c in found:
+        matching = [c for c in console.table if not c.held and matches(c, name)][: self.rows]
+        command_name = None
+        for c in matching:
             if imgui.selectable(w.elided(f"{c.form}   {c.help}", w.width), False)[0]:
-                chosen = c.name
+                command_name = c.name
             w.about(console, c.name)
         if entered and name:
-            # an unknown name is reported by the line that is done
-            chosen = name if name in console.table or not found else found[0].name
-        if chosen is not None:
+            # the line itself reports an unknown name
+            command_name = name if name in console.table or not matching else matching[0].name
+        if command_name is not None:
             console.open_panel(self.name, shown=False)
-            console.do_line(f"{chosen} {rest}")
+            console.do_line(f"{command_name} {rest}")
 
 
-def matches(command: Command, wanted: str) -> bool:
-    """Return True if every wanted word is in the command's name, title, help or keys."""
+def matches(command: Command, words: str) -> bool:
+    """Return True if every word is in the command's name, title, help or keys."""
     text = f"{command.name} {command.title} {command.help} {command.shown}".lower()
-    return all(word in text for word in wanted.lower().split())
+    return all(word in text for word in words.lower().split())

@@ -41,7 +41,7 @@ class LogPanel(Panel):
         imgui.end_tab_bar()
 
     def _message(self, message: Message) -> None:
-        """Write a message; a caution with whether it was acknowledged."""
+        """Write a message; for a caution, also the time of its acknowledgement."""
         seen = "" if message.acknowledged_ms is None else f", seen {message.acknowledged_ms / 1000:.1f} s"
         level = "" if message.level == "note" else f"{message.level}{seen}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]

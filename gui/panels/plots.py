@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.telemetry import Telemetry
 
 KEPT = 6000
-"""Pictures whose figures are kept: minutes of a fast window."""
+"""Number of pictures whose figures are kept: minutes of a fast window."""
 COLOURS = (style.ACCENT, style.WARN, style.GOOD)
 
 
@@ -37,10 +37,10 @@ class PlotsPanel(Panel):
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
         self._keep(console.feed.newest)
-        others = [name for name in FIGURES if name not in self._watched]
+        unwatched = [name for name in FIGURES if name not in self._watched]
         imgui.set_next_item_width(-1)
         if imgui.begin_combo("##add", "watch another figure ..."):
-            for name in others:
+            for name in unwatched:
                 if imgui.selectable(FIGURES[name].title, False)[0]:
                     self._watched.append(name)
             imgui.end_combo()
@@ -56,7 +56,7 @@ class PlotsPanel(Panel):
             return
         self._last = picture
         while self._kept and self._kept[-1].t_s >= picture.telemetry.t_s:
-            self._kept.pop()  # the flight went back
+            self._kept.pop()  # a seek went back in time
         self._kept.append(picture.telemetry)
 
     def _plot(self, name: str, times: Any) -> None:  # noqa: ANN401 - an array
@@ -71,8 +71,8 @@ class PlotsPanel(Panel):
         w.one_line(w.elided(f"{title}: {newest}", w.width), style.INK)
         w.tip(f"{title}, of the newest picture")
         axis = implot.AxisFlags_
-        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as seen:
-            if seen:
+        with w.plot(name, 110, f"{title} over the flight [s since the start]", still=False) as is_open:
+            if is_open:
                 implot.setup_axes(
                     "", "", axis.no_highlight | axis.auto_fit, axis.no_highlight | axis.auto_fit
                 )
@@ -82,7 +82,7 @@ class PlotsPanel(Panel):
         self._take_dropped()
 
     def _take_dropped(self) -> None:
-        """Watch the figure that was let go over the last part."""
+        """Watch the figure that was dropped on the last item."""
         imgui = self._w.imgui
         if not imgui.begin_drag_drop_target():
             return

@@ -56,31 +56,31 @@ class ScenarioChooser(Panel):
             "##find", "find, or the path of a TOML file", self._wanted
         )
         w.tip("a few letters of a scenario's name or title; a path that ends in .toml is a file to be flown")
-        wanted = self._wanted.strip()
-        if wanted.endswith(".toml"):
-            w.button(console, "scenario.open", wanted, label="Open this file", width=w.width)
+        query = self._wanted.strip()
+        if query.endswith(".toml"):
+            w.button(console, "scenario.open", query, label="Open this file", width=w.width)
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
-        found = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in wanted.lower().split())]
-        if wanted.endswith(".toml"):
-            found = self._cards
-        # those flown before come first
+        cards = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in query.lower().split())]
+        if query.endswith(".toml"):
+            cards = self._cards
+        # recently flown ones first
         recent = {name: k for k, name in enumerate(console.recent)}
-        found = sorted(found, key=lambda card: recent.get(card[0], len(recent)))
+        cards = sorted(cards, key=lambda card: recent.get(card[0], len(recent)))
         _, self._as_list = imgui.checkbox("names and titles alone", self._as_list)
         w.tip("a line for each scenario instead of its picture")
-        if not found:
-            w.text(f"no scenario has {wanted!r} in its name or title", style.QUIET)
-        # the search stays in sight while the list scrolls
+        if not cards:
+            w.text(f"no scenario has {query!r} in its name or title", style.QUIET)
+        # the search field stays visible while the list scrolls
         imgui.begin_child("found")
         if self._as_list:
-            for name, title, _ in found:
+            for name, title, _ in cards:
                 here = name == console.session.plan.scenario.name
                 if imgui.selectable(f"{name}: {title}", here)[0]:
                     console.do("scenario.open", name)
                 w.tip(f"{title}\nflyaround sim {name}")
         else:
-            for card, width in zip(found, w.grid(len(found), CARD), strict=True):
+            for card, width in zip(cards, w.grid(len(cards), CARD), strict=True):
                 self._draw_card(console, *card, width)
         imgui.end_child()
 

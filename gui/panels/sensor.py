@@ -65,20 +65,20 @@ class SensorPanel(Panel):
     def _term(self, console: Console, term: SensorTerm) -> None:
         name, text, value = term.name, term.text, term.value
         w, imgui = self._w, self._w.imgui
-        changed = name in console.options.settings.sensor_changes
+        is_changed = name in console.options.settings.sensor_changes
         field = min(7.5 * imgui.get_font_size(), 0.45 * w.width)
         end = imgui.get_cursor_pos_x() + w.width
         imgui.align_text_to_frame_padding()
-        w.one_line(w.elided(text, w.width - field - 8), style.WARN if changed else style.INK)
+        w.one_line(w.elided(text, w.width - field - 8), style.WARN if is_changed else style.INK)
         about = f"{text}: {term.effect}\nsensor.set {name} VALUE; Enter takes a new one"
         w.tip(about)
         imgui.same_line(end - field)
         imgui.set_next_item_width(field)
         flags = imgui.InputTextFlags_.enter_returns_true
-        entered, wanted = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
+        entered, new_value = imgui.input_double(f"##{name}", value, 0.0, 0.0, "%.5g", flags)
         w.tip(about)
-        if entered and wanted != value:
-            console.do("sensor.set", name, wanted)
+        if entered and new_value != value:
+            console.do("sensor.set", name, new_value)
 
     def _draw_histogram(self, console: Console) -> None:
         w, implot, picture = self._w, self._w.implot, console.feed.newest
@@ -90,8 +90,8 @@ class SensorPanel(Panel):
             self._of, self._histogram = picture, histogram_of(picture.frame.image, bits)
         h = self._histogram
         tip = "how many pixels have each level [DN]; pixels on a log scale, a line for each band"
-        with w.plot("histogram", 110, tip) as seen:
-            if seen:
+        with w.plot("histogram", 110, tip) as is_open:
+            if is_open:
                 axis = implot.AxisFlags_
                 implot.setup_axes(
                     "level [DN]", "pixels", axis.no_highlight, axis.no_tick_labels | axis.no_highlight

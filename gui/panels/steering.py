@@ -31,7 +31,7 @@ GUIDANCE = (
     "guidance.drift",
 )
 FIRST_AFTER_S, FIRST_M_S = 60.0, 0.01
-"""A burn that is added: how long after the last one, and its change of velocity along the flight."""
+"""Defaults of an added burn: time after the last one, and its along-track delta-v."""
 PLUME = "whether the exhaust, 30 deg wide to each side, meets the target's sphere within 20 m"
 
 
@@ -82,7 +82,7 @@ class SteeringPanel(Panel):
             w.text("plume clear of the target", style.QUIET, PLUME)
 
     def _to_a_point(self, console: Console) -> None:
-        """Draw three numbers with two ways to use them: as a point, or as a way from here."""
+        """Draw three numbers that can be used as a position or as a displacement."""
         w, imgui = self._w, self._w.imgui
         w.section("Fly to a point")
         imgui.set_next_item_width(w.width)
@@ -105,7 +105,7 @@ class SteeringPanel(Panel):
         )
 
     def _burns(self, console: Console) -> None:
-        """Draw a table of the planned burns, whose numbers can be typed, and a button for a new one."""
+        """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
         w.section("Planned burns")
         burns = session.craft.steering.burns.burns
@@ -119,7 +119,7 @@ class SteeringPanel(Panel):
             w.button(console, "burn.cancel", width=w.width)
 
     def _burn_cells(self, console: Console, k: int, burn: PlannedBurn) -> tuple[Callable[[], None], ...]:
-        """Return what draws the time, the components and the cross of a burn; Enter takes what was typed."""
+        """Return the functions that draw time, components and the delete button of a burn; Enter applies an edit."""
         w, imgui = self._w, self._w.imgui
         entered = imgui.InputTextFlags_.enter_returns_true
 
@@ -150,7 +150,7 @@ class SteeringPanel(Panel):
         return time, delta_v, cross
 
     def _forecast(self, console: Console) -> None:
-        """Delta-v of all burns, and how near their path comes to the target."""
+        """Draw the delta-v of all burns, and the closest approach of their path to the target."""
         craft = console.session.craft
         key = (craft.steering.burns, int(console.session.t_s))
         if key != self._of:

@@ -49,7 +49,7 @@ class TimelinePanel(Panel):
             else "at the end of the flight",
             style.WARN if back else style.QUIET,
         )
-        # a button that cannot be used stays in its place
+        # a disabled button stays in place
         usable = {"fly-on": back, "other-future": timeline.left_s is not None}
         for k, (name, label) in enumerate(BUTTONS.items()):
             w.flow(w.button_width(labelled(f"timeline.{name}", label)), first=k == 0)
@@ -71,14 +71,14 @@ class TimelinePanel(Panel):
             console.do("timeline.bookmark", self._note)
             self._note = ""
         w.about(console, "timeline.bookmark")
-        gone = None
+        removed_t_s = None
         for k, mark in enumerate(timeline.bookmarks):
             if imgui.small_button(f"x##{k}"):
-                gone = mark.t_s
+                removed_t_s = mark.t_s
             w.about(console, "timeline.unbookmark", mark.t_s)
             imgui.same_line()
             if imgui.selectable(f"{w.elided(f'{clock(mark.t_s)}  {mark.note}', w.width)}##mark{k}", False)[0]:
                 console.do("timeline.seek", mark.t_s)
             w.tip(f"{mark.note or 'bookmark'}: a click goes there")
-        if gone is not None:
-            console.do("timeline.unbookmark", gone)
+        if removed_t_s is not None:
+            console.do("timeline.unbookmark", removed_t_s)

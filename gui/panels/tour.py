@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 MOST_LINES = 200
-"""Newest entries of the log in which a step of the tour is looked for."""
+"""Number of recent log entries in which a step's command is searched."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Doing:
 
     Parameters
     ----------
-    title, text : for people. commands : the step is done when one of these was. place : panel or bar that is framed.
+    title, text : texts for people. commands : commands of which one completes the step. place : framed panel or bar.
     """
 
     title: str
@@ -102,7 +102,7 @@ class TourPanel(Panel):
         w.button(console, "help.tour-end", label="End" if step < len(DOINGS) else "Done")
 
     def _frame(self, console: Console, place: str) -> None:
-        """Draw a frame around what a step is about."""
+        """Draw a frame around the panel or bar of a step."""
         w, imgui = self._w, self._w.imgui
         covered = console.window.enlarged or imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         if place in console.help.rects and not covered:

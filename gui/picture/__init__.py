@@ -1,1 +1,1 @@
-"""Pictures asked for, and what is drawn over them; no window."""
+"""Requests for pictures, and marks drawn over them; no window."""

@@ -1,4 +1,4 @@
-"""Command lines of the flight and view on the screen, and what they leave out."""
+"""Command lines that reproduce the present flight and view, and settings that they cannot express."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CommandLines:
-    """Command lines that do the same, each with what it is for.
+    """Equivalent command lines, each with its purpose.
 
     Parameters
     ----------
-    lines : purpose, and the line. left_out : settings of the console that they cannot express.
+    lines : pairs of purpose and line. left_out : settings of the console that they cannot express.
     """
 
     lines: tuple[tuple[str, str], ...]
@@ -31,8 +31,8 @@ def command_lines(session: FlightSession, options: Options, source: str, saved: 
 
     Parameters
     ----------
-    source : built-in name or file of the scenario; empty for one that is in no file.
-    saved : truth record of a picture that was saved from here, if one was.
+    source : built-in name or file of the scenario; empty if it is in no file.
+    saved : truth record of a saved picture, if any.
     """
     settings = options.settings
     if not source:

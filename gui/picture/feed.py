@@ -1,4 +1,4 @@
-"""A view's live feed, the sink behind it: asks for frames of the newest moment, never for more than can be drawn."""
+"""The live feed of a view: requests frames of the newest state, no more than can be drawn."""
 
 from __future__ import annotations
 
@@ -27,40 +27,42 @@ if TYPE_CHECKING:
     SceneOf = Callable[[FlightSession, ViewSettings, int, Quality | None], SceneState]
 
 TIMED_PICTURES = 5
-"""The pass times that are shown are medians of so many pictures."""
+"""Number of pictures whose median pass times are shown."""
 LIVE_MS = 90.0
-"""What a picture may cost while things move."""
-DIVISORS = (1, 2, 3, 4)
+"""Time that a picture may take while things move."""
+DIVISORS = (1, 2, 3, 4)  # divisors of the camera's resolution, from the finest
 ENOUGH = 3
-"""Pictures of one size before it is judged."""
+"""Number of pictures of one size before it is judged."""
 MEMORY_S = 15.0
-"""How long a size that was too slow is not tried again."""
+"""Time for which a size that was too slow is not tried again."""
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
-"""Before a picture that failed is asked for again."""
-STALE_S, LEAST_SPAN_S = 2.0, 0.5
-"""A picture that is replaced no sooner is shown as an old one."""
+"""Delay before a failed picture is requested again."""
+STALE_S = 2.0
+"""Age at which a picture is marked as old."""
+LEAST_SPAN_S = 0.5
+"""Shortest time over which the rate of pictures is measured."""
 SEEN_S = 0.5
-"""A view that has not been drawn for so long is not looked at, and gets no pictures."""
+"""Time without being drawn after which a view gets no pictures."""
 
 
 class PictureFailedError(Exception):
-    """The picture that was asked for the longest ago could not be made; says why in one sentence."""
+    """The oldest requested picture could not be made; the message says why in one sentence."""
 
 
 class FramesOnRequest(Protocol):
-    """A frame producer as the feed uses it. Its methods may raise `JobsLostError` and `PictureFailedError`."""
+    """A frame producer as the feed uses it; its methods may raise `JobsLostError` and `PictureFailedError`."""
 
     def submit(self, request: FrameRequest) -> bool:
-        """Ask for a frame; False when enough are under way."""
+        """Request a frame; return False if enough are in flight."""
 
     def finished(self) -> Iterable[Frame]:
-        """Return the frames finished since the last call, in the order they were asked for."""
+        """Return the frames finished since the last call, in order of request."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One finished frame and the figures of its moment."""
+    """A finished frame, and the state of the flight that it shows."""
 
     frame: Frame
     state: FlightState
@@ -82,9 +84,9 @@ class PictureKind:
 
     Parameters
     ----------
-    scene : of the moment: given session, settings, pixels of the camera per pixel drawn, quality (None: its own).
-    labels : label layers that come with every picture. every_s : the least time between two pictures.
-    title : of its view, for people. needed : whether there is no console without it.
+    scene : function of session, settings, camera pixels per drawn pixel, and quality (None: the scene's own).
+    labels : label layers of every picture. every_s : least time between two pictures.
+    title : name of the view for people. needed : True if the console cannot run without it.
     """
 
     scene: SceneOf = chaser_scene
@@ -109,12 +111,12 @@ class _Request:
 
 
 class Feed:
-    """Keeps one picture in the making and, when it is about due, one more waiting.
+    """Keeps one picture in progress and, shortly before it is due, another queued.
 
     Parameters
     ----------
-    producer : draws in another process; the UI owns the window's context alone. Several feeds share one by `Turns`.
-    clock : seconds, monotonic. kind : what it asks for.
+    producer : draws in another process, because the UI thread owns the window's context. Feeds share it by `Turns`.
+    clock : monotonic time [s]. kind : kind of the pictures.
     """
 
     def __init__(
@@ -146,46 +148,46 @@ class Feed:
         self._passes: list[tuple[Camera, dict[str, float]]] = []
 
     def ask_to_save(self) -> None:
-        """Draw the present moment whole, with labels; it comes out in `saved`."""
+        """Request the present scene at full size, with labels; the result is `saved`."""
         self._save_wanted = True
 
     @property
     def saving(self) -> bool:
-        """True while a picture to be saved is under way."""
+        """True while a picture to be saved is in flight."""
         return self._save_wanted or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
-        """Note that its view is on the screen; without it `looked_at` ends."""
+        """Note that the view is drawn now, so that `looked_at` is true for a while."""
         self._seen_s = self._clock()
 
     @property
     def waiting(self) -> bool:
-        """True while a picture is under way."""
+        """True while a picture is in flight."""
         return bool(self._waiting)
 
     @property
     def looked_at(self) -> bool:
-        """True while its view is on the screen."""
+        """True while the view that shows these pictures is visible."""
         return self._clock() - self._seen_s < SEEN_S
 
     @property
     def pass_ms(self) -> dict[str, float]:
-        """Time of each pass of the picture [ms], medians of the last few; empty until one was asked for timed."""
+        """Median times of the passes of recent pictures [ms]; empty without timed pictures."""
         if not self._passes:
             return {}
         return {name: median(p.get(name, 0.0) for _, p in self._passes) for name in self._passes[-1][1]}
 
     def update(self, session: FlightSession, settings: ViewSettings, *, timed: bool = False) -> bool:
-        """Take what is finished, ask for what is new; whether there is a new picture.
+        """Take finished pictures and request new ones; return True if there is a new picture.
 
         Parameters
         ----------
-        timed : have each pass of the pictures timed; they take a little longer.
+        timed : True to time each pass, which is slightly slower.
 
         Raises
         ------
         UserError
-            If what draws failed and cannot be started again, or the first picture of a view that is needed failed.
+            If the renderer failed and cannot be restarted, or the first picture of a required view failed.
         """
         before = self.finished
         if session is not self._session:
@@ -204,7 +206,7 @@ class Feed:
         return self.finished > before
 
     def _begin(self, session: FlightSession) -> None:
-        """Show nothing of the flight before: what is under way for it is discarded when it comes."""
+        """Discard pictures of the previous flight, also those in flight."""
         self._save_wanted &= self._session is None
         self._session, self.newest, self._last = session, None, None
         self._waiting = [replace(r, discarded=True) for r in self._waiting]
@@ -212,39 +214,39 @@ class Feed:
 
     @property
     def late_s(self) -> float:
-        """Time since the last picture came [s], while the next is under way for too long; else 0."""
+        """Time since the last picture [s], if the next one is overdue; else 0."""
         late_s = self._clock() - self._waits_since_s if self._waiting else 0.0
         return late_s if late_s > STALE_S else 0.0
 
     @property
     def frames_s(self) -> float:
-        """Pictures a second."""
+        """Pictures per second."""
         if len(self._ends_s) < 2 or self.late_s:
             return 0.0
-        # two that come together are no rate yet
+        # two that arrive together are not a rate
         return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
     def take_trouble(self) -> str | None:
-        """Why pictures were lost or failed since the last call, if some were."""
+        """Return why pictures were lost or failed since the last call, or None."""
         trouble, self._trouble = self._trouble, None
         return trouble
 
     def _ask_again(self, error: JobsLostError) -> None:
-        """Forget what will not come; a picture that was to be saved is asked for again."""
+        """Forget lost requests; a picture to be saved is requested again."""
         self.restarts += 1
         if self._kind.needed:
-            # the others have lost theirs for the same reason
+            # the other feeds have lost theirs for the same reason
             self._trouble = str(error)
         self._save_wanted = self.saving
         self._waiting, self._last = [], None
 
     def _rest(self, error: PictureFailedError, then: str = "it is tried again") -> None:
-        """Tell a failure, the same one once, and leave its reason some time to go away."""
+        """Report a failure, the same one once, and pause for a while."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
-        told = f"no picture of the {self._kind.title}: {error}; {then}"
-        if told != self._told_failure:
-            self._told_failure = self._trouble = told
+        message = f"no picture of the {self._kind.title}: {error}; {then}"
+        if message != self._told_failure:
+            self._told_failure = self._trouble = message
 
     def _ask(self, session: FlightSession, settings: ViewSettings, *, timed: bool) -> None:
         if len(self._waiting) >= 2 or (self._waiting and self._clock() < self._due_s):
@@ -252,7 +254,7 @@ class Feed:
         if self._clock() < self._rests_until_s:
             return
         if self._save_wanted:
-            scene = _made(lambda: apply_view_settings(session.scene(), settings))
+            scene = _checked(lambda: apply_view_settings(session.scene(), settings))
             if self._submit(_Request(scene, session.state, session.plan.target, 1, saved=True, timed=False)):
                 self._save_wanted = False
             return
@@ -260,14 +262,14 @@ class Feed:
             return
         divisor = self.divisor(settings, paused=session.clock.paused)
         quality: Quality | None = None if session.clock.paused else "draft"
-        scene = _made(lambda: self._kind.scene(session, settings, divisor, quality))
-        # when nothing moves the picture that is there is the picture, unless its passes are to be timed
+        scene = _checked(lambda: self._kind.scene(session, settings, divisor, quality))
+        # if nothing moves, the present picture stays, unless its passes are to be timed
         if scene != self._last or (timed and len(self._passes) < TIMED_PICTURES):
             request = _Request(scene, session.state, session.plan.target, divisor, saved=False, timed=timed)
             self._submit(request)
 
     def divisor(self, settings: ViewSettings, *, paused: bool) -> int:
-        """Pixels of the camera per pixel drawn."""
+        """Return the camera pixels per drawn pixel."""
         if paused or settings.detail == "full":
             return 1
         if settings.detail != "auto":
@@ -276,8 +278,8 @@ class Feed:
 
     def _submit(self, request: _Request) -> bool:
         labels = request.saved or self._kind.labels or False
-        asked = FrameRequest(scene=request.scene, labels=labels, timed=request.timed)
-        if not self._producer.submit(asked):
+        frame_request = FrameRequest(scene=request.scene, labels=labels, timed=request.timed)
+        if not self._producer.submit(frame_request):
             return False
         self._asked_s = self._clock()
         self._last = request.scene
@@ -298,12 +300,12 @@ class Feed:
                 return
             if not (request.saved and self.finished):
                 raise
-            # told each time, for each was asked for by itself
+            # reported each time, because each was requested separately
             self._told_failure = ""
             self._rest(error, "it is not saved")
 
     def write(self, frame: Frame) -> None:
-        """Take the frame that was asked for the longest ago."""
+        """Take the frame that was requested first."""
         request = self._waiting.pop(0)
         self._waits_since_s = self._clock()
         if request.discarded:
@@ -323,11 +325,11 @@ class Feed:
         if request.saved or ms <= 0:
             return
         if request.timed:
-            kept = [(c, p) for c, p in self._passes if c == request.scene.camera]
-            self._passes = [*kept, (request.scene.camera, frame.stage_ms)][-TIMED_PICTURES:]
+            same_size = [(c, p) for c, p in self._passes if c == request.scene.camera]
+            self._passes = [*same_size, (request.scene.camera, frame.stage_ms)][-TIMED_PICTURES:]
         else:
             self._passes = []
-        # the last few of one size: the first of a kind also pays for textures and shaders
+        # the last few of one size: the first also pays for textures and shaders
         if not self._costs or self._costs[-1][0] != request.scene.camera:
             self._costs = []
         self._costs = [*self._costs[-4:], (request.scene.camera, ms)]
@@ -335,7 +337,7 @@ class Feed:
         self._detail.measured(request.divisor, ms, now)
 
 
-def _made(make: Callable[[], SceneState]) -> SceneState:
+def _checked(make: Callable[[], SceneState]) -> SceneState:
     """Return the scene; raise `PictureFailedError` if it cannot be made."""
     try:
         return make()
@@ -349,7 +351,7 @@ def last_line(error: Exception) -> str:
 
 
 class AdaptiveResolution:
-    """Chooses pixels of the camera per pixel drawn from what pictures of each size were seen to cost."""
+    """Chooses the camera pixels per drawn pixel from the measured cost of each size."""
 
     def __init__(self) -> None:
         self.divisor = 2
@@ -358,16 +360,16 @@ class AdaptiveResolution:
         self._too_slow_until_s: dict[int, float] = {}
 
     def measured(self, divisor: int, ms: float, now_s: float) -> None:
-        """Note what a picture cost, and change the size if it should be.
+        """Record the cost of a picture, and change the size if appropriate.
 
         Parameters
         ----------
-        divisor : of the picture. ms : its cost. now_s : time, monotonic.
+        divisor : size of the picture. ms : time to draw it. now_s : monotonic time.
         """
         if divisor != self.divisor:
             return
         if self._skip:
-            # the first one of a size also pays for buffers, the very first for textures and shaders
+            # the first picture of a size also pays for buffers, the very first for textures and shaders
             self._skip = False
             return
         self._ms = [*self._ms[-4:], ms]
@@ -379,7 +381,7 @@ class AdaptiveResolution:
             self._change(DIVISORS[k + 1])
         elif k > 0:
             finer = DIVISORS[k - 1]
-            # part of the cost does not grow with the pixels: hopeful, because a mistake is remembered
+            # part of the cost does not scale with the pixels: be optimistic, because failures are remembered
             hoped_ms = 0.7 * typical * (divisor / finer) ** 2
             if hoped_ms < LIVE_MS and now_s >= self._too_slow_until_s.get(finer, now_s):
                 self._change(finer)

@@ -1,4 +1,4 @@
-"""Figures of the flight for people: titles with units, forms and hover texts."""
+"""Figures of the flight for people: titles with units, formats and hover texts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Figure:
 
     Parameters
     ----------
-    title : with its unit. form : of each value. tip : what it is. values : one, or three components.
+    title : title with unit. form : format of each value. tip : hover text.
+    values : function that returns the number, or three components.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Feeds beside that of the chaser's camera: the free camera's, and the one of labels."""
+"""Feeds other than the chaser camera's: the free camera's, and that of labels."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 ORBIT_CAMERA, LABEL_VIEWS = "orbit-camera", "labels"
 CAMERA_SHARE = 2.0
-"""Share of the render process's time of the chaser's camera; that of another view is 1."""
+"""Weight of the chaser's camera in the render process's time; that of another view is 1."""
 
 
 def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
-    """Return a feed for each kind of further view, by name; one is updated only while it is looked at.
+    """Return a feed for each further view, by name; it requests pictures only while visible.
 
     Parameters
     ----------
-    turns : at the render process. options : of the operator, read anew for every picture.
+    turns : access to the render process. options : the operator's settings, read for every picture.
     """
 
     def orbit(

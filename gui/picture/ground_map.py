@@ -1,4 +1,4 @@
-"""The ground as a map with day and night: our own layers of the Earth or the Moon at a low resolution."""
+"""The ground as a map with day and night: low-resolution layers of the Earth or the Moon."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 WIDTH_PX, HEIGHT_PX = 720, 360
 NIGHT_SHARE = 0.22
-"""What is left of the day's brightness at night, so that coasts are seen."""
+"""Night brightness over that of day, so that coasts stay visible."""
 TWILIGHT_SINE = math.sin(math.radians(6.0))
-"""The Sun so far below the horizon: civil twilight ends."""
+"""Sine of the Sun's elevation at the end of civil twilight."""
 DIMMED = 0.8
-"""The whole map is this bright: tracks and letters stand over it."""
+"""Brightness of the whole map, below tracks and text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class GroundMap:
     night: Float32Array
 
     def lit(self, subsolar_latitude_deg: float, subsolar_longitude_deg: float) -> ByteArray:
-        """Return (360, 720, 3) RGB: the day where the Sun is up, the night's lights elsewhere, twilight between."""
+        """Return (360, 720, 3) RGB: day where the Sun is up, city lights elsewhere, twilight between."""
         latitude = np.radians(90.0 - (np.arange(HEIGHT_PX, dtype=np.float32) + 0.5) * 180.0 / HEIGHT_PX)
         longitude = np.radians((np.arange(WIDTH_PX, dtype=np.float32) + 0.5) * 360.0 / WIDTH_PX - 180.0)
         sun_lat, sun_lon = math.radians(subsolar_latitude_deg), math.radians(subsolar_longitude_deg)
@@ -52,7 +52,7 @@ class GroundMap:
 
 
 def load_ground_map(body: Body) -> GroundMap:
-    """Return the maps of a body; takes a few tenths of a second.
+    """Return the maps of a body, in a few tenths of a second.
 
     Raises
     ------
@@ -79,10 +79,10 @@ _MAPS: dict[str, Callable[[Body], GroundMap]] = {
     "moon": lambda _: _grey_map(moon_map()),
     "globe": lambda body: _grey_map(albedo_of(body)),
 }
-"""By the passes that draw the body."""
+"""Map functions by the name of the body's passes."""
 
 
 def _reduced(name: str) -> Float32Array:
-    # a JPEG decodes to an eighth of its size at a small part of the cost
+    # a JPEG decodes to an eighth of its size at a fraction of the cost
     image = decode_file(name, cv2.IMREAD_REDUCED_COLOR_8)[..., ::-1]
     return np.asarray(cv2.resize(image, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_AREA), np.float32)

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 LABELS = LabelRequest(layers=("depth", "parts"))
 LABELS_EVERY_S = 1.0
-"""Labels cost several times what a picture does."""
-OFF_RGB = (14, 17, 21)
+"""Least time between pictures with labels, which cost several times as much."""
+OFF_RGB = (14, 17, 21)  # colour of pixels off the target
 DIMMED = 0.35
-"""What is left of the picture under parts and keypoints."""
+"""Brightness of the picture under parts and keypoints."""
 
 CLOSE_UP_MARGIN = 1.5
-"""Size of a close-up over that of the target in it."""
+"""Size of a close-up over that of the target."""
 CLOSE_UP_LEAST_PX = 48
 
 PART_COLOURS: dict[PartClass, Rgba] = {
@@ -59,7 +59,7 @@ class DepthPicture:
 
     Parameters
     ----------
-    image : (H, W, 3) RGB. near_m, far_m : what the ends of the colours mean. ticks_m : round depths between.
+    image : (H, W, 3) RGB. near_m, far_m : depths at the ends of the colour scale. ticks_m : round depths between.
     """
 
     image: ByteArray
@@ -70,23 +70,23 @@ class DepthPicture:
 
 @lru_cache(maxsize=1)
 def depth_colours() -> ByteArray:
-    """Return (256, 3) RGB, near bright and far dark; its luminance is monotonic, for readers without colour vision."""
+    """Return (256, 3) RGB, near bright and far dark, with monotonic luminance for colour-blind readers."""
     ramp = np.arange(255, -1, -1, dtype=np.uint8)[:, None]
     return np.ascontiguousarray(cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1])
 
 
 def depth_picture(depth_m: Float32Array) -> DepthPicture | None:
-    """Depth as a picture, its colours spread over what there is; None where the camera sees no target.
+    """Return the depth as a picture with its colours spread over its range; None without a target in view.
 
     Parameters
     ----------
-    depth_m : (H, W) camera z, NaN off the target.
+    depth_m : (H, W) camera z, NaN outside the target.
     """
     on = np.isfinite(depth_m)
     if not on.any():
         return None
     near, far = float(depth_m[on].min()), float(depth_m[on].max())
-    # a flat face across the boresight is one colour, and not noise
+    # a flat face across the boresight gets one colour instead of amplified noise
     span = max(far - near, 1e-3 * near, 1e-3)
     image = np.empty((*depth_m.shape, 3), np.uint8)
     image[:] = OFF_RGB
@@ -96,7 +96,7 @@ def depth_picture(depth_m: Float32Array) -> DepthPicture | None:
 
 
 def round_ticks(low: float, high: float, most: int = 5) -> tuple[float, ...]:
-    """Round numbers inside a span, not more than ``most``."""
+    """Return round numbers inside a span, at most ``most``."""
     step = nice_step((high - low) / 2)
     while (high - low) / step > most - 1:
         step *= 2
@@ -108,7 +108,7 @@ def round_ticks(low: float, high: float, most: int = 5) -> tuple[float, ...]:
 def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None:
     """Return the parts in the colours of their classes over the dimmed picture, and the visible classes.
 
-    None where the frame has no parts, or the camera sees none.
+    None if the frame has no parts, or none is in view.
     """
     parts = frame.layers.get("parts")
     if parts is None or frame.truth is None:
@@ -118,20 +118,20 @@ def part_picture(frame: Frame) -> tuple[ByteArray, tuple[PartClass, ...]] | None
     for number, name in enumerate(classes, 1):
         if number < len(table):
             table[number] = [*(round(255 * c) for c in PART_COLOURS[name][:3]), 255]
-    drawn = table[parts]
-    on = drawn[..., 3] > 0
+    coloured = table[parts]
+    on = coloured[..., 3] > 0
     if not on.any():
         return None
     image = dimmed(frame)
-    # some of the picture stays in it, so that edges inside a part are seen
+    # blend with the picture, so that edges inside a part stay visible
     light = 0.6 + 0.4 * grey(frame)[on].astype(np.float32)[:, None] / 255
-    image[on] = np.clip(drawn[on][:, :3] * light, 0, 255).astype(np.uint8)
+    image[on] = np.clip(coloured[on][:, :3] * light, 0, 255).astype(np.uint8)
     there = {classes[k - 1] for k in np.unique(parts).tolist() if 0 < k <= len(classes)}
     return image, tuple(name for name in PART_CLASSES if name in there)
 
 
 def mask_picture(frame: Frame) -> ByteArray | None:
-    """Return the picture, with everything that is not the target tinted dark blue; None without a mask."""
+    """Return the picture with the background tinted dark blue; None without a mask."""
     if frame.mask is None:
         return None
     image = np.repeat(grey(frame)[..., None], 3, axis=2)
@@ -144,7 +144,7 @@ def mask_picture(frame: Frame) -> ByteArray | None:
 
 
 def close_up(frame: Frame) -> tuple[slice, slice]:
-    """Rows and columns about the target, of the picture's form; all of them without a target."""
+    """Return rows and columns around the target, with the picture's aspect ratio; all of them without a target."""
     height, width = frame.image.shape[:2]
     box = None if frame.truth is None else frame.truth.box_px
     if box is None:
@@ -161,11 +161,11 @@ def close_up(frame: Frame) -> tuple[slice, slice]:
 
 
 def grey(frame: Frame) -> ByteArray:
-    """Return (H, W) the picture in eight bits of one band."""
+    """Return the (H, W) picture in eight bits of one band."""
     eight = screen_picture(frame)
     return eight if eight.ndim == 2 else np.asarray(cv2.cvtColor(eight, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
 def dimmed(frame: Frame) -> ByteArray:
-    """Return (H, W, 3) the picture, darker, for what is drawn over it."""
+    """Return the darkened (H, W, 3) picture, as a background."""
     return np.repeat((DIMMED * grey(frame)).astype(np.uint8)[..., None], 3, axis=2)

@@ -1,4 +1,4 @@
-"""Place of a free camera that circles target or chaser, and the size of its pictures."""
+"""Position of a free camera that circles target or chaser, and the size of its pictures."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ if TYPE_CHECKING:
 
 About = Literal["target", "chaser"]
 ABOUT: tuple[About, ...] = ("target", "chaser")
-FIRST = (-60.0, 25.0, 12.0)
+FIRST = (-60.0, 25.0, 12.0)  # azimuth [deg], elevation [deg] and distance [m] at first
 AWAY = 2.0
-"""Initial distance from the target over that of the chaser, so that both are seen."""
+"""Initial distance from the target over the chaser's range, so that both are in view."""
 NEAREST_M, FARTHEST_M = 0.6, 20_000.0
 STEEPEST_DEG = 89.0
 LARGEST_PX = (960, 640)
 _STEP_PX = 16
-"""A view that is dragged larger asks for another picture size only now and then."""
+"""Quantisation of the picture size, so that resizing a view seldom changes it."""
 
 
 @dataclass
 class OrbitCamera:
-    """Place of the free camera in the target's LVLH frame, radial up.
+    """Position of the free camera in the target's LVLH frame, radial up.
 
     Parameters
     ----------
-    about : what it circles and looks at.
-    azimuth_deg : 0 looks along the flight direction, 90 along minus cross-track. elevation_deg : above the orbit.
-    distance_m : from what it circles. size_px : of its view.
+    about : object that it circles and looks at.
+    azimuth_deg : 0 looks along-track, 90 along minus cross-track. elevation_deg : above the orbital plane.
+    distance_m : distance from that object. size_px : size of its view.
     """
 
     about: About = "target"
@@ -41,23 +41,23 @@ class OrbitCamera:
     size_px: tuple[int, int] = (480, 304)
 
     def place(self, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
-        """Move to a place; angles and distance are clipped to their bounds."""
+        """Move; angles and distance are clipped to their bounds."""
         self.azimuth_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
         self.elevation_deg = min(max(elevation_deg, -STEEPEST_DEG), STEEPEST_DEG)
         self.distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)
 
     def reset(self, range_m: float) -> None:
-        """Move to the initial place for a chaser at a range."""
+        """Move to the initial position for a chaser at a range."""
         self.place(FIRST[0], FIRST[1], max(FIRST[2], AWAY * range_m))
 
     def fill(self, width: float, height: float) -> None:
-        """Take pictures of the form of a view of this size on the screen."""
+        """Set the picture size for a view of this size on the screen."""
         scale = min(1.0, LARGEST_PX[0] / max(width, 1.0), LARGEST_PX[1] / max(height, 1.0))
         w, h = (max(int(x * scale) // _STEP_PX * _STEP_PX, 4 * _STEP_PX) for x in (width, height))
         self.size_px = (w, h)
 
     @property
     def from_focus_lvlh(self) -> FloatArray:
-        """(3,) unit vector from what it looks at to the camera, LVLH axes."""
+        """(3,) unit vector from the object to the camera, LVLH axes."""
         az, el = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
         return np.array([math.sin(el), -math.cos(el) * math.cos(az), math.cos(el) * math.sin(az)])

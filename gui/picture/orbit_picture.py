@@ -1,4 +1,4 @@
-"""The free camera's picture: the same world and target from another place, and the chaser drawn over it."""
+"""The free camera's picture: the same world from another position, with the chaser drawn over it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
 FIELD_DEG = 40.0
-"""Across the picture's height."""
-TRAIL_POINTS = 300
-_METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)
+"""Vertical field of view."""
+TRAIL_POINTS = 300  # points of the drawn trail
+_METER = AutoExposure(level=0.45, share=0.9, longest_s=0.25)  # exposure of the view from outside
 _NEAR_M = 0.02
 
 
@@ -38,11 +38,11 @@ def orbit_scene(
 ) -> SceneState:
     """Return the scene of the free camera: the same world and target, metered exposure, no noise.
 
-    The chaser's own lamp and the lights fixed to its camera are left out, for they would move along.
+    The chaser's lamp and lights fixed to its camera are omitted, because they would move along.
 
     Parameters
     ----------
-    divisor : pixels of the view per pixel drawn. quality : instead of the default.
+    divisor : view pixels per drawn pixel. quality : replaces the default.
     """
     own = session.scene()
     world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
@@ -65,7 +65,7 @@ def orbit_scene(
 
 
 def seen_from(world: WorldState, frame: Lvlh, look: OrbitCamera) -> WorldState:
-    """Return the world with the free camera in the chaser's place, at rest in LVLH."""
+    """Return the world with the free camera at the chaser's position, at rest in LVLH."""
     R = frame.R_eci_from_lvlh
     away, up = R @ look.from_focus_lvlh, R[:, 0]
     focus = np.zeros(3) if look.about == "target" else np.array(world.relative_eci_m)
@@ -101,12 +101,12 @@ def pinhole(width_px: int, height_px: int) -> Camera:
 
 @dataclass(frozen=True)
 class ChaserMarks:
-    """The chaser over the free camera's picture, in its pixels; NaN where it is behind the camera.
+    """The chaser in the free camera's picture [px]; NaN behind the camera.
 
     Parameters
     ----------
-    place : (2,) of its camera. frustum : lines (n, 2, 2) about what its camera sees.
-    axes : (3, 2, 2) lines of its camera's axes. trail : (n, 2) what it has flown. range_m : from the free camera.
+    place : (2,) position of its camera. frustum : (n, 2, 2) lines of the camera's field of view.
+    axes : (3, 2, 2) lines of its camera's axes. trail : (n, 2) flown path. range_m : distance from the free camera.
     """
 
     place: FloatArray
@@ -123,8 +123,9 @@ def chaser_marks(
 
     Parameters
     ----------
-    scene : of the free camera. world : at its time. chaser : its camera. frame : LVLH then.
-    trail_lvlh_m : (n, 3) flown.
+    scene : scene of the free camera. world : state of the flight at the same time. chaser : the chaser's camera.
+    frame : LVLH at that time.
+    trail_lvlh_m : (n, 3) flown path.
     """
     R_free_from_eci = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     eye = np.array(scene.r_camera_eci_m) - np.array(scene.r_target_eci_m)

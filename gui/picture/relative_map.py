@@ -1,4 +1,4 @@
-"""Geometry of the LVLH map: two planes drawn to one scale, what is fitted into them, corridor and target in outline."""
+"""Geometry of the LVLH map: two planes at one scale, fitting, and outlines of corridor and target."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 Rect = tuple[float, float, float, float]
 """x, y, width, height on the screen."""
 LEAST_WIDTH_M, MOST_WIDTH_M = 0.5, 2_000_000.0
-FIT_MARGIN = 1.16
+FIT_MARGIN = 1.16  # width of the map over the width of what it must show
 KEPT_UNTIL = 1.7
-"""A fitted map is only drawn larger once what it shows has shrunk by so much."""
-_CIRCLE = 48
+"""Ratio by which the content must shrink before a fitted map is enlarged."""
+_CIRCLE = 48  # points of the drawn sphere
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Plane:
 
     Parameters
     ----------
-    name : for people. right, up : which LVLH axis points there (0 radial, 1 along-track, 2 cross-track).
-    up_title, note : what is up.
+    name : name for people. right, up : LVLH axes of the plane (0 radial, 1 along-track, 2 cross-track).
+    up_title, note : label of the upward direction.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Plane:
 
     @property
     def through(self) -> int:
-        """The axis that is not seen."""
+        """The axis perpendicular to the plane."""
         return 3 - self.right - self.up
 
 
@@ -62,8 +62,8 @@ class MapLook:
 
     Parameters
     ----------
-    centre_lvlh_m : middle of both planes. width_m : metres across a plane.
-    fitted : whether it follows what is to be seen; no longer once the operator has moved it.
+    centre_lvlh_m : centre of both planes. width_m : width of a plane.
+    fitted : True while it follows its content, until the operator moves it.
     """
 
     centre_lvlh_m: Vec3 = (0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ class MapLook:
     fitted: bool = True
 
     def place(self, centre_lvlh_m: Vec3, width_m: float) -> None:
-        """Show a place and do not follow the flight."""
+        """Show a region, and stop following the flight."""
         self.centre_lvlh_m = centre_lvlh_m
         self.width_m = min(max(width_m, LEAST_WIDTH_M), MOST_WIDTH_M)
         self.fitted = False
@@ -79,11 +79,11 @@ class MapLook:
 
 @dataclass(frozen=True)
 class MapPort:
-    """One plane on the screen; both its axes have one scale.
+    """One plane on the screen, with one scale for both axes.
 
     Parameters
     ----------
-    rect : where. centre_lvlh_m : the middle. scale : screen units per metre.
+    rect : screen rectangle. centre_lvlh_m : position shown at the centre. scale : screen units per metre.
     """
 
     plane: Plane
@@ -92,7 +92,7 @@ class MapPort:
     scale: float
 
     def at(self, points_lvlh_m: FloatArray | Sequence[float]) -> FloatArray:
-        """Return screen places (..., 2) of points (..., 3)."""
+        """Return screen positions (..., 2) of points (..., 3)."""
         p = np.asarray(points_lvlh_m, float) - np.array(self.centre_lvlh_m)
         x, y, w, h = self.rect
         return np.stack(
@@ -104,7 +104,7 @@ class MapPort:
         )
 
     def point(self, x: float, y: float, through_m: float = 0.0) -> Vec3:
-        """Return the place under a point of the screen, at a height over the plane [m]."""
+        """Return the position under a screen point, at a height above the plane [m]."""
         left, top, w, h = self.rect
         p = np.zeros(3)
         p[self.plane.right] = self.centre_lvlh_m[self.plane.right] + (x - left - w / 2) / self.scale
@@ -113,18 +113,18 @@ class MapPort:
         return vec3(p)
 
     def inside(self, x: float, y: float) -> bool:
-        """Return True if a point of the screen lies in it."""
+        """Return True if a screen point lies in it."""
         left, top, w, h = self.rect
         return left <= x < left + w and top <= y < top + h
 
     @property
     def width_m(self) -> float:
-        """Metres from the left to the right."""
+        """Width of the plane [m]."""
         return self.rect[2] / self.scale
 
 
 def ports(rect: Rect, look: MapLook, gap: float = 6.0) -> tuple[MapPort, MapPort]:
-    """Return both planes side by side, or one over the other where the place is not twice as wide as high."""
+    """Return both planes side by side, or one above the other if the rectangle is less than twice as wide as high."""
     x, y, w, h = rect
     if w > 1.8 * h:
         half = max((w - gap) / 2, 1.0)
@@ -140,40 +140,41 @@ def ports(rect: Rect, look: MapLook, gap: float = 6.0) -> tuple[MapPort, MapPort
 
 
 def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
-    """Bring points into view, in both planes; a view that still holds them well stays, so that it does not swim.
+    """Bring points into view in both planes; a view that still fits well is kept, so that it does not drift.
 
     Parameters
     ----------
-    look : changed if need be. points_lvlh_m : (n, 3). aspect : width over height of a plane on the screen.
+    look : centre and width of the map, modified if necessary. points_lvlh_m : (n, 3) positions.
+    aspect : width over height of a plane on the screen.
     """
     low, high = points_lvlh_m.min(axis=0), points_lvlh_m.max(axis=0)
     size = high - low
-    needed = max(float(size[1]), float(max(size[0], size[2])) * aspect, LEAST_WIDTH_M)
-    shown = np.array([look.width_m / aspect, look.width_m, look.width_m / aspect])
+    needed_m = max(float(size[1]), float(max(size[0], size[2])) * aspect, LEAST_WIDTH_M)
+    visible_m = np.array([look.width_m / aspect, look.width_m, look.width_m / aspect])
     centre = np.array(look.centre_lvlh_m)
-    holds = bool(np.all(np.abs(np.stack([low, high]) - centre) <= shown / 2))
-    if holds and look.width_m <= KEPT_UNTIL * FIT_MARGIN * needed:
+    holds = bool(np.all(np.abs(np.stack([low, high]) - centre) <= visible_m / 2))
+    if holds and look.width_m <= KEPT_UNTIL * FIT_MARGIN * needed_m:
         return
     look.centre_lvlh_m = vec3((low + high) / 2)
-    look.width_m = min(FIT_MARGIN * needed, MOST_WIDTH_M)
+    look.width_m = min(FIT_MARGIN * needed_m, MOST_WIDTH_M)
 
 
 def nice_step(length_m: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(length_m))
-    # the small term: a length of 5 that rounding has made 4.999... is 5
+    # a small term, because rounding may turn 5 into 4.999...
     return next(m * power for m in (5.0, 2.0, 1.0) if m * power <= length_m * (1 + 1e-9))
 
 
 def metres_text(metres: float) -> str:
-    """Return a length in its unit."""
+    """Return a length with its unit."""
     if abs(metres) >= 1000:
         return f"{metres / 1000:g} km"
     return f"{metres:g} m" if abs(metres) >= 1 or metres == 0 else f"{100 * metres:g} cm"
 
 
 def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
-    """Outline (n, 3) of the approach corridor inside the keep-out sphere, as the plane shows it; empty without one."""
+    """Return the (n, 3) outline in the plane of the approach corridor inside the keep-out sphere; empty without one."""
     if keep_out.corridor_axis_lvlh is None:
         return np.zeros((0, 3))
     axis = np.array(keep_out.corridor_axis_lvlh, float)
@@ -186,7 +187,7 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
     rim = keep_out.radius_m * (
         math.cos(half) * axis + math.sin(half) * (np.cos(turn) * side + np.sin(turn) * other)
     )
-    # and the cap of the sphere over the rim, which bulges beyond it
+    # the cap of the sphere, which bulges beyond the rim
     tip = keep_out.radius_m * axis
     arcs = [rim + (tip - rim) * s for s in (0.25, 0.5, 0.75)]
     cap = np.vstack([rim, *arcs, tip[None]])
@@ -195,12 +196,12 @@ def corridor_outline(keep_out: KeepOut, plane: Plane) -> FloatArray:
 
 
 def hull(points_lvlh_m: FloatArray, plane: Plane) -> FloatArray:
-    """Return the points (m, 3) on the convex outline of a cloud (n, 3) in a plane, in order around it."""
+    """Return the points (m, 3) on the convex hull of a cloud (n, 3) in a plane, in order."""
     return points_lvlh_m[ConvexHull(points_lvlh_m[:, [plane.right, plane.up]]).vertices]
 
 
 def target_edges_lvlh_m(target: Target, world: WorldState, frame: Lvlh) -> FloatArray:
-    """Return the target's wireframe as it lies in the LVLH frame, about its centre of mass, (n, 2, 3) [m]."""
+    """Return the target's wireframe in the LVLH frame, relative to its centre of mass, (n, 2, 3) [m]."""
     ends = np.array([(e.a_m, e.b_m) for e in target.wireframe], float).reshape(-1, 2, 3)
     R_lvlh_from_target = frame.R_eci_from_lvlh.T @ matrix_from_quat(world.q_eci_from_target_wxyz)
     return (ends - np.array(target.mass.com_m)) @ R_lvlh_from_target.T

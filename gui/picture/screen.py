@@ -1,4 +1,4 @@
-"""A frame on the screen: its numbers as a photograph or as they are, and whether its exposure suits it."""
+"""A frame on the screen, as a photograph or as raw numbers, and a check of its exposure."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 SQUARE_PX = 8
 BURNT, BURNT_SHARE = 0.99, 0.3
-"""A picture with more of its squares at full scale is burnt out."""
+"""Value from which a block counts as full scale, and the share of such blocks above which a picture is overexposed."""
 BRIGHTEST, DARK = 0.9995, 0.03
-"""A picture is dark if this share of its squares is below so much of full scale and one sigma of the noise."""
+"""Share of blocks below this signal, and one sigma of the noise, above which a picture is dark."""
 
 
 def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
-    """Return a frame's image as a screen shows it, or the upper eight bits of its numbers as they are."""
+    """Return a frame's image for the screen, or the upper eight bits of its raw numbers."""
     sensor = frame.scene.sensor
     if raw:
         return raw_picture(frame.image, sensor.bits)
@@ -31,9 +31,9 @@ def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
 
 
 def exposure_fault(frame: Frame) -> str:
-    """Return what is wrong with a picture's exposure, and what to do, in a sentence; empty if nothing is."""
+    """Return what is wrong with a picture's exposure, and a remedy, in a sentence; empty if nothing is."""
     scene, image = frame.scene, frame.image
-    # means of squares of eight pixels: noise goes, a craft of a few squares stays
+    # means of 8 x 8 pixels reduce the noise, but keep a craft of a few blocks
     size = (max(image.shape[1] // SQUARE_PX, 1), max(image.shape[0] // SQUARE_PX, 1))
     means = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     numbers, sensor = decode_numbers(

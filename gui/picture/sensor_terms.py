@@ -1,4 +1,4 @@
-"""The numbers of a sensor that an operator may change, what they are called, and the histogram of a picture."""
+"""The parameters of a sensor that an operator may change, their names, and the histogram of a picture."""
 
 from __future__ import annotations
 
@@ -17,58 +17,74 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Sensor
     from flyaround.simulator.runtime.arrays import IntArray
 
-BLUR = ("blur_sigma_px", "blur, sigma [px]", "more makes edges softer")
-DEPTH = ("bits", "depth [bit]", "levels of a picture are two to this power; fewer make steps")
+BLUR = ("blur_sigma_px", "blur, sigma [px]", "width of the blur; more makes edges softer")
+DEPTH = ("bits", "depth [bit]", "bits of a level; fewer make visible steps")
 RECIPE: tuple[tuple[str, str, str], ...] = (
     BLUR,
-    ("gaussian_variance", "additive noise, variance [1]", "more is grainier, dark parts most"),
-    ("speckle_variance", "multiplicative noise, variance [1]", "more is grainier, bright parts most"),
-    ("full_scale_j_m2_sr", "full scale [J/m2 sr]", "exposure that is white; more makes the picture darker"),
+    (
+        "gaussian_variance",
+        "additive noise, variance [1]",
+        "more makes the picture grainier, most in dark parts",
+    ),
+    (
+        "speckle_variance",
+        "multiplicative noise, variance [1]",
+        "more makes the picture grainier, most in bright parts",
+    ),
+    (
+        "full_scale_j_m2_sr",
+        "full scale [J/m2 sr]",
+        "exposure of a white pixel; more makes the picture darker",
+    ),
     DEPTH,
 )
 DETECTOR: tuple[tuple[str, str, str], ...] = (
     BLUR,
-    ("gain_e_per_dn", "gain [e/DN]", "electrons a level is worth; more makes the picture darker"),
+    ("gain_e_per_dn", "gain [e/DN]", "electrons per level; more makes the picture darker"),
     ("black_level_dn", "black level [DN]", "level of a pixel without light; more lifts the dark parts"),
-    ("full_well_e", "full well [e]", "electrons a pixel holds; fewer saturate sooner"),
-    ("read_noise_e", "read noise [e]", "of reading a pixel; more makes dark parts grainier"),
-    ("row_noise_e", "row noise [e]", "alike along a row; more draws lines across"),
-    ("column_noise_e", "column noise [e]", "alike along a column; more draws lines down"),
+    ("full_well_e", "full well [e]", "electrons that a pixel holds; fewer saturate sooner"),
+    ("read_noise_e", "read noise [e]", "noise of each read-out; more makes dark parts grainier"),
+    ("row_noise_e", "row noise [e]", "noise common to a row; more draws horizontal lines"),
+    ("column_noise_e", "column noise [e]", "noise common to a column; more draws vertical lines"),
     (
         "dark_current_e_s",
         "dark current [e/s]",
-        "without light, at the reference temperature; more lifts long exposures",
+        "signal without light at the reference temperature; more brightens long exposures",
     ),
-    ("temperature_c", "temperature [°C]", "of the detector; warmer has more dark current"),
-    ("dsnu_e", "dark offsets, DSNU [e]", "how unlike pixels are in the dark; more is a fixed grain"),
+    ("temperature_c", "temperature [°C]", "temperature of the detector; more raises the dark current"),
+    ("dsnu_e", "dark offsets, DSNU [e]", "differences between pixels in the dark; more makes a fixed grain"),
     (
         "dark_nonuniformity",
         "dark current's spread [1]",
-        "how unlike dark currents are; more is grain with time",
+        "differences between dark currents; more makes grain in long exposures",
     ),
     (
         "prnu",
         "response's spread, PRNU [1]",
-        "how unlike pixels answer to light; more is grain in bright parts",
+        "differences in sensitivity; more makes grain in bright parts",
     ),
     ("hot_pixel_share", "hot pixels [share]", "pixels with far more dark current: bright dots"),
-    ("hot_pixel_e_s", "hot pixels' current [e/s]", "of each hot pixel; more makes them brighter"),
-    ("dead_pixel_share", "dead pixels [share]", "pixels that see nothing: dark dots"),
-    ("cosmic_rays_cm2_s", "particles [1/cm2 s]", "that strike the detector; more leave more dots and tracks"),
-    ("blooming", "blooming [share]", "of a full pixel's surplus that runs into its column: streaks"),
+    ("hot_pixel_e_s", "hot pixels' current [e/s]", "dark current of each hot pixel; more makes it brighter"),
+    ("dead_pixel_share", "dead pixels [share]", "pixels without signal: dark dots"),
+    (
+        "cosmic_rays_cm2_s",
+        "particles [1/cm2 s]",
+        "particles that strike the detector; more leave more dots and tracks",
+    ),
+    ("blooming", "blooming [share]", "share of a full pixel's surplus that spills along its column: streaks"),
     DEPTH,
 )
-"""Field, name with its unit, and what a change does."""
-BINS = 128
+"""Field, name with unit, and effect of a change."""
+BINS = 128  # bins of the histogram
 
 
 @dataclass(frozen=True)
 class SensorTerm:
-    """A number of a sensor.
+    """A parameter of a sensor.
 
     Parameters
     ----------
-    name : its field. text : for people, with its unit. effect : what a change does. value : now.
+    name : field of the sensor. text : name for people, with unit. effect : effect of a change. value : present value.
     """
 
     name: str
@@ -83,8 +99,8 @@ class Histogram:
 
     Parameters
     ----------
-    counts : (bands, BINS) pixels. width_dn : levels of a bin.
-    saturated : share of the values at the top. median_dn, least_dn, most_dn : of all values.
+    counts : (bands, BINS) number of pixels. width_dn : width of a bin.
+    saturated : share of the values at full scale. median_dn, least_dn, most_dn : median and extremes of all values.
     """
 
     counts: IntArray
@@ -96,7 +112,7 @@ class Histogram:
 
 
 def terms_of(sensor: Sensor) -> tuple[SensorTerm, ...]:
-    """Return the numbers of a sensor."""
+    """Return the parameters of a sensor."""
     rows = RECIPE if sensor.detector is None else DETECTOR
     return tuple(SensorTerm(name, text, effect, _value(sensor, name)) for name, text, effect in rows)
 
@@ -108,21 +124,21 @@ def _value(sensor: Sensor, name: str) -> float:
 
 
 def checked_change(sensor: Sensor, changes: dict[str, float], name: str, value: float) -> dict[str, float]:
-    """Return the changes with one more, which is checked.
+    """Return the changes with one more, after checking it.
 
     Raises
     ------
     UserError
-        If the sensor has no such number, or it may not be that.
+        If the sensor has no such parameter, or the value is not allowed.
     """
-    known = [term.name for term in terms_of(sensor)]
-    if name not in known:
-        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(known)}")
-    wanted = {**changes, name: value}
-    problem = sensor_problem(changed_sensor(sensor, wanted))
+    names = [term.name for term in terms_of(sensor)]
+    if name not in names:
+        raise UserError(f"this sensor has no {name[:60]}; it has {', '.join(names)}")
+    new_changes = {**changes, name: value}
+    problem = sensor_problem(changed_sensor(sensor, new_changes))
     if problem is not None:
         raise UserError(problem)
-    return wanted
+    return new_changes
 
 
 def histogram_of(image: NDArray[np.unsignedinteger], bits: int) -> Histogram:

@@ -1,4 +1,4 @@
-"""Undo and redo of what an operator switched: overlays, exposure, layers, maps. The flight has its timeline instead."""
+"""Undo and redo of an operator's settings: overlays, exposure, layers, maps. The flight has its timeline instead."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from flyaround.simulator.errors import UserError
 if TYPE_CHECKING:
     from flyaround.gui.picture.view_settings import Options
 
-MOST = 200
+MAX_STEPS = 200  # steps that can be undone
 ONE_DRAG_MS = 800
-"""Changes by one command that follow each other this quickly are one, as those of a slider that is dragged."""
+"""Interval within which consecutive changes by one command, as of a dragged slider, count as one."""
 
 
 class SettingsHistory:
@@ -24,11 +24,11 @@ class SettingsHistory:
         self._last: tuple[str, int] = ("", -ONE_DRAG_MS)
 
     def note(self, command: str, before: Options, after: Options, t_ms: int) -> None:
-        """Keep what was before a command, if the command has changed it.
+        """Record the settings before a command, if it changed them.
 
         Parameters
         ----------
-        before : a copy. t_ms : operator's time.
+        before : copy of the settings before the command. t_ms : real time.
         """
         if before == after:
             return
@@ -37,10 +37,10 @@ class SettingsHistory:
         self._redo.clear()
         if name == command and t_ms - then_ms < ONE_DRAG_MS and self._undo:
             return
-        self._undo = [*self._undo[-MOST + 1 :], before]
+        self._undo = [*self._undo[-MAX_STEPS + 1 :], before]
 
     def undo(self, options: Options) -> None:
-        """Bring the settings before the last change back.
+        """Restore the settings before the last change.
 
         Raises
         ------
@@ -51,7 +51,7 @@ class SettingsHistory:
         self._last = ("", -ONE_DRAG_MS)
 
     def redo(self, options: Options) -> None:
-        """Do again what was undone.
+        """Repeat the change that was undone last.
 
         Raises
         ------
@@ -62,8 +62,9 @@ class SettingsHistory:
         self._last = ("", -ONE_DRAG_MS)
 
 
-def _swap(options: Options, wanted: list[Options], other: list[Options], none: str) -> None:
-    if not wanted:
-        raise UserError(none)
+def _swap(options: Options, source: list[Options], other: list[Options], advice: str) -> None:
+    """Restore the last settings of ``source``, and push the present ones to ``other``."""
+    if not source:
+        raise UserError(advice)
     other.append(deepcopy(options))
-    vars(options).update(vars(wanted.pop()))
+    vars(options).update(vars(source.pop()))

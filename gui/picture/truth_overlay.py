@@ -26,20 +26,20 @@ Segment = tuple[Pixel, Pixel]
 AXIS_M = 0.5
 """Length of the drawn target axes."""
 NEAR_M = 0.05
-ECLIPSED_BELOW = 0.02
+ECLIPSED_BELOW = 0.02  # visible share of the Sun
 CHANGED_RAD = float(np.radians(2.0))
 
 
 @dataclass(frozen=True)
 class Marks:
-    """Everything drawn over one picture; empty where the operator did not ask.
+    """All marks over one picture; empty ones were not requested.
 
     Parameters
     ----------
-    keypoints : pixel, how it is seen, name.
+    keypoints : pixel, visibility, name.
     box : x0 y0 x1 y1 of the whole target at pixel edges.
-    axes : origin and tip of the target's x, y, z.
-    wireframe : edges that have a face towards the camera.
+    axes : origin and tip of the target's x, y, z axes.
+    wireframe : edges with a face towards the camera.
     """
 
     keypoints: tuple[tuple[Pixel, Seen, str], ...] = ()
@@ -49,15 +49,14 @@ class Marks:
 
 
 class Marker:
-    """Makes the marks of picture after picture.
+    """Computes the marks of successive pictures.
 
-    Where a keypoint is follows every picture; whether the craft hides it is a question to the whole mesh
-    (50 ms), so it is asked again only when the view has changed by two degrees, or when an exact answer is
-    wanted.
+    Positions of keypoints are computed for every picture; occlusion by the craft needs the whole mesh (50 ms), so it is
+    updated only if the view has changed by two degrees, or if exact visibility is requested.
 
     Parameters
     ----------
-    target : the model.
+    target : model of the target.
     """
 
     def __init__(self, target: Target) -> None:
@@ -72,8 +71,8 @@ class Marker:
 
         Parameters
         ----------
-        scene : that was drawn. overlays : what is asked for.
-        exact : whether visibility must be of this very moment.
+        scene : scene of the picture. overlays : requested marks.
+        exact : True to compute visibility for this picture.
         """
         return Marks(
             keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),
@@ -87,15 +86,16 @@ class Marker:
     def _keypoints(self, scene: SceneState, *, exact: bool) -> tuple[tuple[Pixel, Seen, str], ...]:
         in_camera = scene.camera_from_target.apply(self._points_m)
         pixels = scene.camera.project(in_camera)
-        shown = (in_camera[:, 2] > NEAR_M) & scene.camera.contains(pixels)
+        in_picture = (in_camera[:, 2] > NEAR_M) & scene.camera.contains(pixels)
         if self._asked is None or (scene != self._asked if exact else _view_changed(scene, self._asked)):
             self._asked, self._seen = scene, self._ask(scene, in_camera[:, 2] > NEAR_M)
         return tuple(
-            (_pixel(pixels[k]), self._seen[k], self._target.keypoints[k].name) for k in np.flatnonzero(shown)
+            (_pixel(pixels[k]), self._seen[k], self._target.keypoints[k].name)
+            for k in np.flatnonzero(in_picture)
         )
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
-        """Return the visibility of keypoints by geometry; radiometric states would need a noise-free signal."""
+        """Return the geometric visibility of keypoints; radiometric states would need a noise-free signal."""
         pose = scene.camera_from_target
         occluded = np.ones(len(self._points_m), bool)
         occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)
@@ -104,18 +104,18 @@ class Marker:
             to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
             dark = hidden_from_direction(self._mesh, self._points_m, to_sun)
         return tuple(
-            "hidden" if hidden else "shadowed" if unlit else "visible"
-            for hidden, unlit in zip(occluded, dark, strict=True)
+            "hidden" if is_occluded else "shadowed" if is_dark else "visible"
+            for is_occluded, is_dark in zip(occluded, dark, strict=True)
         )
 
 
 def _view_changed(a: SceneState, b: SceneState) -> bool:
-    turned = rotation_angle_rad(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz)
+    rotation_rad = rotation_angle_rad(a.q_camera_from_target_wxyz, b.q_camera_from_target_wxyz)
     t_a, t_b = np.array(a.t_camera_from_target_m), np.array(b.t_camera_from_target_m)
-    moved = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
+    shift = float(np.linalg.norm(t_a - t_b)) / max(float(np.linalg.norm(t_a)), 1e-3)
     sun = float(np.linalg.norm(np.subtract(a.sun_direction_camera, b.sun_direction_camera)))
     eclipsed = (a.sun_visible_fraction < ECLIPSED_BELOW) != (b.sun_visible_fraction < ECLIPSED_BELOW)
-    return eclipsed or max(turned, moved, sun) > CHANGED_RAD
+    return eclipsed or max(rotation_rad, shift, sun) > CHANGED_RAD
 
 
 def _axes(scene: SceneState) -> tuple[Segment, ...]:

@@ -1,4 +1,4 @@
-"""Turns of several picture views at one render process: each gets its share of the time that pictures take."""
+"""Scheduling of several views on one render process: each gets its share of the drawing time."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.loop import FrameRequest
 
 WANTS_S = 0.5
-"""A view that was refused and has not asked again for so long does not want any more."""
+"""Time after a refused request without another one, after which a view counts as idle."""
 FIRST_MS = 50.0
-"""What a view's first picture is taken to cost."""
+"""Assumed cost of a view's first picture."""
 
 
 class Turns:
-    """Shares a frame producer among channels by the time that their pictures took, each weighted by its share.
+    """Shares a frame producer among channels by drawing time, weighted by their shares.
 
-    Start-time fair queueing (Goyal, Vin & Cheng 1997): it is the turn of who has had the least, and who joins begins
-    with what the last one served has had.
+    Start-time fair queueing (Goyal, Vin & Cheng 1997): the channel with the least time is next, and a new one starts
+    with the time of the one served last.
 
     Parameters
     ----------
-    producer : draws one picture after the other. clock : seconds, monotonic.
+    producer : draws one picture after the other. clock : monotonic time [s].
     """
 
     def __init__(self, producer: FramesOnRequest, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -48,42 +48,42 @@ class Turns:
 
         Parameters
         ----------
-        share : of the time, beside the others'.
+        share : weight relative to other channels.
         """
         channel = Channel(self, share)
         self._channels.append(channel)
         return channel
 
     def submit(self, channel: Channel, request: FrameRequest) -> bool:
-        """Ask for a channel's frame; False where there is no room, or another one's turn has come."""
+        """Submit a channel's request; return False without room, or if another channel is next."""
         now = self._clock()
         if not channel.wants(now):
-            # who comes back after a pause has saved no time up
+            # a channel that returns after a pause has saved up no time
             channel.used = max(channel.used, self._served)
         channel.asked_s = now
-        # nobody waits while the producer has nothing to do: who was first may want no more
+        # if the producer is idle, nobody waits: the channel that is next may have no request
         first = any(c.used < channel.used and c.wants(now) for c in self._channels if c is not channel)
         if first and self._under_way:
             return False
         try:
-            taken = self._producer.submit(request)
+            is_accepted = self._producer.submit(request)
         except JobsLostError as error:
             self._lose(error)
             return False
-        if taken:
+        if is_accepted:
             self._under_way.append(channel)
             channel.asked_s = None
             self._served = channel.used
             channel.charge(channel.cost_ms)
-        return taken
+        return is_accepted
 
     def collect(self) -> None:
-        """Give what is finished, and what has failed, to those who asked for it.
+        """Pass finished and failed pictures to the channels that requested them.
 
         Raises
         ------
         UserError, RuntimeError
-            If what draws could not be opened, or is gone for good.
+            If the renderer could not be opened, or is permanently lost.
         """
         try:
             for frame in self._producer.finished():
@@ -98,7 +98,7 @@ class Turns:
         except ProcessDiedError:
             raise
         except (UserError, RuntimeError) as error:
-            # before the first picture it may be the renderer itself that could not be opened
+            # before the first picture, the failure may be that of opening the renderer
             if not (self._drawn and self._under_way):
                 raise
             self._under_way.popleft().inbox.append(PictureFailedError(last_line(error)))
@@ -111,26 +111,26 @@ class Turns:
 
 
 class Channel:
-    """A view's way to the producer; `flyaround.gui.picture.feed.FramesOnRequest`.
+    """A view's access to the producer; implements `flyaround.gui.picture.feed.FramesOnRequest`.
 
     Parameters
     ----------
-    turns : that it takes part in. share : of the time.
+    turns : scheduler. share : weight of its time.
     """
 
     def __init__(self, turns: Turns, share: float) -> None:
         self._turns = turns
         self._share = share
         self.used = 0.0
-        """Time that its pictures took over its share [ms]."""
+        """Time of its pictures over its share [ms]."""
         self.cost_ms = FIRST_MS
         self.asked_s: float | None = None
-        """When it asked last and was refused."""
+        """Time of its last refused request."""
         self.inbox: deque[Frame | PictureFailedError] = deque()
         self.lost: JobsLostError | None = None
 
     def charge(self, ms: float) -> None:
-        """Note time that its pictures took."""
+        """Add the time of a picture."""
         self.used += ms / self._share
 
     def wants(self, now_s: float) -> bool:
@@ -138,18 +138,18 @@ class Channel:
         return self.asked_s is not None and now_s - self.asked_s < WANTS_S
 
     def submit(self, request: FrameRequest) -> bool:
-        """Ask for a frame; False when it is not its turn, or enough are under way."""
+        """Submit a request; return False if it is not its turn, or enough are in flight."""
         return self._turns.submit(self, request)
 
     def finished(self) -> Iterable[Frame]:
-        """Return its frames finished since the last call, in the order they were asked for.
+        """Return its frames finished since the last call, in order of request.
 
         Raises
         ------
         JobsLostError
-            If those under way will not come.
+            If its pictures in flight are lost.
         PictureFailedError
-            If the oldest of them could not be made; what comes after it, the next call gives.
+            If the oldest of them could not be made; later ones are returned by the next call.
         """
         self._turns.collect()
         return self._take()
@@ -161,5 +161,5 @@ class Channel:
                 raise came
             yield came
         if self.lost is not None:
-            lost, self.lost = self.lost, None
-            raise lost
+            error, self.lost = self.lost, None
+            raise error

@@ -1,6 +1,6 @@
-"""The view as a film: H.264 in an mp4 file, encoded in a thread beside the window.
+"""The view as a film: H.264 in an mp4 file, encoded in a thread.
 
-It has its name once it is whole; one that a full disk ends, or of which the console is killed, leaves no such file.
+The file gets its name once it is complete; a full disk or a killed console leaves none.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 WAITING = 8
-"""Pictures that may wait for the encoder; others are left out, and counted."""
-CLOCK = Fraction(1, 1000)
+"""Number of pictures queued for the encoder; further ones are dropped and counted."""
+CLOCK = Fraction(1, 1000)  # time base of the video: milliseconds
 END_S = 30.0
-"""So long the end of a film waits for its encoder: a few pictures on a slow machine."""
+"""Time to wait for the encoder at the end of a film."""
 
 
 class Film:
-    """One file that is being written.
+    """A film that is being written.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ class Film:
         self._thread.start()
 
     def add(self, t_ms: int, image: ByteArray) -> None:
-        """Queue a picture; never waits.
+        """Queue a picture without waiting.
 
         Parameters
         ----------
-        t_ms : when it is shown, later than the last. image : (H, W) or (H, W, 3), eight bits.
+        t_ms : presentation time, later than the last. image : (H, W) or (H, W, 3), eight bits.
         """
         if self.trouble is not None or t_ms <= self._last_ms:
             return
@@ -80,12 +80,12 @@ class Film:
             self.left_out += 1
 
     def close(self) -> None:
-        """End the file; the pictures that wait are still written."""
+        """Finish the file; queued pictures are still written."""
         with contextlib.suppress(queue.Full):
             self._queue.put(None, timeout=END_S)
         self._thread.join(timeout=END_S)
         if self._thread.is_alive():
-            # it goes on by itself, and gives the file its name if it comes to an end before the console does
+            # it continues alone, and names the file if it ends before the console does
             self.trouble = (
                 f"the film {self.path} is not whole yet: its encoder has not ended after {END_S:g} s"
             )
@@ -97,7 +97,7 @@ class Film:
             while (item := self._queue.get()) is not None:
                 t_ms, image = item
                 if stream is None:
-                    # even sides, as the half resolution of the colours asks for
+                    # even sides, as required by chroma subsampling
                     size = image.shape[1] // 2 * 2, image.shape[0] // 2 * 2
                     stream, first_ms = self._stream(size), t_ms
                 rgb = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
@@ -119,11 +119,11 @@ class Film:
             # a full disk ends the film and not the flight
             self._give_up(write_error(self.path, error))
         except (ValueError, MemoryError, self._av.error.FFmpegError) as error:
-            # the encoder's own errors are of libav's kind alone
+            # the encoder raises libav's own exceptions
             self._give_up(error)
 
     def _give_up(self, why: object) -> None:
-        """No film: what was written of it is not whole."""
+        """Abandon the film and report why."""
         with contextlib.suppress(OSError, ValueError, self._av.error.FFmpegError):
             self._file.close()
         with contextlib.suppress(OSError):

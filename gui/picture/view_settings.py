@@ -52,17 +52,17 @@ OVERLAYS: tuple[tuple[str, str], ...] = (
 
 @dataclass
 class ViewSettings:
-    """The operator's choices.
+    """The operator's settings.
 
     Parameters
     ----------
-    exposure_stops : added to the scenario's exposure, in powers of two.
-    bands, environment : instead of the scenario's.
-    noise : whether the sensor's noise is added.
-    camera : instead of the scenario's.
-    sensor_changes : fields of the sensor or its detector, by name, instead of the scenario's.
-    light_gains : factors on the radiance of the area lights, in their order; missing ones are 1.
-    detail : resolution while time runs; when paused the picture is always whole.
+    exposure_stops : powers of two on the scenario's exposure.
+    bands, environment : replace the scenario's.
+    noise : True to add the sensor's noise.
+    camera : replaces the scenario's.
+    sensor_changes : changed fields of the sensor or its detector, by name.
+    light_gains : factors on the radiance of the area lights by index; missing ones are 1.
+    detail : resolution while time runs; paused pictures are drawn at full size.
     """
 
     bands: Bands
@@ -77,7 +77,7 @@ class ViewSettings:
 
 @dataclass
 class Overlays:
-    """Overlays of the view; ``raw`` shows the image's numbers as they are, not as a photograph would."""
+    """Overlays of the view; ``raw`` shows raw numbers instead of a photograph."""
 
     keypoints: bool = False
     names: bool = False
@@ -94,7 +94,7 @@ class Overlays:
 
 @dataclass
 class Options:
-    """Everything that the operator can switch and that is not part of the flight."""
+    """All settings of the operator that are not part of the flight."""
 
     settings: ViewSettings
     overlays: Overlays = field(default_factory=Overlays)
@@ -110,8 +110,8 @@ def apply_view_settings(
 
     Parameters
     ----------
-    divisor : pixels of the camera per pixel drawn, each way.
-    quality : instead of the scenario's.
+    divisor : camera pixels per drawn pixel, each way.
+    quality : replaces the scenario's.
     """
     sensor = changed_sensor(scene.sensor, settings.sensor_changes)
     if not settings.noise:
@@ -147,11 +147,11 @@ def changed_sensor(sensor: Sensor, changes: dict[str, float]) -> Sensor:
 
 
 def brightened(lights: tuple[AreaLight, ...], gains: dict[int, float]) -> tuple[AreaLight, ...]:
-    """Area lights with factors on their radiance; one of 0 is out."""
-    kept = [(light, gains.get(k, 1.0)) for k, light in enumerate(lights)]
+    """Return area lights with factors on their radiance; a factor of 0 removes a light."""
+    gains_by_light = [(light, gains.get(k, 1.0)) for k, light in enumerate(lights)]
     return tuple(
         msgspec.structs.replace(light, radiance_w_m2_sr=light.radiance_w_m2_sr * gain)
-        for light, gain in kept
+        for light, gain in gains_by_light
         if gain > 0
     )
 

@@ -1,4 +1,4 @@
-"""Planned burns on the LVLH map: nodes on the path that they make, with handles that are dragged."""
+"""Planned burns on the LVLH map: nodes on the predicted path, with draggable handles."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 COLOUR = style.PURPLE
 ARM = 16.0
-"""Screen units from a node to its handle where the burn has no part in the plane."""
+"""Distance from a node to its handle, in screen units, for a burn without a component in the plane."""
 PER_M_S = 800.0
-"""And further for each metre a second: 40 units for 5 cm/s."""
+"""Additional distance per m/s: 40 units for 5 cm/s."""
 GRIP = 9.0
-"""The pointer takes a node or handle within this."""
+"""Distance within which the pointer picks a node or handle."""
 FIRST_M_S = 0.02
-"""Along the flight: what a burn is that is planned by a click."""
+"""Along-track delta-v of a burn that is planned by a click."""
 EVERY_S = 0.5
-"""The path is worked out anew this often, at 1x."""
-SAMPLES = 40
+"""Interval at which the path is recomputed, at 1x."""
+SAMPLES = 40  # points of the predicted path per burn
 
 
 @dataclass(frozen=True)
 class Grip:
-    """The node or handle of a burn that the pointer holds, and the plane."""
+    """The node or handle that the pointer holds, and the plane."""
 
     burn: PlannedBurn
     what: Literal["node", "handle"]
@@ -44,7 +44,7 @@ class Grip:
 
 
 class BurnNodes:
-    """Draws the planned burns and lets them be dragged; the command is given once, when the button is let go."""
+    """Draws planned burns and lets the pointer drag them; the command is given on release."""
 
     def __init__(self) -> None:
         self._grip: Grip | None = None
@@ -55,12 +55,12 @@ class BurnNodes:
     def take_mouse(
         self, console: Console, ports: tuple[MapPort, ...], mouse: Point, pressed: tuple[bool, bool, bool]
     ) -> bool:
-        """Do what the pointer asks of burns; whether the map must leave it alone.
+        """Apply the pointer's actions to burns; return True if the map must ignore it.
 
         Parameters
         ----------
-        ports : planes on the screen. mouse : where the pointer is.
-        pressed : whether the left button went down on the map, is down, and whether the right one went down on it.
+        ports : planes on the screen. mouse : position of the pointer.
+        pressed : left button went down on the map, is down; right button went down on the map.
         """
         session = console.session
         self._refresh(session, session.craft.steering.burns if self._grip is None else self._plan)
@@ -90,30 +90,32 @@ class BurnNodes:
         if path is None or not burns:
             return
         canvas.stroke(port.at(path.points_lvlh_m), COLOUR, 1.6, dashed=True)
-        written: list[Point] = []
+        label_positions: list[Point] = []
         for burn, node in zip(burns, path.nodes_lvlh_m, strict=False):
             at = point(port.at(node))
             canvas.arrow(at, handle(at, burn, port.plane), COLOUR, 1.8)
             canvas.dot(handle(at, burn, port.plane), 3.5, style.INK)
             canvas.diamond(at, 5.0, COLOUR)
-            self._write(canvas, port, handle(at, burn, port.plane), f"{burn.size_m_s:.3f} m/s", written)
+            self._write(
+                canvas, port, handle(at, burn, port.plane), f"{burn.size_m_s:.3f} m/s", label_positions
+            )
 
     @staticmethod
-    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, written: list[Point]) -> None:
-        """Write a burn's size below its handle, inside the map, unless another's is there already."""
+    def _write(canvas: Canvas, port: MapPort, tip: Point, text: str, taken_places: list[Point]) -> None:
+        """Write a burn's size below its handle, inside the map, unless another text is there."""
         x, y, w, h = port.rect
         width, height = canvas.size(text)
-        # below the handle: the chaser and its boresight lie along the path
+        # below the handle, because chaser and boresight lie along the path
         at = (min(tip[0] + 4, x + w - width - 4), min(max(tip[1] + 8, y), y + h - height))
-        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in written):
+        if all(abs(at[0] - a) > width or abs(at[1] - b) > height for a, b in taken_places):
             canvas.label(
                 at, text, style.INK, "size of the burn; drag its handle for that, its node for the time"
             )
-            written.append(at)
+            taken_places.append(at)
 
     @property
     def path_lvlh_m(self) -> FloatArray:
-        """(n, 3) the path that the burns make; empty without any."""
+        """(n, 3) predicted path through the burns; empty without any."""
         return np.zeros((0, 3)) if self._path is None else self._path.points_lvlh_m
 
     # --- inside
@@ -123,7 +125,7 @@ class BurnNodes:
         if key == self._of:
             return
         self._of, self._plan = key, plan
-        # a burn that has begun has no node any more
+        # a burn in progress has no node
         ahead = BurnPlan(tuple(b for b in plan.burns if b.t_s >= session.t_s))
         self._plan = ahead
         self._path = session.craft.predicted_burns(ahead, samples=SAMPLES) if ahead.burns else None
@@ -151,9 +153,9 @@ class BurnNodes:
             burn = dragged(grip.burn, grip.port.plane, point(grip.port.at(node)), mouse)
         else:
             burn = replace(grip.burn, t_s=self._time_at(session, grip.port, mouse))
-        others = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
+        other_burns = tuple(b for b in self._plan.burns if b.t_s != grip.burn.t_s)
         self._grip = replace(grip, burn=burn)
-        self._plan = BurnPlan(tuple(sorted((*others, burn), key=lambda b: b.t_s)))
+        self._plan = BurnPlan(tuple(sorted((*other_burns, burn), key=lambda b: b.t_s)))
         self._refresh(session, self._plan)
 
     def _let_go(self, console: Console) -> None:
@@ -161,16 +163,16 @@ class BurnNodes:
         if grip is None:
             return
         planned = console.session.craft.steering.burns.burns
-        # a node that was moved along the path is another time: the old one goes
-        gone = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
-        for burn in gone:
+        # a node moved along the path has a new time: cancel the old burn
+        cancelled = [b for b in planned if b.t_s not in {p.t_s for p in self._plan.burns}]
+        for burn in cancelled:
             console.do("burn.cancel", burn.t_s)
         if grip.burn not in planned:
             console.do("burn.plan", grip.burn.t_s, *grip.burn.delta_v_lvlh_m_s)
         self._of = ()
 
     def _time_at(self, session: FlightSession, port: MapPort, mouse: Point) -> float:
-        """Return when the predicted path is nearest to the pointer; not in the next seconds."""
+        """Return the time at which the predicted path is nearest to the pointer, at least some seconds ahead."""
         path = self._path
         if path is None:
             session.craft.take_over()
@@ -182,7 +184,7 @@ class BurnNodes:
 
 
 def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
-    """Return the screen place of a burn's handle: from its node along the delta-v in this plane."""
+    """Return the screen position of a burn's handle: from its node along the delta-v in this plane."""
     part = np.array([burn.delta_v_lvlh_m_s[plane.right], -burn.delta_v_lvlh_m_s[plane.up]])
     size = float(np.linalg.norm(part))
     along = part / size if size > 0 else np.array([1.0, 0.0])
@@ -190,7 +192,7 @@ def handle(node: Point, burn: PlannedBurn, plane: Plane) -> Point:
 
 
 def dragged(burn: PlannedBurn, plane: Plane, node: Point, mouse: Point) -> PlannedBurn:
-    """Return the burn whose handle is at the pointer, in whole millimetres a second; never zero."""
+    """Return the burn with its handle at the pointer, in whole millimetres per second; never zero."""
     way = np.array([mouse[0] - node[0], node[1] - mouse[1]])
     length = float(np.linalg.norm(way))
     size = max(length - ARM, 0.0) / PER_M_S

@@ -1,4 +1,4 @@
-"""The view of the chaser's camera: the newest picture, with truth, crosshair and figures over it or beside it."""
+"""The view of the chaser's camera: the newest picture, with truth, crosshair and figures over or beside it."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 Place = tuple[float, float, float, float]
 """x, y, width and height on the screen."""
 MARGIN, LEAST_GAP, WIDEST_GAP = 12.0, 8.0, 140.0
-"""Between figures and the edge of the view, and between columns of figures, in screen units."""
+"""Margin between figures and the edge of the view, and between columns, in screen units."""
 OLD_S = 1.0
-"""A picture's age is marked beyond this, at 1x."""
+"""Age beyond which a picture's age is marked, at 1x."""
 NAME = "CLOSING "
-"""The widest name of a figure."""
+"""Longest name of a figure, for the column width."""
 
 
 class Row(NamedTuple):
@@ -81,12 +81,12 @@ class CameraView(Panel):
         canvas.picture(view, picture, screen, (box.x, box.y, box.width, box.height))
         self._mouse.take(box, console)
         canvas.clip((box.x, box.y), (box.width, box.height))
-        # names stay clear of where the figures stood the last time
+        # names avoid the figures' positions in the last frame
         taken, self._plates = tuple(self._plates), []
-        self._truth.draw(box, picture, options, paused=session.clock.paused, taken=taken)
+        self._truth.draw(box, picture, options, paused=session.clock.paused, obstacles=taken)
         if options.overlays.estimate:
             self._estimate.draw(canvas, box, picture, console.jobs.estimates)
-        # the docking display has a cross and figures of its own
+        # the docking display has its own cross and figures
         if options.overlays.crosshair and not options.overlays.docking:
             self._truth.crosshair(box, picture)
         if options.overlays.docking:
@@ -94,7 +94,7 @@ class CameraView(Panel):
         canvas.unclip()
         within = (box.x, box.y, box.width, box.height)
         if beside is None:
-            # the docking display has figures of its own at the upper edge
+            # the docking display has its own figures at the upper edge
             shown = ((groups[0], (), *groups[2:]) if options.overlays.docking else groups) if groups else ()
             self._corners(canvas, within if box.width > 0.75 * place[2] else place, shown)
         else:
@@ -113,14 +113,14 @@ class CameraView(Panel):
                 canvas, (x, box.y + MARGIN + 2 * self._line), (Row("", self._judged, style.WARN, ""),)
             )
 
-    # --- places
+    # --- arrangement
 
     def _placed(
         self, canvas: Canvas, place: Place, image: tuple[int, int], groups: Groups
     ) -> tuple[Letterbox, Place | None]:
-        """Return where the picture goes, and where its figures go beside it; None if they lie over it.
+        """Return the place of the picture, and that of figures beside it; None if they lie over it.
 
-        The picture is as large as the view allows. What its form leaves free, below or at the right, is for figures.
+        The picture is as large as the view allows; free space below or at the right holds the figures.
         """
         x, y, width, height = place
         box = Letterbox.fit(image, place)
@@ -139,7 +139,7 @@ class CameraView(Panel):
         return box, None
 
     def _in_columns(self, canvas: Canvas, place: Place, groups: Groups) -> None:
-        """Draw the figures below the picture in columns, or one below the other beside it."""
+        """Draw the figures in columns below the picture, or stacked beside it."""
         self._push()
         columns = _columns(groups)
         widths = [self._width(canvas, rows) for rows in columns]
@@ -152,7 +152,7 @@ class CameraView(Panel):
         self._imgui.pop_font()
 
     def _corners(self, canvas: Canvas, place: Place, groups: Groups) -> None:
-        """Draw the figures over the picture's corners; in a small view those that matter most."""
+        """Draw the figures over the picture's corners; in a small view only the most important."""
         if not groups:
             return
         x, y, width, height = place
@@ -175,7 +175,7 @@ class CameraView(Panel):
 
     @staticmethod
     def _groups(session: FlightSession, feed: Feed, picture: Picture) -> Groups:
-        """Return figures by subject: who flies, moment, motion, place with light."""
+        """Return figures by subject: control, time, motion, position and light."""
         r, image = picture.telemetry, picture.frame.image
         badge, colour = _badge(session)
         speed = f"{feed.frame_ms:.0f} ms  {image.shape[1]}x{image.shape[0]}"
@@ -249,7 +249,7 @@ class CameraView(Panel):
             canvas.plain_text((x + step if row.name else x, top), row.value, row.colour, row.tip)
 
     def _times(self, canvas: Canvas, place: Place, feed: Feed, below: float) -> None:
-        """Draw each pass's time with a bar as long as its share of the picture's."""
+        """Draw each pass's time with a bar proportional to its share."""
         self._push()
         passes = shown_passes(feed.pass_ms)
         total = sum(ms for _, ms in passes)
@@ -267,14 +267,14 @@ class CameraView(Panel):
         self._imgui.pop_font()
 
     def _centred(self, canvas: Canvas, place: Place, *lines: str) -> None:
-        """Draw lines in the middle of a place."""
+        """Draw lines centred in a rectangle."""
         for k, text in enumerate(lines):
             width, height = canvas.size(text)
             at = (place[0] + (place[2] - width) / 2, place[1] + place[3] / 2 + (k - 0.5) * 1.4 * height)
             canvas.text(at, text)
 
     def _push(self) -> None:
-        """Use the letters of figures until ``pop_font``."""
+        """Use the font of figures until ``pop_font``."""
         self._imgui.push_font(self._window.figure_font, 0.0)
 
     @staticmethod
@@ -288,12 +288,12 @@ class CameraView(Panel):
 
 
 def _columns(groups: Groups) -> list[tuple[Row, ...]]:
-    """Return the groups as columns: who flies stands over the moment."""
+    """Return the groups as columns: control above time."""
     return [(*groups[0], *groups[1]), *groups[2:]] if groups else []
 
 
 def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
-    """Return names for people and times [ms] of the passes that took any, in the order they run; without the sums."""
+    """Return names and times [ms] of the passes that ran, in order, without sums."""
     passes = [(name.removeprefix("render."), ms) for name, ms in stage_ms.items() if "." in name]
     if not passes:
         return ()

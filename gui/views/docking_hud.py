@@ -1,4 +1,4 @@
-"""The docking display over the camera's picture: corridor, port, reticle, and the figures coloured by their limits."""
+"""The docking display over the camera's picture: corridor, port, reticle, and figures coloured by their limits."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ NEAR_M = 0.05
 RING_SHARE = 0.31
 """Radius of the ring over the smaller side of the picture."""
 LEAST_RING = 105.0
-"""In a smaller picture the figures are the panel's alone."""
+"""Size below which a picture shows no figures; the panel has them."""
 WIDE = 700.0
-"""A narrower picture has other letters up to the middle of its upper edge."""
+"""Width below which the centre of the upper edge is occupied by other text."""
 LABELLED = 60.0
-"""Squares of hold points beyond the next are named from this width on."""
+"""Width from which on the squares of further hold points are named."""
 FULL_SCALE_DEG = 15.0
-"""Where a needle of the attitude stops."""
+"""Angle at which an attitude needle stops."""
 
 DISTANCE = "of the docking point before the port's plane"
 ABOUT = {
@@ -48,15 +48,15 @@ ABOUT = {
     "yaw rate": "how fast yaw changes against the turning port",
     "off axis": "angle at the port between its axis and the docking point; nothing where the offset is small",
 }
-"""What each figure of `flyaround.simulator.piloting.docking_figures.judge` is."""
+"""Hover text of each figure of `flyaround.simulator.piloting.docking_figures.judge`."""
 
 
 class DockingHud:
-    """Draws it over one view.
+    """Draws the docking display over one view.
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -64,10 +64,10 @@ class DockingHud:
         self._w = Widgets(window)
 
     def draw(self, box: Letterbox, console: Console, picture: Picture) -> None:
-        """Draw over a picture; all figures are of the picture's own moment."""
+        """Draw over a picture; all figures are those of the picture's time."""
         session = console.session
         if picture.target is not session.plan.target:
-            # the last picture of another scenario
+            # the last picture may be of another scenario
             return
         docking = session.craft.docking
         figures = docking.figures(picture.state.chaser, session.flight)
@@ -89,37 +89,40 @@ class DockingHud:
     def _corridor(
         self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, docking: Docking
     ) -> None:
-        """Draw a square about the axis at each hold point, as wide as the offset may be there."""
+        """Draw a square about the axis at each hold point, as wide as the allowed offset there."""
         following = docking.hold_points.next
         for point in docking.hold_points.points:
             if point.axial_m > figures.axial_m + 1.0:
                 continue
             half = docking.limits.lateral_at_m(point.axial_m)
             corners = np.array([[x * half, y * half, -point.axial_m] for x, y in _SQUARE])
-            drawn = self._seen(box, camera, figures, corners)
-            if drawn is None:
+            corners_px = self._seen(box, camera, figures, corners)
+            if corners_px is None:
                 continue
             ahead = following is not None and point.name == following.name
             colour = style.ACCENT if ahead else style.QUIET
-            canvas.stroke(drawn, colour, 2.0 if ahead else 1.2, closed=True)
-            width = max(abs(drawn[1][0] - drawn[0][0]), abs(drawn[1][1] - drawn[0][1]))
+            canvas.stroke(corners_px, colour, 2.0 if ahead else 1.2, closed=True)
+            width = max(abs(corners_px[1][0] - corners_px[0][0]), abs(corners_px[1][1] - corners_px[0][1]))
             if ahead or width > LABELLED:
                 name = f"{point.name} {point.axial_m:g} m"
                 canvas.text(
-                    (drawn[1][0] + 5, drawn[1][1] - 8), name, colour, "hold point, and metres before the port"
+                    (corners_px[1][0] + 5, corners_px[1][1] - 8),
+                    name,
+                    colour,
+                    "hold point, and metres before the port",
                 )
 
     def _port(
         self, canvas: Canvas, box: Letterbox, camera: Camera, figures: DockingFigures, rows: dict[str, Judged]
     ) -> None:
-        """Draw the port's rim and its upper side, and where the docking point will meet its plane."""
+        """Draw the port's rim, its upper side, and the predicted point of contact."""
         turn = np.linspace(0.0, 2 * np.pi, 33)[:-1]
         rim = np.stack([CAPTURE_M * np.cos(turn), CAPTURE_M * np.sin(turn), 0 * turn], axis=1)
-        drawn = self._seen(box, camera, figures, rim)
+        rim_px = self._seen(box, camera, figures, rim)
         worst = max((rows["offset right"], rows["offset down"]), key=lambda r: r.share)
         colour = style.LIMIT_COLORS[worst.state]
-        if drawn is not None:
-            canvas.stroke(drawn, colour, 1.8, closed=True)
+        if rim_px is not None:
+            canvas.stroke(rim_px, colour, 1.8, closed=True)
         cross = self._seen(box, camera, figures, np.array(_CROSS) * CAPTURE_M)
         if cross is not None:
             for a, b in ((0, 1), (2, 3), (4, 5)):
@@ -134,10 +137,10 @@ class DockingHud:
     def _seen(
         self, box: Letterbox, camera: Camera, figures: DockingFigures, points_port_m: np.ndarray
     ) -> list[Point] | None:
-        """Return screen places of points, or None if one is beside or behind the camera."""
+        """Return screen positions of points, or None if one is beside or behind the camera."""
         in_camera = figures.in_camera_m(points_port_m)
         depth = in_camera[:, 2]
-        # what is far out of the picture would be bent by the lens
+        # the lens distorts points far outside the picture
         if depth.min() < NEAR_M or np.any(np.linalg.norm(in_camera[:, :2], axis=1) > 1.5 * depth):
             return None
         return [box.at((float(x), float(y))) for x, y in camera.project(in_camera)]
@@ -175,10 +178,10 @@ class DockingHud:
             ("pitch", -figures.pitch_deg, 0.0),
             ("yaw", -figures.yaw_deg, 90.0),
         ):
-            moved = base + 2 * float(np.clip(value, -FULL_SCALE_DEG, FULL_SCALE_DEG))
+            angle_deg = base + 2 * float(np.clip(value, -FULL_SCALE_DEG, FULL_SCALE_DEG))
             for angle, colour, inner, outer, weight in (
                 (base, style.INK, 0.97, 1.03, 1.4),
-                (moved, style.LIMIT_COLORS[rows[name].state], 0.90, 1.0, 3.0),
+                (angle_deg, style.LIMIT_COLORS[rows[name].state], 0.90, 1.0, 3.0),
             ):
                 c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
                 a = (cx + inner * radius * c, cy + inner * radius * s)
@@ -190,7 +193,7 @@ class DockingHud:
 
     @staticmethod
     def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
-        """Draw letters of which ``share`` lies left of the place: 0.5 centres them."""
+        """Draw text with a ``share`` of its width left of the position: 0.5 centres it."""
         canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
@@ -198,7 +201,7 @@ class DockingHud:
         self._text(canvas, at, text, style.LIMIT_COLORS[row.state], share, f"{ABOUT[row.name]} [{row.unit}]")
 
     def _status(self, canvas: Canvas, box: Letterbox, centre: Point, radius: float, console: Console) -> None:
-        """Write what flies and what the operator must decide, where other letters leave room."""
+        """Write the control mode and the operator's next decision, where other text leaves room."""
         text, colour = status(console)
         if console.session.craft.steering.plume:
             text, colour = f"{text}   PLUME ON TARGET".strip(), style.OUTSIDE
@@ -211,8 +214,8 @@ class DockingHud:
         self._text(canvas, (x, y), text, colour, 0.5, "what flies, and what it waits for")
 
 
-_SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-# right arm, left arm, and the one that is up
+_SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))  # corners of a gate
+# right arm, left arm, and the upper one
 _CROSS = (
     (0.6, 0.0, 0.0),
     (1.4, 0.0, 0.0),
@@ -224,7 +227,7 @@ _CROSS = (
 
 
 def status(console: Console) -> tuple[str, style.Rgba]:
-    """Return a line on how the approach stands, and its colour."""
+    """Return a line on the state of the approach, and its colour."""
     session = console.session
     docking, steering = session.craft.docking, session.craft.steering
     contact = docking.contact

@@ -1,4 +1,4 @@
-"""The map of the Earth (or the Moon) below the target: ground track, day and night, shadow to come."""
+"""The map of the Earth (or the Moon) below the target: ground track, day and night, upcoming eclipse."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.world_state import WorldState
 
 TRACK_EVERY_S = 60.0
-"""Simulated time between two tracks, at 60x and less; beyond that one a second of the window's."""
+"""Simulated time between two tracks, up to 60x; beyond that one per second of real time."""
 SHADE_EVERY_DEG = 0.5
-"""The day and night of the map follow the Sun in such steps."""
-PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)
+"""Angular step in which day and night follow the Sun."""
+PAST, SUNLIT, SHADOWED = style.ACCENT, style.YELLOW, (0.62, 0.62, 0.7, 1.0)  # colours of the ground track
 AHEAD = "simulated time until then [min:s], by an orbit under J2 alone, which is right to a second an orbit"
 
 
@@ -48,7 +48,7 @@ class EarthMap(Panel):
 
     def __init__(self, window: Surface) -> None:
         super().__init__(window)
-        # decoding maps and propagating an orbit must not hold the window up
+        # decoding maps and propagating an orbit must not block the window
         self._aside = ThreadPoolExecutor(1)
         self._maps: dict[str, Future[GroundMap]] = {}
         self._shade: tuple[object, ...] = ()
@@ -86,10 +86,10 @@ class EarthMap(Panel):
                 canvas.text((left, top + k * line), text, colour, tip)
         canvas.unclip()
 
-    # --- what is worked out aside
+    # --- computed in a thread
 
     def _follow(self, session: FlightSession) -> None:
-        """Request a new track once the last one is old."""
+        """Request a new track if the last one is old."""
         if self._session is not session:
             self._session, self._track, self._asked_s = session, None, -math.inf
             self._coming = None
@@ -112,7 +112,7 @@ class EarthMap(Panel):
             return
         error = loading.exception()
         if error is not None:
-            # the track is worth as much without the map
+            # the track is useful without the map
             canvas.text(
                 (box.x + 6, box.y + 6), f"no map of {world.central.body.title}: {error}", style.YELLOW
             )
@@ -150,15 +150,15 @@ class EarthMap(Panel):
         track = self._track
         if track is None:
             return
-        past = track.times_s <= now_s
+        is_past = track.times_s <= now_s
         shadowed = track.sunlit < 0.5
-        for chosen, colour, dashed in (
-            (past, PAST, False),
-            (~past & ~shadowed, SUNLIT, True),
-            (~past & shadowed, SHADOWED, True),
+        for part, colour, dashed in (
+            (is_past, PAST, False),
+            (~is_past & ~shadowed, SUNLIT, True),
+            (~is_past & shadowed, SHADOWED, True),
         ):
-            # a stretch begins where the one before it ends
-            on = chosen | np.append(chosen[1:], False)
+            # a segment starts where the previous one ends
+            on = part | np.append(part[1:], False)
             latitude = np.where(on, track.latitude_deg, np.nan)
             latitude, longitude = unbroken(latitude, track.longitude_deg)
             canvas.stroke(map_places(box, latitude, longitude), colour, 1.8, dashed=dashed)
@@ -188,23 +188,31 @@ class EarthMap(Panel):
                 "the target above a sphere of the equatorial radius",
             ),
         ]
-        lit = world.sun_visible_fraction
+        sun_share = world.sun_visible_fraction
         state = (
-            "in sunlight" if lit >= 1 else "in the shadow" if lit <= 0 else f"{100 * lit:.0f} % of the Sun"
+            "in sunlight"
+            if sun_share >= 1
+            else "in the shadow"
+            if sun_share <= 0
+            else f"{100 * sun_share:.0f} % of the Sun"
         )
-        rows.append((state, style.GOOD if lit >= 1 else style.WARN, "what the target sees of the Sun's disc"))
+        rows.append(
+            (state, style.GOOD if sun_share >= 1 else style.WARN, "what the target sees of the Sun's disc")
+        )
         track = self._track
         if track is not None:
             for name, event_s in (("shadow in", track.enters_s), ("sunlight in", track.leaves_s)):
                 if event_s is not None and event_s > session.t_s:
                     rows.append((f"{name} {duration_text(event_s - session.t_s)}", style.INK, AHEAD))
             if track.enters_s is None and track.leaves_s is None:
-                rows.append(("no shadow ahead" if lit >= 1 else "no sunlight ahead", style.QUIET, AHEAD))
+                rows.append(
+                    ("no shadow ahead" if sun_share >= 1 else "no sunlight ahead", style.QUIET, AHEAD)
+                )
         return rows
 
 
 def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
-    """Return screen places (n, 2) of places on the ground."""
+    """Return screen positions (n, 2) of geodetic coordinates."""
     return np.stack(
         [
             box.x + (longitude_deg + 180.0) / 360.0 * box.width,
@@ -215,19 +223,19 @@ def map_places(box: Letterbox, latitude_deg: FloatArray, longitude_deg: FloatArr
 
 
 def map_place(box: Letterbox, latitude_deg: float, longitude_deg: float) -> Point:
-    """Return screen place of a place on the ground."""
+    """Return the screen position of geodetic coordinates."""
     x, y = map_places(box, np.array(latitude_deg), np.array(longitude_deg))
     return (float(x), float(y))
 
 
 def place_text(latitude_deg: float, longitude_deg: float) -> str:
-    """Return a place as maps write it."""
+    """Return coordinates as maps write them."""
     north, east = "N" if latitude_deg >= 0 else "S", "E" if longitude_deg >= 0 else "W"
     return f"{abs(latitude_deg):.1f}° {north}  {abs(longitude_deg):.1f}° {east}"
 
 
 def duration_text(seconds: float) -> str:
-    """Return minutes and seconds, and hours where there are some."""
+    """Return minutes and seconds, and hours if there are any."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

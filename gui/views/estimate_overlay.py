@@ -1,4 +1,4 @@
-"""The estimated pose over the camera's picture: the target's wireframe where the estimator puts it."""
+"""The estimated pose over the camera's picture: the target's wireframe at that pose."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from flyaround.gui.views.letterbox import Letterbox
 
 OLD_S = 5.0
-"""An estimate of a picture that is older by more of simulated time is not drawn."""
+"""Age of a picture, in simulated time, above which its estimate is not drawn."""
 SAYS = "the estimator's method, how sure it is (0 to 1), and how old the picture is that it was given"
 
 
 class EstimateOverlay:
-    """Draws the newest estimate; keeps its lines while estimate and camera stay."""
+    """Draws the newest estimate; caches its lines."""
 
     def __init__(self) -> None:
         self._of: tuple[object, ...] = ()
         self._lines: tuple[Segment, ...] = ()
 
     def draw(self, canvas: Canvas, box: Letterbox, picture: Picture, estimates: Estimates) -> None:
-        """Draw over a picture what is known of it, or of the one before it."""
+        """Draw over a picture its estimate, or that of the picture before it."""
         estimate, scene = estimates.newest, picture.frame.scene
         if estimate is None or not estimates.on:
             return
@@ -58,7 +58,7 @@ class EstimateOverlay:
         return wireframe_at(picture.frame.scene.camera, pose, picture.target)
 
     def _place(self, canvas: Canvas, box: Letterbox, text: str) -> tuple[float, float]:
-        """Return a place under the wireframe inside the picture, or in its lower middle without one."""
+        """Return a position below the wireframe inside the picture, or at the lower centre without one."""
         width = canvas.size(text)[0]
         ends = [box.at(p) for line in self._lines for p in line]
         if ends:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 Place = tuple[float, float, float, float]
-SCALE_STEPS = 32
+SCALE_STEPS = 32  # steps of the drawn colour scale
 LIT, UNLIT = ("visible", "saturated"), ("shadowed", "eclipsed", "below_noise")
 """States of a keypoint that the craft does not hide."""
 SCALE = "camera z of the target, along the boresight [m]; bright is near"
@@ -42,7 +42,7 @@ NO_TARGET = "the camera sees no target"
 
 
 class _LabelView(Panel):
-    """A view of the feed of labels; each kind makes its picture once for every frame."""
+    """A view of the feed of labels; its picture is computed once per frame."""
 
     name, title, place, shown = "", "", "bottom", False
     bare = True
@@ -75,14 +75,14 @@ class _LabelView(Panel):
 
     @abstractmethod
     def _make(self, picture: Picture) -> None:
-        """Make what is shown of a new frame."""
+        """Compute the picture of a new frame."""
 
     @abstractmethod
     def _show(self, canvas: Canvas, place: Place) -> None:
-        """Show what was made last."""
+        """Draw the picture computed last."""
 
     def _image(self, canvas: Canvas, place: Place, image: ByteArray) -> Letterbox:
-        """Draw the part of the picture about the target; return the whole picture's place."""
+        """Draw the part of the picture around the target; return the whole picture's place."""
         rows, columns = self._part
         part = image[rows, columns]
         box = Letterbox.fit((part.shape[1], part.shape[0]), place)
@@ -97,7 +97,7 @@ class _LabelView(Panel):
         return Letterbox(left, top, image.shape[1] * box.scale, image.shape[0] * box.scale, box.scale)
 
     def _legend(self, canvas: Canvas, place: Place, rows: Sequence[tuple[str, style.Rgba]]) -> None:
-        """Draw names with their colours, in the place for them."""
+        """Draw names with their colours in a rectangle."""
         x, y, _, h = place
         line = canvas.line
         left, top = x + 10, y + 6
@@ -110,7 +110,7 @@ class _LabelView(Panel):
     def _split(
         self, canvas: Canvas, place: Place, names: Sequence[str], rows: int | None = None
     ) -> tuple[Place, Place]:
-        """Return the places of the picture and its legend: at the right, or below in a narrow view."""
+        """Return the places of the picture and its legend, at the right, or below in a narrow view."""
         x, y, w, h = place
         width = self._legend_width(canvas, names)
         if h < (w if w > 2.4 * width else 0.6 * w):
@@ -151,7 +151,7 @@ class DepthView(_LabelView):
         steps = np.linspace(0, 255, SCALE_STEPS + 1).astype(int)
         for k in range(SCALE_STEPS):
             r, g, b = (float(c) / 255 for c in depth_colours()[steps[k]])
-            # each a little higher than its share, so that no ground shows between
+            # each slightly higher than its share, so that no background shows between
             canvas.box((left, top + k * height / SCALE_STEPS), (16, height / SCALE_STEPS + 1), (r, g, b, 1.0))
         digits = max(0, int(np.ceil(-np.log10(max(depth.far_m - depth.near_m, 1e-6)))) + 1)
         nearest, farthest = f"{depth.near_m:.{digits}f} m", f"{depth.far_m:.{digits}f} m"
@@ -181,9 +181,9 @@ class PartsView(_LabelView):
         self._rows: list[tuple[str, style.Rgba]] = []
 
     def _make(self, picture: Picture) -> None:
-        made = part_picture(picture.frame)
-        self._image_rgb = mask_picture(picture.frame) if made is None else made[0]
-        self._rows = [] if made is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in made[1]]
+        parts = part_picture(picture.frame)
+        self._image_rgb = mask_picture(picture.frame) if parts is None else parts[0]
+        self._rows = [] if parts is None else [(n.replace("_", " "), PART_COLOURS[n]) for n in parts[1]]
 
     def _show(self, canvas: Canvas, place: Place) -> None:
         if self._image_rgb is None or not self._rows:
@@ -220,6 +220,6 @@ class KeypointsView(_LabelView):
         box = self._image(canvas, picture, self._image_rgb)
         for k in truth.keypoints:
             if k.pixel_px is not None and k.state != "out_of_frame":
-                seen = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
-                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], seen)
+                mark = "visible" if k.state in LIT else "shadowed" if k.state in UNLIT else "hidden"
+                canvas.keypoint(box.at(k.pixel_px), STATE_COLOURS[k.state], mark)
         self._legend(canvas, legend, rows)

@@ -1,4 +1,4 @@
-"""Place of a picture on the screen: as large as fits, its shape kept."""
+"""Place of a picture on the screen: as large as fits, with its aspect ratio."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Letterbox:
         return Letterbox(x + (width - w) / 2, y + (height - h) / 2, w, h, scale)
 
     def at(self, pixel: Pixel) -> Pixel:
-        """Return screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
+        """Return the screen position of a point of the picture; pixel (0, 0) is the centre of the first one."""
         return (self.x + (pixel[0] + 0.5) * self.scale, self.y + (pixel[1] + 0.5) * self.scale)
 
     def all_at(self, pixels: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The LVLH map: the chaser about the target, in the orbital plane and across it, drawn to one scale."""
+"""The LVLH map: the chaser around the target, in the orbital plane and across it, at one scale."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
 
 DRIFT_EVERY_S = 0.25
-"""The predicted drift is worked out anew this often, at 1x."""
+"""Interval at which the predicted drift is recomputed, at 1x."""
 PLANNED_POINTS = 200
-"""Points of the scenario's path."""
+"""Number of points of the scenario's path."""
 SHOWN_TARGET = 7.0
-"""Screen units below which the target is a mark."""
-WHEEL_FACTOR = 1.2
-FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE
+"""Size in screen units below which the target is a mark."""
+WHEEL_FACTOR = 1.2  # change of the width per step of the wheel
+FLOWN, PLANNED, DRIFT = style.ACCENT, style.QUIET, style.ORANGE  # colours of the trajectories
 LINES = (
     "blue: flown; grey: the scenario's path; orange: free drift over ten minutes; purple: planned burns; "
     "red: keep-out sphere; green: its corridor. Wheel: zoom, drag: move, double click: all of it, right click: a burn"
@@ -76,12 +76,12 @@ class LvlhMap(Panel):
         world = session.craft.world
         frame = session.flight.lvlh(session.t_s)
         here = np.array(world.position_lvlh_m)
-        flown = np.vstack([*session.look_back.trail.points, here])
+        trail = np.vstack([*session.look_back.trail.points, here])
         if look.fitted:
             first = ports(rect, look)[0].rect
-            # a line of letters above and one below stay free
+            # keep a line of text free above and below
             height = max(first[3] - 3.0 * imgui.get_text_line_height(), 20.0)
-            fit(look, self._extent(session, flown), first[2] / height)
+            fit(look, self._extent(session, trail), first[2] / height)
         self.ports = ports(rect, look)
         imgui.set_next_item_allow_overlap()
         imgui.invisible_button("map", self._w.vec(rect[2], rect[3]))
@@ -93,7 +93,7 @@ class LvlhMap(Panel):
             self._keep_out(canvas, port, session)
             canvas.stroke(port.at(self._planned), (*PLANNED[:3], 0.9), 1.2, halo=False)
             canvas.stroke(port.at(self._drift), DRIFT, 1.4, dashed=True, halo=False)
-            canvas.stroke(port.at(flown), FLOWN, 2.0, halo=False)
+            canvas.stroke(port.at(trail), FLOWN, 2.0, halo=False)
             self._target(canvas, port, session, frame)
             for burn in self._burns:
                 canvas.diamond(point(port.at(burn)), 4.5, style.PURPLE)
@@ -105,7 +105,7 @@ class LvlhMap(Panel):
         self._buttons(console)
 
     def _remember(self, session: FlightSession) -> None:
-        """Compute what changes slowly."""
+        """Compute slowly changing contents."""
         if self._session is not session:
             self._session, self._drift_t_s = session, -np.inf
             times = np.linspace(0.0, session.plan.scenario.duration_s, PLANNED_POINTS)
@@ -117,9 +117,9 @@ class LvlhMap(Panel):
             self._drift = predicted_drift_lvlh_m(session.flight.orbit, chaser, PREDICTION_S)
             self._drift_t_s = session.t_s
 
-    def _extent(self, session: FlightSession, flown: FloatArray) -> FloatArray:
-        """Return the points that a fitted map holds: the drift only as far as the rest is wide."""
-        points = [self._planned, flown, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
+    def _extent(self, session: FlightSession, trail: FloatArray) -> FloatArray:
+        """Return the points that a fitted map must hold, the drift only as far as the rest extends."""
+        points = [self._planned, trail, self._burns, self._nodes.path_lvlh_m, np.zeros((1, 3))]
         keep_out = session.plan.scenario.chaser.keep_out
         if keep_out is not None:
             points.append(keep_out.radius_m * np.vstack([np.eye(3), -np.eye(3)]))
@@ -131,7 +131,7 @@ class LvlhMap(Panel):
     # --- the mouse
 
     def _mouse(self, console: Console) -> None:
-        """Wheel: zoom about the pointer. Drag: move. Double click: all of it. One command a gesture."""
+        """Wheel: zoom about the pointer. Drag: move. Double click: fit. One command per gesture."""
         imgui, look = self._imgui, console.options.map
         io = imgui.get_io()
         mouse = io.mouse_pos
@@ -152,12 +152,12 @@ class LvlhMap(Panel):
                 centre, width = zoomed(port, look, (mouse.x, mouse.y), WHEEL_FACTOR**io.mouse_wheel)
                 do_place(console, centre, width)
         if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, 3.0):
-            # what is under the pointer stays there; the whole way is one command, at its end
+            # the point under the pointer stays there; the whole gesture is one command, at its end
             self._dragging = True
-            moved = np.array(look.centre_lvlh_m)
-            moved[port.plane.right] -= io.mouse_delta.x / port.scale
-            moved[port.plane.up] += io.mouse_delta.y / port.scale
-            look.place(vec3(moved), look.width_m)
+            centre_lvlh_m = np.array(look.centre_lvlh_m)
+            centre_lvlh_m[port.plane.right] -= io.mouse_delta.x / port.scale
+            centre_lvlh_m[port.plane.up] += io.mouse_delta.y / port.scale
+            look.place(vec3(centre_lvlh_m), look.width_m)
             self.ports = tuple(MapPort(p.plane, p.rect, look.centre_lvlh_m, p.scale) for p in self.ports)
         elif self._dragging:
             self._dragging = False
@@ -209,20 +209,20 @@ class LvlhMap(Panel):
 
     def _chaser(self, canvas: Canvas, port: MapPort, here: FloatArray, boresight: FloatArray) -> None:
         at = port.at(here)
-        seen = np.array([boresight[port.plane.right], -boresight[port.plane.up]])
-        canvas.arrow(point(at), point(at + 22 * self._window.scale * seen), style.INK)
+        direction = np.array([boresight[port.plane.right], -boresight[port.plane.up]])
+        canvas.arrow(point(at), point(at + 22 * self._window.scale * direction), style.INK)
         canvas.dot(point(at), 4.5 * self._window.scale, FLOWN)
 
-    def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, lit: float) -> None:
-        """Draw an arrow to the Sun at the right edge, as long as the Sun's direction lies in the plane."""
+    def _sun(self, canvas: Canvas, port: MapPort, sun: FloatArray, sunlit_share: float) -> None:
+        """Draw an arrow to the Sun at the right edge, with the length of its projection on the plane."""
         x, y, w, _ = port.rect
         reach = 18.0 * self._window.scale
-        colour = style.YELLOW if lit > 0 else style.QUIET
+        colour = style.YELLOW if sunlit_share > 0 else style.QUIET
         centre = np.array([x + w - 1.3 * reach, y + 2.9 * reach])
         flat = np.array([sun[port.plane.right], -sun[port.plane.up]])
         canvas.disc(point(centre), 2.0, colour)
         canvas.arrow(point(centre), point(centre + reach * flat), colour)
-        text = "Sun" if lit > 0 else "eclipse"
+        text = "Sun" if sunlit_share > 0 else "eclipse"
         width, height = canvas.size(text)
         canvas.label((centre[0] - 1.2 * reach - width, centre[1] - height / 2), text, colour, SUN)
 
@@ -261,7 +261,7 @@ class LvlhMap(Panel):
             canvas.label((x + 6, foot - 4 - 1.8 * line), text, tip="the place under the pointer")
 
     def _buttons(self, console: Console) -> None:
-        """Draw what shows all of the map, and what makes it fill the window, in the upper right corner."""
+        """Draw the buttons that fit and enlarge the map, in the upper right corner."""
         imgui, w = self._imgui, self._w
         x, y, width, _ = self.ports[0].rect
         side = imgui.get_frame_height()
@@ -273,7 +273,7 @@ class LvlhMap(Panel):
 
 
 def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
-    """Return (n, 3) where the chaser is at the burns that its scenario plans, LVLH [m]."""
+    """Return (n, 3) positions of the chaser at the scenario's planned burns, LVLH [m]."""
     scenario = session.plan.scenario
     times = [b.start_s for b in scenario.burns if b.craft == "chaser" and b.start_s <= scenario.duration_s]
     places = [session.flight.state(t).position_lvlh_m for t in times if t <= session.flight.duration_s]
@@ -281,16 +281,16 @@ def planned_burns_lvlh_m(session: FlightSession) -> FloatArray:
 
 
 def zoomed(port: MapPort, look: MapLook, mouse: Point, factor: float) -> tuple[Vec3, float]:
-    """Return middle and width of the map enlarged by a factor, with the same place under the pointer."""
+    """Return centre and width of the map enlarged by a factor, with the point under the pointer fixed."""
     under = np.array(port.point(*mouse))
     centre = np.array(look.centre_lvlh_m)
     through = port.plane.through
     under[through] = centre[through]
-    moved = under + (centre - under) / factor
-    return vec3(moved), look.width_m / factor
+    new_centre = under + (centre - under) / factor
+    return vec3(new_centre), look.width_m / factor
 
 
 def do_place(console: Console, centre_lvlh_m: Vec3, width_m: float) -> None:
-    """Do the command of the map's place, in whole centimetres."""
+    """Run the command of the map's position, in whole centimetres."""
     radial, along, cross = (round(c, 2) for c in centre_lvlh_m)
     console.do("map.place", along, radial, cross, max(round(width_m, 2), 0.5))

@@ -1,4 +1,4 @@
-"""Steering by the mouse over the camera's picture: drag to turn or to push, the wheel for pulses."""
+"""Steering by the mouse over the camera's picture: drag to rotate or thrust, wheel for pulses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from flyaround.gui.views.letterbox import Letterbox
 
 REACH = 0.25
-"""A drag over this share of the picture's height is the whole turn or push."""
+"""Drag, as a share of the picture's height, for full rotation or thrust."""
 
 
 class MouseSteering:
@@ -21,7 +21,7 @@ class MouseSteering:
 
     Parameters
     ----------
-    window : whose mouse it is.
+    window : surface with the mouse.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -29,7 +29,7 @@ class MouseSteering:
         self._thrust = self._turn = STILL
 
     def take(self, box: Letterbox, console: Console) -> None:
-        """Lay an invisible button over the picture, and do what the mouse does on it."""
+        """Lay an invisible button over the picture, and apply the mouse's actions."""
         imgui, w = self._w.imgui, self._w
         imgui.set_cursor_screen_pos(w.vec(box.x, box.y))
         flags = imgui.ButtonFlags_

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from flyaround.gui.picture.feed import Picture
     from flyaround.gui.surface import Surface
 
-DEGREES_PER_UNIT = 0.4
-WHEEL_FACTOR = 1.15
+DEGREES_PER_UNIT = 0.4  # turn per unit of mouse movement
+WHEEL_FACTOR = 1.15  # change of the distance per step of the wheel
 SMALL = 14.0
-"""Screen units a metre of the target has at least, or it is marked."""
+"""Size in screen units per metre below which the target is marked."""
 
 
 class OrbitCameraView(Panel):
@@ -88,7 +88,7 @@ class OrbitCameraView(Panel):
         return self._marks
 
     def _target(self, canvas: Canvas, box: Letterbox, picture: Picture) -> None:
-        """Draw a mark where the target would be smaller than a letter."""
+        """Draw a mark if the target would be smaller than a letter."""
         scene = picture.frame.scene
         x, y, z = scene.t_camera_from_target_m
         if z > 0 and box.scale * scene.camera.fx_px / z < SMALL:
@@ -108,7 +108,7 @@ class OrbitCameraView(Panel):
             canvas.text((x + 8, y + 4), "chaser", style.ACCENT)
 
     def _buttons(self, console: Console, place: tuple[float, float, float, float]) -> None:
-        """Draw about what, and back to the first place, in the lower left corner."""
+        """Draw the buttons for object and initial position, in the lower left corner."""
         imgui, look = self._imgui, console.options.orbit
         height = imgui.get_frame_height()
         if place[3] < 5 * height:
@@ -122,7 +122,7 @@ class OrbitCameraView(Panel):
         self._w.button(console, "orbit-camera.reset", label="reset")
 
     def _mouse(self, console: Console) -> None:
-        """Turn and come nearer at once; a whole gesture is one command, at its end."""
+        """Rotate and zoom at once; a whole gesture is one command, at its end."""
         imgui, look = self._imgui, console.options.orbit
         io = imgui.get_io()
         if imgui.is_item_hovered():

@@ -24,11 +24,11 @@ RINGS_DEG = (5, 10, 15)
 
 
 class TruthMarks:
-    """Draws the marks of the picture that is up; keeps them, and where its names stood.
+    """Draws the marks of the present picture, caching them and the positions of names.
 
     Parameters
     ----------
-    window : drawn in.
+    window : surface to draw in.
     """
 
     def __init__(self, window: Surface) -> None:
@@ -48,14 +48,14 @@ class TruthMarks:
         options: Options,
         *,
         paused: bool,
-        taken: tuple[Place, ...] = (),
+        obstacles: tuple[Place, ...] = (),
     ) -> None:
         """Draw over a picture.
 
         Parameters
         ----------
-        paused : whether visibility must be of this very moment.
-        taken : x, y, width, height of what else is written over the view.
+        paused : True to compute visibility for this picture.
+        obstacles : x, y, width, height of other text over the view.
         """
         canvas = Canvas(self._window)
         self._remember(picture, options, paused=paused)
@@ -71,12 +71,12 @@ class TruthMarks:
         for (a, b), axis, name in zip(marks.axes, style.AXIS_COLORS, "xyz", strict=False):
             canvas.stroke([box.at(a), box.at(b)], axis, 2.2)
             canvas.text((box.at(b)[0] + 4, box.at(b)[1] - canvas.line / 2), name, axis)
-        # by form as well as by colour: a dot is lit, a diamond in shadow, a ring hidden
-        for pixel, seen, _ in marks.keypoints:
+        # by shape as well as colour: a dot is lit, a diamond shadowed, a ring hidden
+        for pixel, state, _ in marks.keypoints:
             at = box.at(pixel)
-            canvas.keypoint(at, SEEN_COLORS[seen], seen)
+            canvas.keypoint(at, SEEN_COLORS[state], state)
         if options.overlays.names:
-            self._names(canvas, box, picture if options.overlays.crosshair else None, taken)
+            self._names(canvas, box, picture if options.overlays.crosshair else None, obstacles)
 
     def crosshair(self, box: Letterbox, picture: Picture) -> None:
         """Draw the principal point, and a ring every five degrees of field angle."""
@@ -99,7 +99,7 @@ class TruthMarks:
         self._marks_of = key
         target = picture.target
         if not (on.keypoints or on.box or on.axes or on.wireframe):
-            # the marker joins the whole mesh, which a view without marks need not wait for
+            # the marker joins the whole mesh, which is not needed for a view without marks
             self._marks = Marks()
             return
         if self._marker is None or target is not self._target:
@@ -109,35 +109,35 @@ class TruthMarks:
     def _names(
         self, canvas: Canvas, box: Letterbox, ringed: Picture | None, others: tuple[Place, ...]
     ) -> None:
-        """Draw names of what is seen, none over another or over a letter of axes or rings."""
-        named = [(box.at(p), seen, name) for p, seen, name in self._marks.keypoints if seen != "hidden"]
+        """Draw names of visible keypoints, not over each other or the labels of axes or rings."""
+        points = [(box.at(p), state, name) for p, state, name in self._marks.keypoints if state != "hidden"]
         key = (self._marks, box, ringed is None, others)
         if key != self._placed_for:
             self._placed_for = key
-            taken = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
+            occupied = [*others, *((*box.at(tip), 16.0, canvas.line) for _, tip in self._marks.axes)]
             if ringed is not None:
                 camera = ringed.frame.scene.camera
                 cx, cy = box.at((camera.cx_px, camera.cy_px))
-                taken += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
+                occupied += [(cx + r + 3, cy + 1, *canvas.size(f"{d}°")) for d, r in rings(box, ringed)]
             self._placed = place_labels(
-                [p for p, _, _ in named],
-                [canvas.size(name) for _, _, name in named],
+                [p for p, _, _ in points],
+                [canvas.size(name) for _, _, name in points],
                 (box.x, box.y, box.width, box.height),
-                kept=[self._choices.get(name) for _, _, name in named],
-                taken=taken,
+                last_choices=[self._choices.get(name) for _, _, name in points],
+                obstacles=occupied,
             )
-        for (at, seen, name), placed in zip(named, self._placed, strict=True):
+        for (at, state, name), placed in zip(points, self._placed, strict=True):
             if placed is None:
                 continue
             self._choices[name] = placed.choice
             if placed.lead is not None:
-                canvas.stroke([at, placed.lead], (*SEEN_COLORS[seen][:3], 0.8), 1.0)
-            # letters of the marks' darker colours would be hard to read over clouds
-            canvas.text(placed.corner, name, style.INK if seen == "visible" else SEEN_COLORS[seen])
+                canvas.stroke([at, placed.lead], (*SEEN_COLORS[state][:3], 0.8), 1.0)
+            # text in the marks' darker colours would be hard to read over clouds
+            canvas.text(placed.corner, name, style.INK if state == "visible" else SEEN_COLORS[state])
 
 
 def rings(box: Letterbox, picture: Picture) -> list[tuple[int, float]]:
-    """Angles from the principal point [deg] and the radii of their rings on the screen, those that are seen."""
+    """Return angles from the principal point [deg] and radii on the screen of the visible rings."""
     fx_px = picture.frame.scene.camera.fx_px
     every = [(degrees, float(np.tan(np.radians(degrees)) * fx_px * box.scale)) for degrees in RINGS_DEG]
     return [(degrees, radius) for degrees, radius in every if radius < 0.7 * box.height]

@@ -1,4 +1,4 @@
 """Baked data, computed once and cached: charts, edges, hulls, visibility and radiance transfer of a mesh; foil creases.
 
-Arrays alone: no OpenGL, no scene, no camera. `render` uploads what is baked here.
+Only arrays: no OpenGL, no scene, no camera. `render` uploads them.
 """

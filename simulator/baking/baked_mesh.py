@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Part
 
 VERTEX = np.dtype([("position_m", "<f4", 3), ("normal", "<f4", 3), ("material", "<f4")])
-MAX_KEPT = 1_000_000  # triangles: finer meshes, a gigabyte each on disk, are not cached
+MAX_KEPT = 1_000_000  # triangles; larger meshes take a gigabyte each on disk and are not cached
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,13 +38,15 @@ class BakedMesh:
     Parameters
     ----------
     values : (V, 7) vertices in the layout of `VERTEX`.
-    hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; hulls inside another
-        one are omitted. hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
+    hull_m : (3, K) vertices of the parts' convex hulls, which contain the mesh, target frame [m]; nested hulls are
+        omitted.
+    hull_parts : index in ``hull_m`` of the first vertex of each hull after the first.
     center_m, radius_m : bounding sphere, target frame.
     is_closed : True if every part consists of closed shells facing outwards.
     triangles : (T, 3) vertex indices. planes : (T, 4) unit normal and negative distance from the origin [m].
     boxes : bounding boxes of neighbouring triangles. shells : large convex bodies that hide others.
-    charts : layout of the faces in an atlas; the mesh is cut along the charts' borders. edges : candidates for lines.
+    charts : layout of the faces in an atlas; the mesh is cut along the charts' borders. edges : edges that may show as
+        lines.
     """
 
     values: Float32Array
@@ -78,13 +80,8 @@ class Geometry(BakedMesh):
     uv: Float32Array
 
 
-_PACKED = (
-    Geometry,
-    Boxes,
-    Charts,
-    MeshEdges,
-    ConvexShell,
-)  # a cache entry refers to these types by index
+# a cache entry refers to these types by index
+_PACKED = (Geometry, Boxes, Charts, MeshEdges, ConvexShell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +90,8 @@ class MergedParts:
 
     Parameters
     ----------
-    vertices : (V,) of `VERTEX`. triangles : (T, 3). uv : (V, 2), or (0, 2) without textures.
+    vertices : (V,) vertices of dtype `VERTEX`. triangles : (T, 3) indices.
+    uv : (V, 2) texture coordinates, or (0, 2) without textures.
     """
 
     vertices: np.typing.NDArray[np.void]
@@ -113,16 +111,16 @@ def geometry_of(
     """
 
     # always unpack, also without a cache: another memory layout may sum in another order
-    def made() -> ByteArray:
+    def bake() -> ByteArray:
         return pack(_make(merged, parts, numbers, texel), *_PACKED)
 
     if len(merged.triangles) > MAX_KEPT:
-        return unpack_geometry(made())
+        return unpack_geometry(bake())
     own = [part.positions_m for part in parts]  # in the target's order, which merging may change
-    made_by = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
-    makers = (*made_by, PlaneGrid, edge_table, face_planes)
+    functions = (_make, make_charts, cut_charts, find_edges, find_shells, part_is_closed, pack)
+    makers = (*functions, PlaneGrid, edge_table, face_planes)
     key = entry_name("geometry", makers, texel, merged.vertices, merged.triangles, merged.uv, own)
-    return unpack_geometry(cached_array(key, made))
+    return unpack_geometry(cached_array(key, bake))
 
 
 def unpack_geometry(packed: ByteArray) -> Geometry:
@@ -179,13 +177,13 @@ def outer_hulls(parts_m: Sequence[FloatArray]) -> list[FloatArray]:
     """
     hulls = [_hull(points) for points in parts_m]
     lows, highs = (np.array([f(points, axis=0) for points, _ in hulls]) for f in (np.min, np.max))
-    kept: list[int] = []
+    outer: list[int] = []
     # the largest first, so that one of two equal ones is kept
     for k in np.argsort(-np.prod(highs - lows, axis=1), kind="stable").tolist():
-        about = [n for n in kept if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
+        about = [n for n in outer if np.all(lows[n] <= lows[k]) and np.all(highs[n] >= highs[k])]
         if not any(_inside(hulls[k][0], hulls[n][1], highs[n] - lows[n]) for n in about):
-            kept.append(k)
-    return [hulls[k][0] for k in sorted(kept)]
+            outer.append(k)
+    return [hulls[k][0] for k in sorted(outer)]
 
 
 def _inside(points_m: FloatArray, planes: FloatArray, extent_m: FloatArray) -> bool:

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRAZING = 0.12  # cosine: flatter directions meet the neighbours of a facet of a curved face
-# shares of the craft's radius: distance of a ray's origin from its face, so that the face does not hide it; and from
-# a face covered by a decal, so that of a sheet under cells or blankets only the gaps between them are visible
+# shares of the craft's radius: distance of a ray's origin from its own face; and the larger one from a face covered by
+# a decal, so that of a panel under cells or blankets only the gaps are visible
 ORIGIN_OFFSET, DECAL_HEIGHT = 1e-4, 3e-3
-_COVERED_SHARE = 0.4  # share of the directions that a decal covers
-_PROBE_STEP = 4  # every fourth direction tests if a place is covered
+_COVERED_SHARE = 0.4  # share of hidden directions above which a node is covered by a decal
+_PROBE_STEP = 4  # one direction in so many tests whether a node is covered
 _MAX_THREADS = 8
 
 _T = TypeVar("_T")
@@ -36,10 +36,10 @@ class NodeVisibility:
     Parameters
     ----------
     directions : (D, 3) unit vectors, target frame.
-    cosines : (N, D) with the nodes' normals; zero where no ray was cast: below the face, or grazing it.
-    is_open : (N, D) a ray was cast and hit nothing.
-    node, direction : (K,) of each ray that hit the craft. hit_node : (K,) node nearest to the hit.
-    hit_back : (K,) the ray hit the back of a face.
+    cosines : (N, D) cosines with the nodes' normals; zero if no ray was cast: below the face, or grazing it.
+    is_open : (N, D) True if a ray was cast and hit nothing.
+    node, direction : (K,) node and direction of each ray that hit the craft. hit_node : (K,) node nearest to the hit.
+    hit_back : (K,) True if the ray hit the back of a face.
     """
 
     directions: FloatArray
@@ -58,7 +58,7 @@ def trace_visibility(
 
     Parameters
     ----------
-    planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : of the craft.
+    planes : (T, 3) normals of the triangles. directions : (D, 3) unit vectors. radius_m : radius of the craft.
     """
     face, cosines = _above(charts, planes, directions)
     covered, probed = _covered(charts.places_m, face, cosines, caster, directions, radius_m)
@@ -69,7 +69,7 @@ def trace_visibility(
 
     def along(k: int) -> tuple[IntArray, IntArray, BoolArray]:
         node = np.flatnonzero(cosines[:, k])
-        if k in probed:  # those that look from where they did need not look again
+        if k in probed:  # uncovered nodes reuse the hits of the test
             distance, triangle = probed.pop(k)
             again = np.flatnonzero(covered[node])
             distance[again], triangle[again] = caster.first_hits(origins[node[again]], directions[k])
@@ -81,14 +81,14 @@ def trace_visibility(
         place = origins[node] + directions[k] * distance[hit, None]
         return node, charts.node_at(triangle, place), (planes @ directions[k])[triangle] > 0
 
-    found = _in_threads(along, range(len(directions)))
-    node, hit_node, hit_back = (np.concatenate([f[k] for f in found]) for k in range(3))
+    hits = _in_threads(along, range(len(directions)))
+    node, hit_node, hit_back = (np.concatenate([f[k] for f in hits]) for k in range(3))
     return NodeVisibility(
         directions=directions,
         cosines=cosines,
         is_open=is_open,
         node=node,
-        direction=np.repeat(np.arange(len(found)), [len(f[0]) for f in found]),
+        direction=np.repeat(np.arange(len(hits)), [len(f[0]) for f in hits]),
         hit_node=hit_node,
         hit_back=hit_back,
     )
@@ -104,16 +104,15 @@ def _above(charts: Charts, planes: Float32Array, directions: FloatArray) -> tupl
     return face, cosines
 
 
-def encode_visibility(seen: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
-    """Encode (N, D) visibility as integers that compress well: 0 no ray, 1 open, 2 and more the front or back of a
-    patch.
+def encode_visibility(visibility: NodeVisibility, patch: IntArray) -> NDArray[np.uint32]:
+    """Encode (N, D) visibility as integers that compress well: 0 no ray, 1 open, from 2 on the patch that was hit.
 
     Parameters
     ----------
-    patch : (N,) of each node; 2 more for each, and 1 more for its back.
+    patch : (N,) patch of each node; patch p is coded as 2 + 2 p, and one more for its back.
     """
-    codes = seen.is_open.astype(np.uint32)
-    codes[seen.node, seen.direction] = 2 + 2 * patch[seen.hit_node] + seen.hit_back
+    codes = visibility.is_open.astype(np.uint32)
+    codes[visibility.node, visibility.direction] = 2 + 2 * patch[visibility.hit_node] + visibility.hit_back
     return codes
 
 
@@ -147,7 +146,7 @@ def _covered(
     directions: FloatArray,
     radius_m: float,
 ) -> tuple[BoolArray, dict[int, tuple[Float32Array, Int32Array]]]:
-    """Return (N,) whether a decal hides most of each node's view, and the hits along the tested directions."""
+    """Return (N,) True where a decal hides most of a node's view, and the hits along the tested directions."""
     origins = places_m + face * (ORIGIN_OFFSET * radius_m)
     hits: dict[int, tuple[Float32Array, Int32Array]] = {}
 
@@ -160,8 +159,8 @@ def _covered(
         return low
 
     probed = range(0, len(directions), _PROBE_STEP)
-    hidden = np.sum(_in_threads(low, probed), axis=0)
-    return np.asarray(hidden > _COVERED_SHARE * cosines[:, probed].sum(axis=1)), hits
+    n_hidden = np.sum(_in_threads(low, probed), axis=0)
+    return np.asarray(n_hidden > _COVERED_SHARE * cosines[:, probed].sum(axis=1)), hits
 
 
 def _in_threads(function: Callable[[int], _T], numbers: range) -> list[_T]:

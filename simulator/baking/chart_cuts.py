@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 _COPLANAR_COSINE = 0.9998  # cosine between neighbours in one plane
 _SAME_PLANE_COSINE = 1 - 1e-6  # the same of a quad's halves on a finely meshed round face
-_BENT_COSINE = 0.9995  # cosine with the mean normal of a set of such neighbours that bends on and on
-_PATCH_TEXELS = 3  # along each side of a patch of a round face
-# to a unit of each component of a normal: those of a patch differ by some 10 degrees; by some 20 where it is in pieces
+# cosine with a set's mean normal below which its coplanar neighbours form a curved surface
+_BENT_COSINE = 0.9995
+_PATCH_TEXELS = 3  # texels per side of a patch on a round face
+# bins per unit of a normal's component: normals of a patch differ by about 10 degrees, or 20 if it may be in pieces
 _NORMAL_BINS, _FEWER_BINS = 6, 3
 
 
@@ -29,13 +30,14 @@ def cut_charts(
     *,
     touching: bool = True,
 ) -> tuple[IntArray, BoolArray]:
-    """Return the (T,) chart of each triangle, and (T, 3) whether each of its edges is on its border.
+    """Return the (T,) chart of each triangle, and (T, 3) True where an edge is on its chart's border.
 
     Parameters
     ----------
-    positions_m : (V, 3). groups : (V,) numbers that one chart does not mix. normal : (T, 3) of the triangles.
-    texel_m : a set of triangles smaller than this may join others of nearly its normal.
-    touching : they must hang together by edges; without, there are fewer charts of what is in many pieces.
+    positions_m : (V, 3) vertices. groups : (V,) group numbers, never mixed in one chart.
+    normal : (T, 3) of the triangles.
+    texel_m : sets of triangles smaller than this may be merged with others of nearly the same normal.
+    touching : True if a chart must be connected by edges; otherwise a mesh in many pieces has fewer charts.
     """
     corners = positions_m[triangles]
     area = np.linalg.norm(face_vectors(corners), axis=1)
@@ -45,9 +47,9 @@ def cut_charts(
     cosine = np.einsum("kc,kc->k", normal[i], normal[j])
     plain = cosine > _COPLANAR_COSINE
     plane = components(pairs[plain], len(triangles))[1]
-    bent = _bends(plane, normal, area)[plane]
-    if bent.any():
-        plain &= ~bent[i] | (cosine > _SAME_PLANE_COSINE)
+    is_bent = _bends(plane, normal, area)[plane]
+    if is_bent.any():
+        plain &= ~is_bent[i] | (cosine > _SAME_PLANE_COSINE)
         plane = components(pairs[plain], len(triangles))[1]
     key, small = _patch_keys(
         corners,
@@ -55,20 +57,20 @@ def cut_charts(
         area,
         groups[triangles[:, 0]],
         plane,
-        bent,
+        is_bent,
         texel_m,
         _NORMAL_BINS if touching else _FEWER_BINS,
     )
     patch = small[i] & small[j] & (key[i] == key[j])
-    joined = np.where(small[i] | small[j], patch, plain)
+    merged = np.where(small[i] | small[j], patch, plain)
     if touching:
-        chart = components(pairs[joined], len(triangles))[1]
+        chart = components(pairs[merged], len(triangles))[1]
     else:
         large = plain & ~small[i] & ~small[j]
         whole = components(pairs[large], len(triangles))[1]
         _, chart = np.unique(np.where(small, -1 - key, whole), return_inverse=True)
     border = np.ones(3 * len(triangles), bool)
-    border[edge[joined]] = border[other[joined]] = False
+    border[edge[merged]] = border[other[merged]] = False
     return np.asarray(chart), border.reshape(-1, 3)
 
 
@@ -96,10 +98,10 @@ def _means(sets: IntArray, values: FloatArray, weight: FloatArray) -> FloatArray
 
 
 def _bends(sets: IntArray, normal: FloatArray, area: FloatArray) -> BoolArray:
-    """Return (S,) whether the normal of some triangle in a set deviates from the mean."""
+    """Return (S,) True where the normal of some triangle in a set deviates from the mean."""
     mean = _means(sets, normal, np.maximum(area, 1e-30))
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-30)
-    # nothing is known of a sliver's normal
+    # a sliver's normal is meaningless
     off = (np.einsum("tc,tc->t", normal, mean[sets]) < _BENT_COSINE) & (area > 1e-14)
     return np.bincount(sets, off) > 0
 
@@ -110,16 +112,16 @@ def _patch_keys(
     area: FloatArray,
     group: FloatArray,
     plane: IntArray,
-    bent: BoolArray,
+    is_round: BoolArray,
     texel_m: float,
     normal_bins: int,
 ) -> tuple[IntArray, BoolArray]:
-    """Return (T,) keys that are equal for triangles of one group, place and normal, and whether each may be merged.
+    """Return (T,) keys, equal for triangles of one group, position and normal, and (T,) True where triangles may merge.
 
     Parameters
     ----------
-    plane : (T,) sets of neighbours of nearly the same normal: a flat one has one key, and so is not torn apart.
-    bent : (T,) on a round face, whatever its size.
+    plane : (T,) sets of neighbours of nearly the same normal; a flat one gets one key, so that it stays whole.
+    is_round : (T,) True on a round face, whatever its size.
     """
     weight = np.maximum(area, 1e-30)
     alone = _bends(plane, normal, area)[plane]
@@ -131,7 +133,7 @@ def _patch_keys(
     first = np.searchsorted(plane[order], np.arange(int(plane.max()) + 1))
     low = np.minimum.reduceat(corners_m.min(axis=1)[order], first)
     high = np.maximum.reduceat(corners_m.max(axis=1)[order], first)
-    small = bent | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
+    small = is_round | (np.linalg.norm(high - low, axis=1) < texel_m)[plane]
     columns = [*np.floor(at / (_PATCH_TEXELS * texel_m)).T, *np.rint(facing * normal_bins).T]
     key = np.unique(group, return_inverse=True)[1].astype(np.int64)
     for column in columns:

@@ -1,7 +1,7 @@
 """Charts of a mesh: every flat face laid out in one texture atlas, for baked light.
 
-A chart is what of a part lies in one plane. It is a rectangle of nodes from border to border, so that nothing of its
-neighbour in the atlas is ever blended in; a face smaller than half a texel is one node.
+A chart is the part of a surface in one plane. Its nodes form a rectangle that includes its borders, so interpolation
+never mixes neighbours in the atlas; a face smaller than half a texel is one node.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 TEXEL = 0.032  # share of the craft's radius
-MAX_NODES = 250_000  # 64 MB of baked light a band; a mesh that needs more has fewer to a metre
+MAX_NODES = 250_000  # limit of the atlas, 64 MB of baked light per band; above it the spacing is increased
 _FLAT = 0.9999  # cosine of a corner's normal with the face's
-_NEAREST = 8  # triangles that a place off all of them may be nearest to
+_NEAREST = 8  # triangles tested for a node that lies on none
 _PAIRS = 500_000  # pairs of a node and a triangle processed together: 0.1 GB
 _MARGIN = 0.1  # share of a texel: distance inside at which nodes at a border are sampled
 
@@ -34,12 +34,13 @@ class Charts:
 
     Parameters
     ----------
-    origin : (V,) vertex of the mesh before that each vertex is. triangles : (T, 3). uv : (V, 2) in the atlas, 0..1.
-    size_px : width and height of the atlas. of_triangle : (T,) chart.
-    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) of its nodes along them.
-    counts : (C, 2) nodes along each axis. first : (C,) first node; the others follow, row by row.
-    chart : (N,) of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
-    face_normals : (C, 3). triangle : (N,) that a node lies on.
+    origin : (V,) original vertex of each vertex. triangles : (T, 3) vertex indices.
+    uv : (V, 2) atlas coordinates, 0..1.
+    size_px : width and height of the atlas. of_triangle : (T,) chart of each triangle.
+    axes : (C, 2, 3) unit vectors along a chart's nodes. low_m, step_m : (C, 2) first node and spacing along them.
+    counts : (C, 2) nodes along each axis. first : (C,) index of the first node; the others follow, row by row.
+    chart : (N,) chart of each node. at : (N,) its index in the atlas, row by row. places_m, normals : (N, 3).
+    face_normals : (C, 3) normal of each chart. triangle : (N,) triangle that each node lies on.
     """
 
     origin: IntArray
@@ -86,7 +87,8 @@ def make_charts(
 
     Parameters
     ----------
-    positions_m, normals : (V, 3). groups : (V,) numbers that one chart does not mix. texel_m : between nodes, at most.
+    positions_m, normals : (V, 3). groups : (V,) group numbers, never mixed in one chart. texel_m : largest node
+        spacing.
     """
     corners = positions_m[triangles]
     across = face_vectors(corners)
@@ -115,12 +117,12 @@ def make_charts(
     at = (corner[of_node, 1] + j) * size_px[0] + corner[of_node, 0] + i
     inside = np.minimum(_MARGIN * texel_m, 0.25 * extent)[of_node]
     steps = np.stack([i, j], axis=1)
-    wanted = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
-    wanted = low[of_node] + np.clip(wanted, inside, np.maximum(extent[of_node] - inside, inside))
-    # a plane on which no two charts overlap
+    node_uv = np.where(counts[of_node] > 1, steps * step[of_node], 0.5 * extent[of_node])
+    node_uv = low[of_node] + np.clip(node_uv, inside, np.maximum(extent[of_node] - inside, inside))
+    # coordinates in which charts do not overlap
     shift = corner * texel_m - low
     xy = np.einsum("tac,tkc->tka", axes[chart], corners) + shift[chart, None]
-    triangle, shares = _nearest_on_charts(wanted + shift[of_node], of_node, xy, chart, nodes, area)
+    triangle, shares = _nearest_on_charts(node_uv + shift[of_node], of_node, xy, chart, nodes, area)
     smooth = np.einsum("nk,nkc->nc", shares, normals[triangles[triangle]])
     return Charts(
         origin=origin,
@@ -155,7 +157,7 @@ def _lay_out(
 
     Parameters
     ----------
-    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals as long as twice the triangles' areas.
+    corners_m, corner_normals : (T, 3, 3). across : (T, 3) normals with twice the triangles' areas as length.
     """
     count = int(chart.max()) + 1
     face: FloatArray = np.stack([np.bincount(chart, v, count) for v in across.T], axis=1).astype(float)
@@ -163,13 +165,13 @@ def _lay_out(
     np.add.at(face, chart[bare[chart]], corner_normals[bare[chart], 0])
     face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
     axes = _axes(corners_m, border, chart, face)
-    bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _FLAT, axis=1)
+    is_bent = np.any(np.einsum("tkc,tc->tk", corner_normals, face[chart]) < _FLAT, axis=1)
     xy = np.einsum("tac,tkc->tka", axes[chart], corners_m)
     order = np.argsort(chart, kind="stable")
     start = np.searchsorted(chart[order], np.arange(count))
     low = np.minimum.reduceat(xy.min(axis=1)[order], start)
     extent = np.maximum.reduceat(xy.max(axis=1)[order], start) - low
-    least = np.where(np.bincount(chart, bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
+    least = np.where(np.bincount(chart, is_bent, count) > 0, 0.15, 0.5)[:, None] * texel_m
     counts = np.where(extent > least, np.ceil(extent / texel_m).astype(int) + 1, 1)
     return face, axes, low, extent, counts
 
@@ -190,7 +192,7 @@ def _axes(corners_m: FloatArray, border: BoolArray, chart: IntArray, face: Float
 
 
 def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
-    """Return the size of the atlas and (C, 2) corners of its rectangles: shelf packing, the highest first."""
+    """Return the size of the atlas and (C, 2) corners of its rectangles, by shelf packing, tallest first."""
     width = max(64, int(counts[:, 0].max()), int(np.sqrt(1.05 * counts.prod(axis=1).sum())))
     width = -(-width // 16) * 16
     corner = np.zeros_like(counts)
@@ -206,45 +208,45 @@ def _pack_shelves(counts: IntArray) -> tuple[tuple[int, int], IntArray]:
 
 
 def _nearest_on_charts(
-    wanted: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
+    node_xy: FloatArray, of_node: IntArray, xy: FloatArray, chart: IntArray, nodes: IntArray, area: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Return the triangle (N,) and barycentric coordinates (N, 3) of the point of its chart nearest to each node.
 
     Parameters
     ----------
-    wanted : (N, 2) places in a plane, of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles there.
-    nodes : (C,) of each chart. area : (T,) of the triangles.
+    node_xy : (N, 2) node coordinates. of_node : (N,) their charts. xy : (T, 3, 2) corners of the triangles.
+    nodes : (C,) number of nodes of each chart. area : (T,) areas of the triangles.
     """
     order = np.lexsort((-area, chart))
     largest = order[np.searchsorted(chart[order], np.arange(len(nodes)))]
-    # for small faces the centroid of the largest triangle
-    triangle, shares = largest[of_node], np.full((len(wanted), 3), 1 / 3)
+    # small faces: the centroid of the largest triangle
+    triangle, shares = largest[of_node], np.full((len(node_xy), 3), 1 / 3)
     candidates = np.flatnonzero((nodes[chart] > 1) & (area > 1e-14))
-    asking = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
-    if not len(asking):
+    on_faces = np.flatnonzero((nodes > 1)[of_node] & (area[largest] > 1e-14)[of_node])
+    if not len(on_faces):
         return triangle, shares
     corners = xy[candidates]
     grid = PlaneGrid.over(np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1).T)
-    pieces = np.searchsorted(np.cumsum(grid.counts(wanted[asking])), np.arange(1, 1000) * _PAIRS)
-    found = np.zeros(len(asking), bool)
-    for piece in np.split(np.arange(len(asking)), np.unique(pieces)):
-        node, met = grid.at(wanted[asking[piece]])
+    pieces = np.searchsorted(np.cumsum(grid.counts(node_xy[on_faces])), np.arange(1, 1000) * _PAIRS)
+    is_on_face = np.zeros(len(on_faces), bool)
+    for piece in np.split(np.arange(len(on_faces)), np.unique(pieces)):
+        node, hit = grid.at(node_xy[on_faces[piece]])
         node = piece[node]
-        own = chart[candidates[met]] == of_node[asking[node]]
-        node, met = node[own], met[own]
-        w = _barycentric(wanted[asking[node]], corners[met])
+        own = chart[candidates[hit]] == of_node[on_faces[node]]
+        node, hit = node[own], hit[own]
+        w = _barycentric(node_xy[on_faces[node]], corners[hit])
         inside = w.min(axis=1) >= 0
-        at = asking[node[inside]]
-        triangle[at], shares[at], found[node[inside]] = candidates[met[inside]], w[inside], True
-    # a rectangle's corners may lie off the face
-    off = asking[~found]
+        at = on_faces[node[inside]]
+        triangle[at], shares[at], is_on_face[node[inside]] = candidates[hit[inside]], w[inside], True
+    # a corner of the rectangle may lie off the face
+    off = on_faces[~is_on_face]
     if len(off):
         far = 1e3 * float(np.abs(xy).max())
         middles = np.column_stack([corners.mean(axis=1), far * chart[candidates]])
-        _, near = cKDTree(middles).query(np.column_stack([wanted[off], far * of_node[off]]), k=_NEAREST)
+        _, near = cKDTree(middles).query(np.column_stack([node_xy[off], far * of_node[off]]), k=_NEAREST)
         near = np.minimum(near, len(candidates) - 1)
         own = chart[candidates[near]] == of_node[off, None]
-        w = _barycentric(np.repeat(wanted[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
+        w = _barycentric(np.repeat(node_xy[off], _NEAREST, axis=0), corners[near.ravel()]).reshape(
             -1, _NEAREST, 3
         )
         best = np.argmax(np.where(own, w.min(axis=2), -np.inf), axis=1)

@@ -1,8 +1,8 @@
-"""Tiling slopes of creased foil, with their deviation within each texel of every mipmap level; mottle of matt surfaces.
+"""Tiling slopes of creased foil, with their deviation within each mipmap texel; mottle of matt surfaces.
 
-Crumpling leaves a network of sharp ridges around gently curved facets, of all sizes: their lengths are spread over a
-decade (Blair & Kudrolli 2005, Geometry of crumpled paper, PRL 94, 166107). Here a layer is the upper or lower envelope
-of paraboloids, whose borders are straight (a power diagram): curved facets, and a kink of the surface between them.
+Crumpling leaves sharp ridges around gently curved facets of all sizes: their lengths span a decade (Blair & Kudrolli
+2005, Geometry of crumpled paper, PRL 94, 166107). Here a layer is the upper or lower envelope of paraboloids, whose
+borders are straight (a power diagram): curved facets with a kink between them.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-SIZE = 512
+SIZE = 512  # texels along each side of the tile
 SLOPE_MAX, DEVIATION_MAX = 1.0, 0.5
 """Full scale of the slope channels (plus and minus) and of the deviation channel."""
 _SEED = 1972
-# facets in a tile, rms slope along each axis (valleys and ridges by turns), stretch and its direction [rad]
+# facets in a tile, rms slope along each axis (alternately valleys and ridges), stretch and its direction [rad]
 _LAYERS = ((40, 0.22, 1.5, 0.4), (150, -0.16, 1.7, 1.7), (700, 0.09, 1.4, 2.7), (3000, -0.035, 1.2, 1.0))
 VARIANCE = 2 * sum(rms**2 for _, rms, *_ in _LAYERS)
 """Variance of the slopes, summed over both axes."""
+# share of a facet's mean slope, and of its height, relative to those of its curvature
 _TILT, _STEP = (
     0.8,
     0.9,
-)  # share of a facet's mean slope, and of its height, relative to those of its curvature
+)
 _MARGIN = 0.35  # share of the tile repeated around it
-_MOTTLE_POWER = -1.4
+_MOTTLE_POWER = -1.4  # exponent of the mottle's amplitude over frequency
 _BEND = 0.9  # standard deviation of the smoothing of creases [texels]
 _FACET_VARIANCE = 4.0  # variance of the small facets relative to the mottle
 
@@ -58,12 +59,12 @@ def make_creases() -> FloatArray:
     mottle = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((SIZE, SIZE))) * f**_MOTTLE_POWER, (SIZE, SIZE))
     level = 0.5 + np.clip(mottle / (6 * mottle.std()), -0.5, 0.5)
     level += 0.5 - level.mean()
-    # here the film is smooth, there it was crumpled
+    # some regions are smoother, others more crumpled
     uneven = np.sqrt(np.clip(1 + _FACET_VARIANCE * (np.roll(level, SIZE // 2, axis=0) - 0.5), 0.1, 2))[
         ..., None
     ]
     slopes = layers[0] + layers[1] + uneven * (layers[2] + layers[3])
-    # creases are round, and their lines have no steps
+    # blur: real creases are round
     soft = np.exp(-2 * (np.pi * _BEND * f) ** 2)
     soft[0, 0] = 1
     slopes = np.fft.irfft2(np.fft.rfft2(slopes, axes=(0, 1)) * soft[..., None], (SIZE, SIZE), axes=(0, 1))
@@ -75,14 +76,14 @@ def _facets(
 ) -> FloatArray:
     """Return (P, 2) slopes of one layer at points (P, 2) of the tile.
 
-    Paraboloid i is ``|x - s_i|^2 + w_i`` after its tilt moved its middle s_i: the lowest is the nearest in three
-    dimensions, with the root of w_i as the third.
+    Paraboloid i is ``|x - s_i|^2 + w_i``, where its tilt has moved its centre s_i. The lowest one is the nearest point
+    in three dimensions, with the root of w_i as the third coordinate.
     """
     radius = 0.5 / np.sqrt(count)
     middle = rng.random((count, 2))
-    moved = middle + _TILT * radius * rng.standard_normal((count, 2))
+    tilted_centre = middle + _TILT * radius * rng.standard_normal((count, 2))
     rise = _STEP * radius**2 * rng.random(count)
-    around = np.concatenate([moved + np.array([i, j]) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    around = np.concatenate([tilted_centre + np.array([i, j]) for i in (-1, 0, 1) for j in (-1, 0, 1)])
     depth = np.tile(np.sqrt(rise), 9)
     near = (np.abs(around - 0.5) < 0.5 + _MARGIN).all(axis=1)
     along = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])

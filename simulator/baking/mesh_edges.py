@@ -22,31 +22,33 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
     from flyaround.simulator.targets.model import Part
 
-SMOOTH_COSINE = np.cos(np.radians(5.0))  # shading normals that differ by less across an edge hide it
-FLAT_COSINE = 1 - 1e-6  # faces of one plane (0.08 degrees) never part at a silhouette
-_PLACE_M = 1e-6  # corners nearer than this are one
+# an edge with shading normals that differ by less is smooth, and not visible
+SMOOTH_COSINE = np.cos(np.radians(5.0))
+FLAT_COSINE = 1 - 1e-6  # faces in one plane (0.08 degrees) never form a silhouette
+_PLACE_M = 1e-6  # corners nearer than this coincide
 _SEARCH_RADIUS = 0.004  # largest distance of two edges compared, as a share of the mesh's extent
-_PLACES = 3, 12  # along an edge that are looked around from: at least, at most
-_PLACE_SPACING = 0.02  # spacing of the places along a long edge, as a share of the mesh's extent
-_NEIGHBOURS = 6  # nearest places of other edges
-_SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95  # cosines
-_END_TOLERANCE = 0.02  # share of its length by which an edge may end before the other's place
-_MIN_LENGTH = 0.003  # share of the mesh's extent: shorter edges cost little
-_MAX_EDGES = 200_000  # pairs are not searched in finer meshes
+_PLACES = 3, 12  # least and largest number of sample points along an edge
+_PLACE_SPACING = 0.02  # spacing of the points along a long edge, as a share of the mesh's extent
+_NEIGHBOURS = 6  # nearest points of other edges to examine
+# least cosine of the angle between normals of one plane, and between edges that count as parallel
+_SAME_PLANE_COSINE, _PARALLEL_COSINE = 0.999, 0.95
+_END_TOLERANCE = 0.02  # share of its length by which an edge may end before the point of the other
+_MIN_LENGTH = 0.003  # length below which no gap of an edge is searched, as a share of the mesh's extent
+_MAX_EDGES = 200_000  # number of edges above which a mesh's gaps are not searched
 
 
 @dataclass(frozen=True, eq=False)
 class MeshEdges:
-    """Edges by their ends, with the faces that meet there; a border has the same face twice.
+    """Edges by their ends, with the adjacent faces; a border has the same face twice.
 
     Parameters
     ----------
-    vertices_m : (V, 3) places, target frame. ends : (E, 2) places of each edge.
-    faces : (E, 2) rows of ``planes``. is_crease : (E,) seen whenever one of its faces is.
-    planes : (F, 4) of each face: unit normal, and its distance from the origin with the sign turned [m].
-    materials : (E,) number of the part's material; negative where the first face lies to the right of the edge, seen
-        from outside.
-    is_closed : back faces are never seen, so that only edges of front faces are.
+    vertices_m : (V, 3) positions, target frame. ends : (E, 2) vertices of each edge.
+    faces : (E, 2) rows of ``planes``. is_crease : (E,) True if the edge is visible whenever one of its faces is.
+    planes : (F, 4) unit normal of each face, and its negated distance from the origin [m].
+    materials : (E,) material number of the part; negative if the first face lies to the right of the edge, seen from
+        outside.
+    is_closed : True if back faces are never visible, so that only edges of front faces are.
     """
 
     vertices_m: FloatArray
@@ -68,11 +70,11 @@ class MeshEdges:
         )
 
     def cut(self, longest_m: float) -> tuple[MeshEdges, IntArray]:
-        """Halve the edges until none is longer than this. Return them, and the original edge of each piece.
+        """Halve the edges until none is longer than ``longest_m``; return them, and the original edge of each piece.
 
-        The pieces of an edge follow each other, and end where `subdivision.subdivide` cuts the same edge of a triangle.
+        The pieces of an edge are consecutive, and end where `subdivision.subdivide` cuts the same edge of a triangle.
         """
-        places, ends, of = self.vertices_m, self.ends, np.arange(len(self.ends))
+        places, ends, original = self.vertices_m, self.ends, np.arange(len(self.ends))
         while True:
             start, end = ends.T
             long = np.flatnonzero(np.linalg.norm(places[start] - places[end], axis=-1) > longest_m)
@@ -82,9 +84,9 @@ class MeshEdges:
             places = np.concatenate([places, (places[start[long]] + places[end[long]]) * 0.5])
             ends = np.concatenate([ends, np.stack([middle, end[long]], axis=1)])
             ends[long, 1] = middle
-            of = np.concatenate([of, of[long]])
-        order = np.argsort(of, kind="stable")
-        return replace(self.take(of[order]), vertices_m=places, ends=ends[order]), of[order]
+            original = np.concatenate([original, original[long]])
+        order = np.argsort(original, kind="stable")
+        return replace(self.take(original[order]), vertices_m=places, ends=ends[order]), original[order]
 
     def quads(self) -> Float32Array:
         """Return (E, 4, 8) vertices: both ends, the corner's number 0..3 (end = number // 2, side = number % 2), and
@@ -103,7 +105,7 @@ def find_edges(parts: tuple[Part, ...], numbers: Mapping[str, int], *, is_closed
 
     Parameters
     ----------
-    numbers : of the materials, from 1.
+    numbers : material numbers, from 1.
     """
     vertices, ends, faces, creases, planes, materials = [], [], [], [], [], []
     first_vertex = first_face = 0
@@ -141,10 +143,10 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
     table = edge_table(place[triangles])
     head, mate = table.first, table.first.copy()
     mate[table.pair_edge] = table.pairs[:, 1]
-    # every side of every triangle, from its lower place to its higher
+    # every side of every triangle, from its lower vertex to its higher one
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    left = place[start] <= place[end]
-    start, end = np.where(left, start, end), np.where(left, end, start)
+    is_forward = place[start] <= place[end]
+    start, end = np.where(is_forward, start, end), np.where(is_forward, end, start)
     # shading normals on both sides, at both ends
     n = part.normals.astype(float)
     same = np.minimum(
@@ -156,14 +158,14 @@ def _of_part(part: Part) -> tuple[FloatArray, IntArray, IntArray, BoolArray, Flo
     keep = (crease | ~flat) & (table.ends[:, 0] != table.ends[:, 1])
     head, mate = head[keep], mate[keep]
     faces = np.stack([head, mate], axis=1) // 3
-    return positions[first], table.ends[keep], faces, crease[keep], planes, left[head]
+    return positions[first], table.ends[keep], faces, crease[keep], planes, is_forward[head]
 
 
 def edge_gaps(edges: MeshEdges) -> Float32Array:
     """Return the (E, 2) gap between each edge and the creases that run next to its whole length, from the cache [m].
 
-    The first is that to creases with a face as turned as the edge's first face, which show when that face does; the
-    second that of the second face. Infinite where there are none, or none near.
+    The first is the gap to creases that are visible whenever the edge's first face is, the second the same for its
+    second face. Infinite if there are none nearby.
     """
     return np.asarray(
         cached_array(
@@ -177,29 +179,29 @@ def _content(edges: MeshEdges) -> tuple[FloatArray, IntArray, IntArray, BoolArra
 
 
 def _nearest_creases(edges: MeshEdges) -> Float32Array:
-    found = np.full((len(edges.ends), 2), np.inf, np.float32)
+    gap_m = np.full((len(edges.ends), 2), np.inf, np.float32)
     creases = np.flatnonzero(edges.is_crease)
     if not len(creases) or len(edges.ends) > _MAX_EDGES:
-        return found
+        return gap_m
     start, end = np.moveaxis(edges.vertices_m[edges.ends], 1, 0)
     length = np.linalg.norm(end - start, axis=1)
     along = (end - start) / length[:, None]
     extent = float(np.linalg.norm(np.ptp(edges.vertices_m, axis=0)))
     farthest, apart = _SEARCH_RADIUS * extent, _PLACE_SPACING * extent
-    # places on the creases, close enough to each other that the nearest crease is among the nearest places
-    of, share = _places(creases, np.ceil(length[creases] / farthest))
-    tree = cKDTree(start[of] + share[:, None] * (end - start)[of])
+    # points on the creases, so dense that the nearest crease is among the nearest points
+    crease_of_point, share = _places(creases, np.ceil(length[creases] / farthest))
+    tree = cKDTree(start[crease_of_point] + share[:, None] * (end - start)[crease_of_point])
     long = np.flatnonzero(length > _MIN_LENGTH * extent)
     if not len(long):
-        return found
-    asked, at = _places(long, np.clip(np.ceil(length[long] / apart), *_PLACES))
-    place = start[asked] + at[:, None] * (end - start)[asked]
+        return gap_m
+    sampled, at = _places(long, np.clip(np.ceil(length[long] / apart), *_PLACES))
+    place = start[sampled] + at[:, None] * (end - start)[sampled]
     reach = np.hypot(farthest, farthest / 2)
     row = np.asarray(tree.query(place, k=_NEIGHBOURS, distance_upper_bound=reach)[1])
-    asking, column = np.nonzero(row < len(of))
-    other, own = of[row[asking, column]], asked[asking]
-    # next to it, not beyond its ends; nearly parallel; another edge
-    to = place[asking] - start[other]
+    sample, column = np.nonzero(row < len(crease_of_point))
+    other, own = crease_of_point[row[sample, column]], sampled[sample]
+    # beside it, not beyond its ends; nearly parallel; another edge
+    to = place[sample] - start[other]
     step = np.einsum("ij,ij->i", to, along[other])
     good = (
         (step >= -_END_TOLERANCE * length[other])
@@ -207,24 +209,24 @@ def _nearest_creases(edges: MeshEdges) -> Float32Array:
         & (other != own)
     )
     good &= np.abs(np.einsum("ij,ij->i", along[other], along[own])) > _PARALLEL_COSINE
-    asking, other, own, to, step = (v[good] for v in (asking, other, own, to, step))
+    sample, other, own, to, step = (v[good] for v in (sample, other, own, to, step))
     away = np.linalg.norm(to - step[:, None] * along[other], axis=1)
     normals = edges.planes[:, :3]
     for k in (0, 1):
-        mine = normals[edges.faces[own, k]]
+        own_normal = normals[edges.faces[own, k]]
         same = np.zeros(len(own), bool)
         for other_face in edges.faces[other].T:
-            same |= np.einsum("ij,ij->i", normals[other_face], mine) > _SAME_PLANE_COSINE
-        nearest = np.full(len(asked), np.inf)
-        np.minimum.at(nearest, asking[same], away[same])
-        starts = np.flatnonzero(np.diff(asked, prepend=-1))
-        found[long, k] = np.maximum.reduceat(nearest, starts)
-    return found
+            same |= np.einsum("ij,ij->i", normals[other_face], own_normal) > _SAME_PLANE_COSINE
+        nearest = np.full(len(sampled), np.inf)
+        np.minimum.at(nearest, sample[same], away[same])
+        starts = np.flatnonzero(np.diff(sampled, prepend=-1))
+        gap_m[long, k] = np.maximum.reduceat(nearest, starts)
+    return gap_m
 
 
-def _places(of: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return evenly spaced points along edges: the edge of each, and its position along it [1]."""
+def _places(edges: IntArray, counts: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return evenly spaced points along edges: the edge of each point, and its position along the edge [1]."""
     whole = np.maximum(counts, 1).astype(int)
     first = np.cumsum(whole) - whole
     rank = np.arange(whole.sum()) - np.repeat(first, whole)
-    return np.repeat(of, whole), (rank + 0.5) / np.repeat(whole, whole)
+    return np.repeat(edges, whole), (rank + 0.5) / np.repeat(whole, whole)

@@ -1,10 +1,10 @@
 """Radiance transfer between the parts of a craft, baked on the nodes of its charts: sky visibility, interreflection.
 
-Each node has the visibility of the sky as a constant and a linear term over directions, V(w) = a + b . w; and the
-irradiance that other parts return to it of sunlight from many directions, shadows and further bounces included. Parts
-return light evenly (radiosity): Goral et al. (1984), Modeling the interaction of light between diffuse surfaces,
-SIGGRAPH 18. Light of the sky is a sum over the same directions, kept as spherical harmonics: Sloan, Kautz & Snyder
-(2002), Precomputed radiance transfer, SIGGRAPH 29.
+Each node stores the sky's visibility as a constant and a linear term over directions, V(w) = a + b . w; and the
+irradiance from other parts lit by the Sun from many directions, with shadows and multiple bounces. Parts reflect
+diffusely (radiosity): Goral et al. (1984), Modeling the interaction of light between diffuse surfaces, SIGGRAPH 18.
+Light of the sky is summed over the same directions and stored as spherical harmonics: Sloan, Kautz & Snyder (2002),
+Precomputed radiance transfer, SIGGRAPH 29.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 
 _T = TypeVar("_T", bound=np.generic)
-DIRECTIONS = 128  # that are looked along, and that the Sun's light is known from
+DIRECTIONS = 128  # directions of rays, and of the Sun
 LARGEST_SLOPE = 0.8  # largest value of b, stored in eight bits; a hemisphere has 0.75
-BOUNCES = 4
-INTERREFLECTION_STEP = 2.0**-16  # the parts return no more than the sunlight
-PATCH = 4  # nodes along each side of a patch that returns light as one
-_BLOCK = 1 << 17  # products
+BOUNCES = 4  # reflections between parts
+INTERREFLECTION_STEP = 2.0**-16  # irradiance from other parts never exceeds the sunlight, so 16 bits hold it
+PATCH = 4  # nodes along each side of a patch with one radiosity
+_BLOCK = 1 << 17  # multiplications per block
 _INSIDE_SHARE = 0.3  # share of back faces in view above which a node is inside another part
 
 
@@ -49,10 +49,10 @@ class RadianceTransfer:
 
     Parameters
     ----------
-    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, of each texel of the atlas, row by row.
-    interreflected : (n, D, A) irradiance from other parts over that of sunlight from each of ``directions``, in steps
-        of ``INTERREFLECTION_STEP``.
-    interreflected_sky : (n, 9, A) irradiance over the coefficients of the sky's radiance in `harmonics`.
+    visibility : (A, 4) b, coded by ``LARGEST_SLOPE``, and a, for each texel of the atlas, row by row.
+    interreflected : (n, D, A) irradiance from other parts, for sunlight from each of ``directions``, over the Sun's; in
+        steps of ``INTERREFLECTION_STEP``.
+    interreflected_sky : (n, 9, A) the same per coefficient of the sky's radiance in `harmonics`.
     """
 
     visibility: ByteArray
@@ -84,7 +84,7 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 
     Parameters
     ----------
-    reflectance : (M, n) of each material, per band. patch : nodes along each side of one that returns light.
+    reflectance : (M, n) of each material, per band. patch : nodes along each side of a patch.
     """
     charts = mesh.charts
     sight = _visibility_entry(mesh, patch)
@@ -92,8 +92,8 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
     materials = np.rint(_vertices(mesh)["material"][charts.triangles[charts.triangle, 0]]).astype(int) - 1
 
     def bake() -> tuple[np.typing.NDArray[np.generic], np.typing.NDArray[np.generic]]:
-        seen = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
-        return solve_radiosity(charts, seen, reflectance[materials], patch, closed=mesh.is_closed)
+        rays = _prebuilt_visibility(sight, mesh, patch) or _traced_visibility(mesh)
+        return solve_radiosity(charts, rays, reflectance[materials], patch, closed=mesh.is_closed)
 
     visibility, interreflected = (np.asarray(array) for array in cached_arrays((f"{key}-sky", key), bake))
     directions = spherical_fibonacci(DIRECTIONS)
@@ -105,9 +105,7 @@ def baked_transfer(mesh: BakedMesh, reflectance: FloatArray, patch: int = PATCH)
 def visibility_to_ship(
     mesh: BakedMesh, patch: int = PATCH
 ) -> tuple[str, np.typing.NDArray[np.unsignedinteger]]:
-    """Return the cache entry and codes of a mesh's visibility, which no material changes: the slowest part of a
-    bake.
-    """
+    """Return the cache entry and codes of a mesh's visibility, the slowest part of baking, free of materials."""
     codes = encode_visibility(_traced_visibility(mesh), _patches(mesh.charts, patch)[0])
     small = codes.max() <= np.iinfo(np.uint16).max
     return _visibility_entry(mesh, patch), codes.astype(np.uint16) if small else codes
@@ -145,10 +143,10 @@ def _visibility_entry(mesh: BakedMesh, patch: int) -> str:
 
 
 def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
-    """Return the (M, N) product of (M, K) and (K, N), independent of the library's number of threads.
+    """Return the (M, N) product of (M, K) and (K, N), identical for every number of BLAS threads.
 
-    It would cut the columns for its threads, and round those at the cuts otherwise; blocks of a quarter of a million
-    products it leaves to one thread.
+    BLAS divides the columns among its threads, and rounds differently at the cuts; it computes blocks of a quarter of a
+    million products in one thread.
     """
     out = np.empty((len(a), b.shape[1]), np.float32)
     columns = max(_BLOCK // a.size, 1)
@@ -159,55 +157,55 @@ def product_in_blocks(a: Float32Array, b: Float32Array) -> Float32Array:
 
 
 def solve_radiosity(
-    charts: Charts, seen: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
+    charts: Charts, rays: NodeVisibility, reflectance: FloatArray, side: int = PATCH, *, closed: bool
 ) -> tuple[ByteArray, np.typing.NDArray[np.uint16]]:
     """Solve the radiosity of patches: visibility and interreflected light of `RadianceTransfer`.
 
     Parameters
     ----------
-    reflectance : (N, n) of each node, per band. side : of a patch [nodes].
-    closed : a ray that hits the back of a face starts inside a part.
+    reflectance : (N, n) of each node, per band. side : side of a patch [nodes].
+    closed : True if a ray that hits the back of a face starts inside a part.
     """
     n = len(charts.chart)
-    looking = seen.cosines[seen.node, seen.direction]
-    within = np.bincount(seen.node, weights=looking * (seen.hit_back & closed), minlength=n)
-    whole = np.maximum(seen.cosines.sum(axis=1), 1e-9)
-    good = within < _INSIDE_SHARE * whole
-    visibility = _visibility(charts, seen, good)
+    looking = rays.cosines[rays.node, rays.direction]
+    back_share = np.bincount(rays.node, weights=looking * (rays.hit_back & closed), minlength=n)
+    whole = np.maximum(rays.cosines.sum(axis=1), 1e-9)
+    good = back_share < _INSIDE_SHARE * whole
+    visibility = _visibility(charts, rays, good)
     # transfer from patches to nodes
     patch, count = _patches(charts, side)
-    # light is known of fronts: the back of an open shell hides, and returns nothing
-    front = np.flatnonzero(~seen.hit_back)
-    node = seen.node[front]
-    share = (looking[front] / np.maximum(whole - within, 1e-9)[node]).astype(np.float32)
-    given = coo_matrix((share, (node, patch[seen.hit_node[front]])), shape=(len(patch), count)).tocsr()
+    # only fronts are lit: the back of an open shell hides, and reflects nothing
+    front = np.flatnonzero(~rays.hit_back)
+    node = rays.node[front]
+    share = (looking[front] / np.maximum(whole - back_share, 1e-9)[node]).astype(np.float32)
+    transfer = coo_matrix((share, (node, patch[rays.hit_node[front]])), shape=(len(patch), count)).tocsr()
     size = np.bincount(patch, weights=good, minlength=count)
     mean = coo_matrix(
         (good / np.maximum(size, 1)[patch], (patch, np.arange(len(patch)))), shape=(count, len(patch))
     ).tocsr()
-    between = mean @ given
-    direct = mean @ (seen.cosines * seen.is_open)
+    between = mean @ transfer
+    direct = mean @ (rays.cosines * rays.is_open)
     bands = []
     for band in reflectance.T:
         paint = (mean @ band)[:, None].astype(np.float32)
         leaving = paint * direct
         for _ in range(BOUNCES - 1):
             leaving = paint * (direct + between @ leaving)
-        steps = _spread(charts, good, np.asarray(given @ leaving, np.float32)) / INTERREFLECTION_STEP
+        steps = _spread(charts, good, np.asarray(transfer @ leaving, np.float32)) / INTERREFLECTION_STEP
         bands.append(_in_atlas(charts, np.asarray(np.clip(steps, 0, 65535), np.uint16)).T)
     return _in_atlas(charts, visibility), np.ascontiguousarray(bands)
 
 
-def _visibility(charts: Charts, seen: NodeVisibility, good: BoolArray) -> ByteArray:
-    """Return the (N, 4) code of V, such that an open plate has 1 and the light of a uniform sky is exact."""
-    directions = seen.directions.astype(np.float32)
-    above = (seen.cosines > 0).astype(np.float32)
+def _visibility(charts: Charts, rays: NodeVisibility, good: BoolArray) -> ByteArray:
+    """Return the (N, 4) code of V, corrected so that the irradiance of an open node and of a uniform sky is exact."""
+    directions = rays.directions.astype(np.float32)
+    above = (rays.cosines > 0).astype(np.float32)
     count = np.maximum(above.sum(axis=1), 1)[:, None]
-    free = seen.is_open.astype(np.float32)
+    free = rays.is_open.astype(np.float32)
     b = 1.5 * (free @ directions) / count
-    # the directions' own lack of balance: what an open face would have, against what it must
+    # correction for the discrete directions: the irradiance of an open face against its exact value
     b -= (1.5 * (above @ directions) / count - 0.75 * charts.normals) * (free.sum(axis=1)[:, None] / count)
-    share = (seen.cosines * free).sum(axis=1) / np.maximum(seen.cosines.sum(axis=1), 1e-9)
+    share = (rays.cosines * free).sum(axis=1) / np.maximum(rays.cosines.sum(axis=1), 1e-9)
     a = share - 2 / 3 * np.einsum("nc,nc->n", b, charts.normals)
     coded = np.column_stack([b / (2 * LARGEST_SLOPE) + 0.5, a])
     coded = _spread(charts, good, np.asarray(coded, np.float32))
@@ -226,7 +224,7 @@ def _patches(charts: Charts, side: int) -> tuple[IntArray, int]:
     index = np.arange(len(charts.chart)) - charts.first[charts.chart]
     across = charts.counts[charts.chart, 0]
     i, j = index % across // side, index // across // side
-    # one number, in the order of the three
+    # combined into one number, sorted in this order
     number = (charts.chart * (i.max() + 1) + i) * (j.max() + 1) + j
     _, patch = np.unique(number, return_inverse=True)
     return patch, int(patch.max()) + 1
@@ -240,21 +238,21 @@ def _spread(charts: Charts, good: BoolArray, values: FloatArray) -> FloatArray:
     y, x = np.divmod(charts.at, width)
     at = (y + 1) * (width + 2) + x + 1
     owner[at], node[at] = charts.chart, np.arange(len(at))
-    known, out = good.copy(), values.copy()
+    is_known, out = good.copy(), values.copy()
     steps = [
         (dy * (width + 2) + dx, (2 - abs(dy)) * (2 - abs(dx)) / 4) for dy in (-1, 0, 1) for dx in (-1, 0, 1)
     ]
     for _ in range(4):
-        lacking = np.flatnonzero(~known)
+        lacking = np.flatnonzero(~is_known)
         total = np.zeros((len(lacking), values.shape[1]), np.float32)
         weight = np.zeros(len(lacking), np.float32)
         for step, w in steps:
             near = node[at[lacking] + step]
-            use = (owner[at[lacking] + step] == charts.chart[lacking]) & known[near]
-            which = np.flatnonzero(use)  # few of them, and each has a hundred values
+            use = (owner[at[lacking] + step] == charts.chart[lacking]) & is_known[near]
+            which = np.flatnonzero(use)  # a few rows of a hundred values each
             total[which] += np.float32(w) * out[near[which]]
             weight[which] += np.float32(w)
         new = weight > 0
         out[lacking[new]] = total[new] / weight[new, None]
-        known[lacking[new]] = True
+        is_known[lacking[new]] = True
     return out

@@ -1,4 +1,4 @@
-"""Mipmap levels of slopes with the deviation from the mean that a texel hides."""
+"""Mipmap levels of slopes, with the deviation from the mean inside each texel."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def slope_levels(image: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
     """
     square = (image[..., :2] ** 2).sum(axis=2, keepdims=True)
     while True:
-        hidden = square[..., 0] - (image[..., :2] ** 2).sum(axis=2)
-        yield image, np.sqrt(np.maximum(hidden, 0))
+        variance = square[..., 0] - (image[..., :2] ** 2).sum(axis=2)
+        yield image, np.sqrt(np.maximum(variance, 0))
         if len(image) == 1:
             return
         image, square = _halved(image), _halved(square)

@@ -37,7 +37,7 @@ STEP_S = 0.1
 PICTURE_SHAPE = (1200, 1920)
 EXPOSURE_S = 1e-3
 SENSOR_LAPS, SENSOR_WARM_UP = 12, 2
-AHEAD_S = 0.03  # share of the renderer's work submitted ahead
+AHEAD_S = 0.03  # time from the submission of a frame's commands to its read-back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class PartCost:
 
     Parameters
     ----------
-    kernels : what an estimator's inner loops ran in; None of other parts.
+    kernels : implementation of an estimator's inner loops; None for other parts.
     """
 
     name: str
@@ -142,8 +142,8 @@ def bench_capture() -> tuple[PartCost, ...]:
 def bench_sensor() -> tuple[PartCost, ...]:
     """Time blur, noise and quantisation of a 1920 x 1200 image for each built-in sensor.
 
-    The image is a third of dark sky, a third of even grey, and a third that rises beyond saturation. As in a frame, a
-    recipe's noise has been drawn before: while the renderer began.
+    The image is one third dark sky, one third uniform grey, and one third a ramp beyond saturation. As in a frame, the
+    noise has been drawn beforehand.
     """
     picture = np.zeros(PICTURE_SHAPE, np.float32)
     third = PICTURE_SHAPE[0] // 3

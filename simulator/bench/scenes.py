@@ -38,11 +38,12 @@ BENCH_SCENES = (
     "tango-space-10m+1024",
     "tango-close-3m+1024",
 )
-"""Built-in scenarios; ``+rgb`` in three bands, ``+blur`` with ground motion of half a pixel, ``+1024`` with 1024 x
-1024 pixels."""
+"""Built-in scenarios; ``+rgb``: three bands, ``+blur``: ground motion of half a pixel, ``+1024``: 1024 x 1024
+pixels.
+"""
 SQUARE_CAMERA = "square-1024"
 BLUR_EXPOSURE_S = 0.02
-BLOCK = 5  # frames between two looks at the reference: both see the same machine
+BLOCK = 5  # frames between two reference passes, so that both see the same machine load
 REFERENCE_LAPS = 2
 TIMED_FRAMES = 7
 LABELLED_FRAMES = 5
@@ -52,9 +53,9 @@ LABELLED_FRAMES = 5
 class SceneCost:
     """Cost of one scene [ms]: the whole frame (render, read-back, sensor) and its parts.
 
-    The passes are of frames that wait for the driver after each of them; they add up to more than the frame.
-    ``labels_ms_p50`` is what truth, mask and all layers add; ``labelled_over_plain`` is the cost of a frame with them
-    over that of one without.
+    Times of the passes are from frames that wait for the driver after each pass, and add up to more than the frame.
+    ``labels_ms_p50`` is the cost of truth, mask and all layers; ``labelled_over_plain`` is the ratio of a frame with
+    them to one without.
     """
 
     name: str
@@ -90,9 +91,9 @@ def bench_scenes(
 ) -> tuple[BenchMachine, tuple[SceneCost, ...]]:
     """Time scenes without labels, one frame after the other in one process.
 
-    Frames are timed as users draw them, without waits between the passes; the passes' own times are of other frames,
-    in which the driver is waited for after each. The reference pass has its turns between the frames, at each
-    scene's size, so that figures from different machines compare.
+    Frames are timed without waits between the passes; the passes' own times come from other frames, which wait for the
+    driver after each. The reference pass runs between the frames, at each scene's size, so that results from different
+    machines compare.
     """
     costs = []
     with (
@@ -112,7 +113,7 @@ def check_scenes(names: Sequence[str]) -> None:
     Raises
     ------
     UserError
-        With its name and those there are.
+        If one is not; the message lists the scenes.
     """
     for name in names:
         if name not in BENCH_SCENES:
@@ -139,7 +140,7 @@ def bench_views(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]
     if variant == "rgb":
         scenes = tuple(replace(scene, bands="rgb") for scene in scenes)
     if variant == "blur":
-        # as bright on the detector as before
+        # same exposure for the smaller image
         scenes = tuple(
             replace(
                 scene,
@@ -156,7 +157,7 @@ def bench_views(name: str, n_frames: int) -> tuple[Plan, tuple[SceneState, ...]]
 
 def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames: int) -> SceneCost:
     blocks = -(-n_frames // BLOCK)
-    # one more frame in each block: the first after the reference pass finds the caches full of other things
+    # one more frame in each block: the first after the reference pass has cold caches
     plan, scenes = bench_views(name, n_frames + blocks)
     size = (plan.camera.width_px, plan.camera.height_px)
     laps, reference_laps, rows = [], [], []
@@ -197,14 +198,13 @@ def _bench_one(renderer: Renderer, reference: ReferencePass, name: str, n_frames
 def labels_cost(
     renderer: Renderer, target: Target, scenes: Sequence[SceneState], n_frames: int
 ) -> tuple[float, float]:
-    """Return the time that truth, mask and all layers add to a frame [ms], and the ratio of times with and without;
-    medians.
+    """Return the median time that truth, mask and all layers add to a frame [ms], and the ratio with to without.
 
     Parameters
     ----------
-    scenes : at least two; the flow of each leads to the one after it.
+    scenes : at least two; the optical flow of each leads to the next one.
     """
-    added, ratios = [], []
+    added_ms, ratios = [], []
     for k in range(n_frames + 1):
         scene, following = scenes[k % (len(scenes) - 1)], scenes[k % (len(scenes) - 1) + 1]
         flow = FlowLabel(
@@ -217,7 +217,7 @@ def labels_cost(
             start = time.perf_counter()
             take_frame(renderer, scene, target, labels=request)
             costs.append((time.perf_counter() - start) * 1e3)
-        if k > 0:  # the first uploads and compiles
-            added.append(costs[1] - costs[0])
+        if k > 0:  # the first frame uploads and compiles
+            added_ms.append(costs[1] - costs[0])
             ratios.append(costs[1] / costs[0])
-    return float(np.median(added)), float(np.median(ratios))
+    return float(np.median(added_ms)), float(np.median(ratios))

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from flyaround.simulator.bench.parts import PartCost, cost
 
 SCENE = "tango-earth-10m-1024"
-# in the order of `flyaround render`: the maps are begun before what draws is imported
+# in the order of `flyaround render`: decoding the maps starts before the renderer is imported
 _PROGRAM = f"""
 import sys
 from flyaround.simulator.runtime.memory import keep_freed_memory
@@ -53,10 +53,10 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
 
     Parameters
     ----------
-    early, late : lines of Python that it runs before it reads anything, and when all is imported that draws.
+    early, late : lines of Python to run before anything is read, and after the renderer is imported.
     """
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}  # as installed
-    # the driver's compiled shaders are part of what the first start makes
+    # the first start also compiles the driver's shaders
     caches = {"FLYAROUND_CACHE_DIR": cache_folder, "MESA_SHADER_CACHE_DIR": f"{cache_folder}/shaders"}
     command = [sys.executable, "-c", _PROGRAM.replace("{early}", early).replace("{late}", late)]
     start = time.perf_counter()
@@ -65,7 +65,7 @@ def start_once(cache_folder: str, early: str = "", late: str = "") -> tuple[floa
     ) as program:
         out = program.stdout or io.StringIO()
         first = out.readline()
-        elapsed_ms = (time.perf_counter() - start) * 1e3  # its end is not waited for
+        elapsed_ms = (time.perf_counter() - start) * 1e3  # without waiting for its end
         rest = out.read()
     if program.returncode != 0 or first.strip() != "frame":
         raise RuntimeError(f"the program that draws a first frame ended with {program.returncode}")

@@ -30,7 +30,7 @@ def encode(light: ArrayLike, encoding: Encoding) -> FloatArray:
     Returns
     -------
     array
-        Of the shape of ``light``, 0 to 1.
+        Encoded numbers of the shape of ``light``, 0 to 1.
     """
     x = np.asarray(light, float)
     if encoding == "srgb":

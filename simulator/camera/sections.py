@@ -1,4 +1,4 @@
-"""The camera's sections of a scenario file: changed parameters of the detector and of a perfect lens."""
+"""The camera's sections of a scenario file: changes to a detector and to a perfect lens."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _CurvePoint = tuple[Annotated[float, within(OPTICS["wavelength_m"], 1e9)], _Shar
 class DetectorSection(Section, frozen=True, kw_only=True):
     """Keys of `[sensor.detector]`: the changed parameters of the detector.
 
-    ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it takes the place of
+    ``quantum_efficiency_curve`` is a list of [wavelength in nm, electrons per photon], ascending; it replaces
     ``quantum_efficiency``.
     """
 
@@ -74,9 +74,8 @@ class DetectorSection(Section, frozen=True, kw_only=True):
             changes["layer_m"] = changes.pop("layer_um") * 1e-6
         if "quantum_efficiency" in changes:
             changes["quantum_efficiency"] = tuple(changes["quantum_efficiency"])
-            changes.setdefault(
-                "quantum_efficiency_curve", ()
-            )  # drop the preset's curve: the given number replaces it
+            # drop the preset's curve: the given number replaces it
+            changes.setdefault("quantum_efficiency_curve", ())
         if "quantum_efficiency_curve" in changes:
             changes["quantum_efficiency_curve"] = _in_metres(changes["quantum_efficiency_curve"])
         return replace(base or Detector(), **changes)
@@ -85,10 +84,10 @@ class DetectorSection(Section, frozen=True, kw_only=True):
 class OpticsSection(Section, frozen=True, kw_only=True):
     """Section `[optics]`: the lens apart from its distortion.
 
-    ``kernel_file`` names a measured PSF next to the scenario: a .npy, text with one row of numbers a line, or a grey
-    image (.png, .tif) with its black level taken off, which is divided by its sum. ``transmission_curve`` is a list
-    of [wavelength in nm, share], ascending: a filter, on top of ``transmission``. ``wavelength_nm`` is diffraction's
-    alone.
+    ``kernel_file`` names a measured PSF next to the scenario: a .npy, text with one row of numbers per line, or a grey
+    image (.png, .tif) with its black level subtracted, which is normalised. ``transmission_curve`` is a list of
+    [wavelength in nm, share], ascending: a filter that multiplies ``transmission``. ``wavelength_nm`` affects
+    diffraction only.
     """
 
     f_number: Annotated[float, within(OPTICS["f_number"])] = 4.0
@@ -178,11 +177,11 @@ def _delimiter(path: Path) -> str | None:
 
 
 def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning: int, where: str) -> Camera:
-    """Return the camera of an image of a detector region with ``binning`` by ``binning`` pixels joined.
+    """Return the camera of a detector region with ``binning`` by ``binning`` pixels joined.
 
     Parameters
     ----------
-    roi_px : x0, y0, width, height in pixels of the whole image, or None for all of it.
+    roi_px : x0, y0, width, height in pixels of the whole image, or None for the whole image.
 
     Raises
     ------
@@ -199,7 +198,7 @@ def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning:
         raise UserError(
             f"{where}: key sensor.binning is {binning}, allowed: a divisor of {width} x {height} that leaves 16 pixels"
         )
-    # the centre of a bin's first pixel is (b - 1) / 2 pixels from the bin's own
+    # the centre of a bin is (b - 1) / 2 pixels from that of its first pixel
     return replace(
         camera,
         width_px=width // binning,
@@ -212,7 +211,7 @@ def read_part(camera: Camera, roi_px: tuple[int, int, int, int] | None, binning:
 
 
 def read_sensor(sensor: Sensor, roi_px: tuple[int, int, int, int] | None, binning: int) -> Sensor:
-    """Return the sensor of that region: larger pixels, the fixed pattern at its place."""
+    """Return the sensor of that region: larger pixels, and the matching part of the fixed pattern."""
     x0, y0 = (roi_px or (0, 0))[:2]
     detector = sensor.detector
     if detector is not None:

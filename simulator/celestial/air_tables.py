@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
     from flyaround.simulator.world.ephemeris.body import Body
 
-RADII, COSINES = 64, 128  # of the transmittance table
+RADII, COSINES = 64, 128  # axes of the transmittance table
 GROUND_SAMPLES = 512
 GROUND_MU_MIN = -0.3  # no light reaches the ground when the Sun is lower than this
 
@@ -36,9 +36,11 @@ class AirTables:
 
     Parameters
     ----------
-    transmittance : (RADII, COSINES, n) to the top, in the mapping of Bruneton & Neyret (2008), section 4.
-    ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground over the Sun's.
-    multiple : (HEIGHTS, SUNS, n) light scattered twice or more; simulator/scene/illumination/multiple_scattering.py.
+    transmittance : (RADII, COSINES, n) transmittance to the top of the atmosphere; mapping of Bruneton & Neyret (2008),
+        section 4.
+    ground : (GROUND_SAMPLES, n) direct plus diffuse irradiance on level ground, as a share of the Sun's irradiance.
+    multiple : (HEIGHTS, SUNS, n) light scattered at least twice; see
+        simulator/scene/illumination/multiple_scattering.py.
     """
 
     air: Atmosphere
@@ -50,7 +52,7 @@ class AirTables:
 def air_tables(
     bands: Bands, thickness_m: float | None = None, body: Body = EARTH, aerosol_depth: float | None = None
 ) -> AirTables:
-    """Return a body's tables for the camera's bands; parameters as of `body_atmosphere`."""
+    """Return a body's tables for the camera's bands; the parameters are those of `body_atmosphere`."""
     air = body_atmosphere(body, bands, thickness_m, aerosol_depth)
     makers = (transmittance_table, multiple_scattering, body_atmosphere, bands_of)
 
@@ -73,7 +75,7 @@ def air_tables(
 
 
 def transmittance_table(air: Atmosphere) -> Float32Array:
-    """Transmittance to the top; rows: radius, columns: distance to the top between its limits."""
+    """Return the transmittance to the top; rows: radius, columns: distance to the top between its limits."""
     rim = np.sqrt(air.top_m**2 - air.radius_m**2)
     rho = np.linspace(0, rim, RADII)[:, None]
     r = np.sqrt(rho**2 + air.radius_m**2)

@@ -1,6 +1,6 @@
-"""City lights below the night map's texels: streets, towns, roads of a mean of one, baked once into a tiling texture.
+"""City lights below the night map's texels: streets, towns, roads in a tiling texture of mean one, baked once.
 
-The clouds' puffs lie beside them in its channels: where neither Sun nor Moon shine one look-up serves for both.
+The same texture holds the cloud detail, so that one fetch serves the regions that neither Sun nor Moon lights.
 """
 
 from __future__ import annotations
@@ -17,32 +17,33 @@ from flyaround.simulator.runtime.cached_arrays import cached_array
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray, IntArray
 
-BRIGHTEST = 16.0  # times the mean: what the light's channel holds
+BRIGHTEST = 16.0  # largest value of the light channels, as a multiple of their mean
 MAP_MAX_W_M2_SR = 7.0e-4
-"""Radiance of a texel of the night map at its brightest, 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
+"""Radiance of the brightest texel of the night map: 70 nW cm-2 sr-1 over its 5 km, in the band of VIIRS.
 
-The map is a picture of Suomi NPP's day-night band of 2012. With this figure 50 km around the largest cities send 25 to
-60 nW cm-2 sr-1: our reading of that band's maps (Elvidge et al. 2017, Int. J. Remote Sensing 38, 5860).
+The map is an image of Suomi NPP's day-night band of 2012. With this figure the 50 km around the largest cities emit 25
+to 60 nW cm-2 sr-1, as read from that band's maps (Elvidge et al. 2017, Int. J. Remote Sensing 38, 5860).
 """
 _SEED = 20120401
-_TILE = SIZE // 2  # texels of the pattern, repeated twice each way
-_DISTRICTS, _TOWNS = 44, 15  # cells along its side: of one direction of streets, and between main roads
-_VILLAGES = 1 / 90  # of the texels: one in 5 km2
-_BLOCKS = (3, 6)  # texels between streets: 0.7 to 1.2 km; smaller streets in between are the glow
+_TILE = SIZE // 2  # size of the pattern [texels], repeated twice each way
+# cells along the pattern's side: districts with one street direction, and meshes of main roads
+_DISTRICTS, _TOWNS = 44, 15
+_VILLAGES = 1 / 90  # villages per texel: one in 5 km2
+_BLOCKS = (3, 6)  # texels between streets: 0.7 to 1.2 km; smaller streets merge into the glow
 
 
 def night_texture() -> ByteArray:
-    """(SIZE, SIZE, 4) puffs of cloud as in `detail_texture`, light of cities and of villages, share of white lamps."""
+    """Return (SIZE, SIZE, 4): cloud detail as in `detail_texture`; city light, village light, share of white lamps."""
     return cached_array(entry_name("night", (make_night, make_detail)), make_night)
 
 
 def make_night() -> ByteArray:
-    """The clouds' puffs; light over its mean, up to ``BRIGHTEST``; from the cache where it has them."""
+    """Return the cloud detail (from the cache), and the light over its mean, up to ``BRIGHTEST``."""
     return np.dstack([detail_texture()[..., :1], np.tile(make_city_lights(), (2, 2, 1))])
 
 
 def make_city_lights() -> ByteArray:
-    """(_TILE, _TILE, 3) cities of quarters, centres, parks; country of towns, villages, roads; share of white lamps."""
+    """Return (_TILE, _TILE, 3): cities with centres and parks, country with towns and roads, share of white lamps."""
     rng = np.random.default_rng(_SEED)
     quarter, border = _cells(rng, _DISTRICTS, 2.5)
     town, road = _cells(rng, _TOWNS, 5.0)
@@ -52,7 +53,7 @@ def make_city_lights() -> ByteArray:
     turn, block = rng.uniform(0, np.pi / 2, count), rng.integers(*_BLOCKS, count)
     cosine, sine, step = (a[quarter].astype(np.float32) for a in (np.cos(turn), np.sin(turn), block))
     streets = np.maximum(_ridge(x * cosine + y * sine, step), _ridge(y * cosine - x * sine, 1.5 * step))
-    # a crossing, a square, a mall: points of light that few texels have
+    # crossings, squares, malls: few texels hold such a point of light
     points = rng.lognormal(-0.7, 1.2, shape)
     parks = np.clip(0.9 + 0.9 * _normal(rng, shape, 3.0), 0.0, 1.0)  # a sixth is dark
     avenues, main_roads = (np.exp(-((away / w) ** 2)) for away, w in ((border, 0.8), (road, 0.9)))
@@ -77,10 +78,10 @@ def make_city_lights() -> ByteArray:
     out = np.empty((*shape, 3), np.uint8)
     for k, light in enumerate((city, sum(share * part / part.mean() for share, part in country))):
         light = _soft(light, 0.4)  # noqa: PLW2901 - step by step
-        # cut at the brightest that is held, so that what is held has the mean of one
+        # clip at the largest stored value, repeatedly, so that the clipped field still has a mean of one
         for _ in range(8):
             light = np.minimum(light / light.mean(), BRIGHTEST)  # noqa: PLW2901 - step by step
-        # rounding to the one or the other side at random keeps the mean of the dark
+        # stochastic rounding keeps the mean of dark regions
         out[..., k] = np.minimum(light * (255 / BRIGHTEST) + rng.random(shape), 255)
     white = 0.5 + 0.22 * _normal(rng, shape, 5.0) + 0.22 * _normal(rng, shape, 1.0)
     out[..., 2] = np.clip(white, 0, 1) * 255
@@ -88,11 +89,11 @@ def make_city_lights() -> ByteArray:
 
 
 def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: float) -> Float32Array:
-    """Light of towns where three cells meet, over its mean; larger ones are wider.
+    """Return the light of towns where three cells meet, over its mean; larger towns are wider.
 
     Parameters
     ----------
-    spread : standard deviation of the logarithm of a town's light. texels : width of a middling one.
+    spread : standard deviation of the logarithm of a town's light. texels : width of a median town.
     """
     around = np.sort([np.roll(cells, shift, (0, 1)) for shift in ((0, 0), (1, 0), (0, 1), (1, 1))], axis=0)
     light = ((np.diff(around, axis=0) != 0).sum(axis=0) >= 2) * rng.lognormal(0.0, spread, cells.shape)
@@ -104,17 +105,17 @@ def _towns(rng: np.random.Generator, cells: IntArray, spread: float, texels: flo
 
 
 def _ridge(across: Float32Array, step: Float32Array) -> Float32Array:
-    """1 on lines that lie a step apart, falling to 0 within a texel or two."""
+    """Return 1 on lines one step apart, falling to 0 within a texel or two."""
     away = np.abs(across - step * np.round(across / step))
     return np.asarray(np.exp(-((away / 0.6) ** 2)), np.float32)
 
 
 def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray, Float32Array]:
-    """Periodic Voronoi cells of ``count^2`` jittered points: their number, and how far their border is [texels].
+    """Return (index, distance to the border [texels]) of periodic Voronoi cells of ``count^2`` jittered points.
 
     Parameters
     ----------
-    bend : of straight borders [texels].
+    bend : amplitude of the distortion of straight borders [texels].
     """
     pad, spacing = _TILE // 4, _TILE / count
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
@@ -129,10 +130,10 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
     )
     cells = np.append(0, np.pad(number, pad, mode="wrap")[wrapped])[nearest]
     y, x = np.indices((_TILE, _TILE))
-    bent = (
+    bent_rows_columns = (
         np.rint(k + bend * _normal(rng, (_TILE, _TILE), 3 * bend)).astype(int) % _TILE + pad for k in (y, x)
     )
-    cells = np.pad(cells[tuple(bent)], pad, mode="wrap")
+    cells = np.pad(cells[tuple(bent_rows_columns)], pad, mode="wrap")
     edge = (cells != np.roll(cells, 1, 0)) | (cells != np.roll(cells, 1, 1))
     border = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     inner = slice(pad, -pad)
@@ -140,13 +141,13 @@ def _cells(rng: np.random.Generator, count: int, bend: float) -> tuple[IntArray,
 
 
 def _normal(rng: np.random.Generator, shape: tuple[int, int], texels: float) -> Float32Array:
-    """Periodic noise of a size, of a standard deviation of one."""
+    """Return periodic noise of unit standard deviation, correlated over ``texels``."""
     noise = _soft(rng.standard_normal(shape), texels)
     return np.asarray(noise / noise.std(), np.float32)
 
 
 def _soft(image: FloatArray, texels: float) -> Float32Array:
-    """A periodic blur."""
+    """Blur periodically."""
     pad = int(4 * texels) + 4
     wrapped = np.pad(image.astype(np.float32), pad, mode="wrap")
     return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), texels)[pad:-pad, pad:-pad], np.float32)

@@ -1,9 +1,9 @@
 """Tiling craters for the Moon's ground below its map: slopes and brightness of a field saturated with impacts.
 
-Craters are there in all states, from a sharp bowl with bright ejecta to a shallow dish: each is the profile of a fresh
-one after topographic diffusion (Fassett & Thomson 2014, Crater degradation on the lunar maria, JGR Planets 119, 2255).
-The ground is in equilibrium: as many are worn down as are made, so that their ages are even over their lifetimes, and
-their cumulative number falls with the square of the diameter (Minton et al. 2019, Icarus 326, 63).
+Each crater is the profile of a fresh one after topographic diffusion, from a sharp bowl with bright ejecta to a shallow
+dish (Fassett & Thomson 2014, Crater degradation on the lunar maria, JGR Planets 119, 2255).
+The ground is in equilibrium, craters wear down as fast as new ones form: ages are uniform over a crater's lifetime, and
+the cumulative number falls with the square of the diameter (Minton et al. 2019, Icarus 326, 63).
 """
 
 from __future__ import annotations
@@ -21,24 +21,28 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SIZE = 1024
-SLOPE_MAX, DEVIATION_MAX = 0.9, 0.5  # the slope channels hold plus and minus this; the deviation's full scale
+# full scale of the slope channels (plus and minus), and of the channel of their deviation
+SLOPE_MAX, DEVIATION_MAX = 0.9, 0.5
 _SEED = 1969
 _SMALLEST_PX = 4.0  # diameter
-BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0  # a tile often seen must have nothing that is known again
+# largest diameters: a larger crater would make the repetition of the tile visible
+BROAD_LARGEST_PX, FINE_LARGEST_PX = 190.0, 45.0
 _COVER = 0.12  # N(> D) D^2: near the equilibrium of small craters (Gault 1970, Radio Science 5, 273)
 _COMPLEX_KM = 17.0  # diameter beyond which floors are flat (Pike 1977)
-_REACH, _FADED, _STEP = 4.0, 2.8, 0.04  # of profiles: as they wear, as they are stamped; their nodes [radii]
+# extent of profiles during diffusion and when stamped, and spacing of their nodes [radii]
+_REACH, _FADED, _STEP = 4.0, 2.8, 0.04
 _WORN = 0.7  # diffusivity times time over the radius squared after which 0.07 of the depth is left
-_WORN_COMPLEX = 0.1  # the same of large craters, which smaller ones wear more than diffusion does
-_STATES = 24
+_WORN_COMPLEX = 0.1  # the same for large craters, which smaller impacts wear faster than diffusion does
+_STATES = 24  # tabulated stages of a crater's erosion
 _LASTING_KM = 8.0  # diameter of craters that outlast the ground's age
-_SHARP_PX = 0.6  # standard deviation of the smoothing that a texel needs
+_SHARP_PX = 0.6  # standard deviation of the anti-aliasing blur
 _BRIGHT = 0.1  # share of its lifetime for which a crater's ejecta stay brighter than old ground
-_RAYED, _RAYS_PX, _RAYS_REACH = 0.03, 5.0, 7.0  # the same of rays; least radius; length [radii]
+# share of the lifetime with visible rays; least radius with rays; their length [radii]
+_RAYED, _RAYS_PX, _RAYS_REACH = 0.03, 5.0, 7.0
 
 
 def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
-    """(SIZE, SIZE, 4): slope along u and v, brightness, unused; from the cache."""
+    """Return (SIZE, SIZE, 4): slope along u and v, brightness, unused; from the cache."""
     return cached_array(
         entry_name("craters", (make_craters,), float(largest_px), float(texel_km)),
         lambda: make_craters(largest_px, texel_km),
@@ -46,7 +50,7 @@ def crater_texture(largest_px: float, texel_km: float) -> ByteArray:
 
 
 def crater_levels(largest_px: float, texel_km: float) -> list[ByteArray]:
-    """Return all mipmap levels of the tile, in the last channel the deviation of slopes within a texel."""
+    """Return all mipmap levels of the tile; the last channel holds the deviation of slopes within a texel."""
     tile = crater_texture(largest_px, texel_km) / np.float32(255)
     tile[..., :2] = (tile[..., :2] - 0.5) * (2 * SLOPE_MAX)
     levels = []
@@ -58,20 +62,19 @@ def crater_levels(largest_px: float, texel_km: float) -> list[ByteArray]:
 
 
 def make_craters(largest_px: float, texel_km: float) -> ByteArray:
-    """The tile.
+    """Make the tile.
 
     Parameters
     ----------
-    largest_px : diameter of the largest crater. texel_km : larger ones are shallower.
+    largest_px : diameter of the largest crater [px]. texel_km : size of a texel: large craters are shallower [km].
     """
     rng = np.random.default_rng([_SEED, int(largest_px)])
     count = int(_COVER * SIZE**2 / _SMALLEST_PX**2)
     share = (np.arange(count) + rng.random(count)) / count
     diameters = np.minimum(_SMALLEST_PX / np.sqrt(1 - share), largest_px)
-    age = rng.random(count)  # of its lifetime, which grows with the diameter
-    age *= np.where(
-        diameters * texel_km < _LASTING_KM, 1.0, 0.6
-    )  # larger ones have not filled the ground yet
+    age = rng.random(count)  # as a share of the lifetime, which grows with the diameter
+    # large craters have not reached equilibrium
+    age *= np.where(diameters * texel_km < _LASTING_KM, 1.0, 0.6)
     age **= 1.25
     rough = _rough(rng)
     height, bright = 0.7 * rough, np.zeros((SIZE, SIZE))
@@ -80,7 +83,8 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
     height += 0.4 * np.roll(rough, SIZE // 2)
     du = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) / 2
     dv = (np.roll(height, -1, axis=0) - np.roll(height, 1, axis=0)) / 2
-    bright += 0.35 * np.minimum(du**2 + dv**2, 0.3)  # what slides bares ground that has not darkened
+    # material sliding down slopes exposes fresh, brighter ground
+    bright += 0.35 * np.minimum(du**2 + dv**2, 0.3)
     channels = np.dstack(
         [
             0.5 + du / (2 * SLOPE_MAX),
@@ -93,7 +97,7 @@ def make_craters(largest_px: float, texel_km: float) -> ByteArray:
 
 
 def fresh_profile(r: FloatArray, diameter_km: float) -> FloatArray:
-    """Height of a fresh crater over its radius, at distances in radii.
+    """Return the height of a fresh crater at distances in radii, over its radius.
 
     References
     ----------
@@ -111,7 +115,7 @@ def fresh_profile(r: FloatArray, diameter_km: float) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def worn_profiles(diameter_km: float) -> FloatArray:
-    """(STATES, N) heights over the radius in states of wear, evenly up to the last; node k at ``k _STEP`` radii."""
+    """Return (STATES, N) heights over the radius, in evenly spaced states of wear; node k lies at ``k _STEP`` radii."""
     r = np.arange(0, _REACH + _STEP / 2, _STEP)
     last = _WORN if diameter_km < _COMPLEX_KM else _WORN_COMPLEX
     steps = int(np.ceil(last / (0.2 * _STEP**2 * (_STATES - 1))))
@@ -125,7 +129,7 @@ def worn_profiles(diameter_km: float) -> FloatArray:
             h = h.copy()
             h[1:-1] += gain * np.diff(outwards) / r[1:-1]
             h[0] += 4 * gain * rise[0]
-    # what is left where the stamp ends would be a step
+    # subtract the value at the stamp's edge, which would be a step
     return np.array(out) * np.clip(_FADED - r, 0, 1)
 
 
@@ -139,7 +143,7 @@ def _stamp(
 ) -> None:
     """Add one crater, and erase what its bowl and ejecta cover."""
     diameter_km = 2 * radius * texel_km
-    # simple craters are alike, and of complex ones a step of 5 km is enough
+    # simple craters have one shape; complex ones are tabulated every 5 km
     kind = 1.0 if diameter_km < _COMPLEX_KM else max(5.0 * round(diameter_km / 5), _COMPLEX_KM)
     at, phases = rng.random(2) * SIZE, rng.random(5) * 7
     rayed = age < _RAYED and _RAYS_PX < radius < 0.45 * SIZE / _RAYS_REACH
@@ -152,7 +156,7 @@ def _stamp(
     span = np.arange(2 * reach + 1)
     x, y = (x0 + span - at[0]) / radius, (y0 + span - at[1]) / radius
     turn = np.arctan2(y[:, None], x[None, :])
-    # no crater is a circle
+    # real craters are not circular
     swell = sum(
         0.09 / k * np.cos(k * (turn - phase)) for k, phase in zip((2, 3, 5, 7, 11), phases, strict=True)
     )
@@ -166,7 +170,7 @@ def _stamp(
     rows, columns = np.ix_((y0 + span) % SIZE, (x0 + span) % SIZE)
     there = height[rows, columns]
     erased = np.clip((1.5 - r) / 0.6, 0, 1)
-    # down to the plane that the ground had here
+    # blend towards the local plane of the old ground
     level = (there * erased).sum() / erased.sum()
     plane = level + sum(d * (there * erased * d).sum() / (erased * d * d).sum() for d in (x, y[:, None]))
     height[rows, columns] = there + erased * 0.9 * (plane - there) + radius * np.interp(r, nodes, profile)
@@ -181,7 +185,7 @@ def _stamp(
 
 
 def _rough(rng: np.random.Generator) -> FloatArray:
-    """Rolling ground between the craters, periodic."""
+    """Return rolling ground between the craters, periodic."""
     f = np.hypot(np.fft.fftfreq(SIZE)[:, None], np.fft.rfftfreq(SIZE)[None, :])
     f[0, 0] = 1
     field = np.fft.irfft2(

@@ -14,27 +14,27 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 SIZE = 2048
-PERIOD_KM = 472.0  # of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
-SLOPE_PER_KM = 0.6  # the slope channels hold plus and minus this
-GRAIN = 0.7  # the land channel holds plus and minus half of this share of the reflectance
-_BROAD, _FINE = 512, 1024  # texels of the two fields: one over the whole tile, one repeated twice each way
+PERIOD_KM = 472.0  # period of the tile: texels of 0.23 km, a pixel of a SPEED camera from 700 km
+SLOPE_PER_KM = 0.6  # full scale of the slope channels, plus and minus
+GRAIN = 0.7  # full range of the land channel, as a share of the reflectance
+_BROAD, _FINE = 512, 1024  # texels of the two fields: one spans the tile, one repeats twice each way
 _BROAD_WEIGHT, _FINE_WEIGHT = 0.55, 0.45
 _DIFFUSION = 1.5  # texels over which light spreads within a cloud (0.3 km: Davis et al. 1997)
 _OPEN = 0.66  # share of the land without woods
 _SEED = 20040800
-_STRIP, _ROWS = 1 << 14, 32  # values that are looked up at a time; rows of a tile that are coded at a time
+_STRIP, _ROWS = 1 << 14, 32  # values per look-up and rows per strip, both sized for a processor's cache
 
 
 def detail_texture() -> ByteArray:
-    """(SIZE, SIZE, 4) of the clouds' puffs, their slope along u and v, and the land's patches; from the cache."""
+    """Return (SIZE, SIZE, 4): cloud detail, its slope along u and v, land detail; from the cache."""
     return cached_array(entry_name("detail-noise", (make_detail,)), make_detail)
 
 
 def make_detail() -> ByteArray:
-    """Two scales in one tile, so that one fetch serves both.
+    """Make two scales in one tile, so that one fetch serves both.
 
-    Channels: puffs of cloud, 0..1 with an even histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v, of the puffs
-    blurred as light diffuses in them; 0.5 + the land's relative brightness / GRAIN.
+    Channels: cloud detail, 0..1 with a flat histogram; 0.5 + slope / (2 SLOPE_PER_KM) along u and v, of the detail
+    blurred as light diffuses in clouds; 0.5 + the land's relative brightness / GRAIN.
     """
     rng = np.random.default_rng(_SEED)
     broad_cloud, broad_land = _field(rng, _BROAD)
@@ -51,11 +51,11 @@ def make_detail() -> ByteArray:
 
 
 def _coded(cloud: Float32Array, around: Float32Array, land: Float32Array) -> ByteArray:
-    """(R, SIZE, 4) of `make_detail`: rows of a tile, which stay in a processor's own memory.
+    """Encode rows of the tile as `make_detail` describes; (R, SIZE, 4).
 
     Parameters
     ----------
-    around : (R + 2, SIZE) tops of the clouds, with the rows above and below.
+    around : (R + 2, SIZE) blurred cloud tops, with one row above and below.
     """
     texel_km, slope = PERIOD_KM / SIZE, 1 / (2 * SLOPE_PER_KM)
     tops = around[1:-1]
@@ -70,28 +70,28 @@ def _coded(cloud: Float32Array, around: Float32Array, land: Float32Array) -> Byt
 
 
 def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Array]:
-    """Cloud and land detail, periodic, each with an even histogram 0..1."""
+    """Return cloud and land detail, periodic, each with a flat histogram 0..1."""
     scale = size // 512
     f = _frequencies(size)
-    # liquid water's spectrum of -5/3, smoother below a kilometre (Davis et al. 1996), drawn into filaments
+    # the -5/3 spectrum of liquid water, smoother below a kilometre (Davis et al. 1996), stretched into filaments
     soft = _spectral_noise(rng, f, _liquid_water(f, scale), 3.0 * scale)
     soft = _stirred(rng, f, soft / soft.std(), 3.0 * scale, 14.0)
     soft = _stirred(rng, f, soft, 12.0 * scale, 3.0)
-    # turrets: domes of three sizes, which stand on the crests
+    # turrets: domes of three sizes on the crests
     domes = np.zeros((size, size), np.float32)
     for count, weight in ((19, 1.0), (43, 0.8), (97, 0.6)):
         distance = np.float32(1.15) * _worley_noise(rng, size, count * scale)
         domes += weight * np.maximum(1 - distance * distance, 0)
     domes = _stirred(rng, f, (domes - domes.mean()) / domes.std(), 12.0 * scale, 3.5)
     cloud = _blur(_equalise(soft + (0.5 + 0.3 * np.clip(soft, -1.5, 2.0)) * domes))
-    # valleys: creases of several sizes, as rivers cut them, and patches
+    # valleys: creases of several sizes, as rivers cut them; and patches
     creases = np.zeros((size, size), np.float32)
     steep = f**-1.9
     for k in range(4):
         field = _spectral_noise(rng, f, steep, 4.0 * scale * 2**k)
         creases += 0.65**k * np.sqrt(np.abs(field / field.std()))
     patches = _spectral_noise(rng, f, f**-1.1, 3.0 * scale)
-    # fields of their own brightness, and woods with edges
+    # fields of distinct brightness, and woods with sharp edges
     own = np.random.default_rng([_SEED, size])
     fields = _voronoi_noise(own, size, 110 * scale) - 0.5
     woods = _equalise(_spectral_noise(own, f, f**-1.6, 8.0 * scale)) > _OPEN
@@ -101,7 +101,7 @@ def _field(rng: np.random.Generator, size: int) -> tuple[Float32Array, Float32Ar
 
 
 def _liquid_water(f: FloatArray, scale: int) -> FloatArray:
-    """Amplitudes by frequency: those of the liquid water of stratocumulus, and less from the scale break on."""
+    """Return amplitudes by frequency: those of stratocumulus liquid water, steeper below the scale break."""
     knee = (90 * scale / len(f)) ** -2
     return np.asarray(f**-1.4 / (1 + f * f * knee) ** 0.7)
 
@@ -109,7 +109,7 @@ def _liquid_water(f: FloatArray, scale: int) -> FloatArray:
 def _stirred(
     rng: np.random.Generator, frequencies: FloatArray, image: Float32Array, low: float, texels: float
 ) -> Float32Array:
-    """A periodic image displaced by a flow without divergence, ``texels`` in the root mean square."""
+    """Displace a periodic image by a divergence-free flow of ``texels`` root mean square."""
     size, pad = len(image), 64
     stream = _spectral_noise(rng, frequencies, frequencies**-2.4, low)
     flow = np.roll(stream, -1, 0) - np.roll(stream, 1, 0), np.roll(stream, 1, 1) - np.roll(stream, -1, 1)
@@ -121,7 +121,7 @@ def _stirred(
 
 
 def _upsample(image: Float32Array) -> Float32Array:
-    """To the size of the tile, periodic."""
+    """Enlarge to the size of the tile, periodically."""
     factor, pad = SIZE // len(image), 8
     wrapped = np.pad(image, pad, mode="wrap")
     large = cv2.resize(wrapped, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
@@ -129,7 +129,7 @@ def _upsample(image: Float32Array) -> Float32Array:
 
 
 def _blur(image: Float32Array, texels: float = 0.6) -> Float32Array:
-    """A periodic blur of about a texel."""
+    """Blur periodically, by about a texel."""
     wrapped = np.pad(image, 8, mode="wrap")
     return np.asarray(cv2.GaussianBlur(wrapped, (0, 0), texels), np.float32)[8:-8, 8:-8]
 
@@ -137,24 +137,24 @@ def _blur(image: Float32Array, texels: float = 0.6) -> Float32Array:
 def _spectral_noise(
     rng: np.random.Generator, frequencies: FloatArray, amplitudes: FloatArray, low: float
 ) -> Float32Array:
-    """Gaussian noise of a spectrum's amplitudes from ``low`` cycles per tile up, periodic."""
+    """Return periodic Gaussian noise with a spectrum's amplitudes, from ``low`` cycles per tile up."""
     size = len(frequencies)
     noise = rng.standard_normal((size, size)).astype(np.float32)
-    # the lowest frequencies are the map's business, and would show the tile
+    # lower frequencies belong to the map, and would reveal the tiling
     shape = (amplitudes * (frequencies >= low / size)).astype(np.float32)
     spectrum = np.fft.rfft2(noise) * shape
     return np.asarray(np.fft.irfft2(spectrum, (size, size)), np.float32)
 
 
 def _frequencies(size: int) -> FloatArray:
-    """(size, size // 2 + 1) cycles per texel, 1 in place of 0."""
+    """Return (size, size // 2 + 1) cycles per texel, with 1 in place of 0."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     return np.asarray(f)
 
 
 def _worley_noise(rng: np.random.Generator, size: int, count: int) -> Float32Array:
-    """Periodic Worley noise (1996): distance to the nearest of ``count^2`` jittered points over their spacing."""
+    """Return periodic Worley noise (1996): distance to the nearest of ``count^2`` jittered points over the spacing."""
     spacing, pad = size / count, 32
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
     x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
@@ -166,7 +166,7 @@ def _worley_noise(rng: np.random.Generator, size: int, count: int) -> Float32Arr
 
 
 def _voronoi_noise(rng: np.random.Generator, size: int, count: int) -> Float32Array:
-    """Periodic Voronoi noise: a number 0..1 for each cell of ``count^2`` jittered points."""
+    """Return periodic Voronoi noise: a number 0..1 for each cell of ``count^2`` jittered points."""
     pad, spacing = 32, size / count
     cell = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1)
     x, y = np.moveaxis(((cell + rng.random((count, count, 2))) * spacing).astype(int), -1, 0)
@@ -180,12 +180,12 @@ def _voronoi_noise(rng: np.random.Generator, size: int, count: int) -> Float32Ar
 
 
 def _equalise(image: Float32Array) -> Float32Array:
-    """Histogram equalisation: the share of values below each, so that a threshold at 1 - c leaves the share c."""
+    """Equalise the histogram: each value becomes the share of values below it."""
     counts, edges = np.histogram(image, bins=4096)
     below = np.append(0, np.cumsum(counts)) / image.size
-    # a table of even steps: quicker than a search for every value
+    # an evenly spaced table is faster than a binary search for every value
     rise, out = np.diff(below), np.empty(image.shape, np.float32)
-    rows_each = max(_STRIP // image.shape[1], 1)  # in a processor's own memory
+    rows_each = max(_STRIP // image.shape[1], 1)  # strips that fit a processor's cache
     for first in range(0, len(image), rows_each):
         rows, into = (whole[first : first + rows_each] for whole in (image, out))
         place = (rows - float(edges[0])) * float(4096 / (edges[-1] - edges[0]))

@@ -1,6 +1,6 @@
-"""Albedo of the Earth seen from space: ground, air, clouds, the day's sea ice.
+"""Albedo of the Earth seen from space: ground, air, clouds and the sea ice of the day.
 
-`python -m tools.cook` reduces it from the maps that draw the Earth.
+`python -m tools.cook` derives it from the maps that draw the Earth.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 SEA_ALBEDO, AIR_ALBEDO, CLOUD_ALBEDO = 0.06, 0.06, 0.55
-ICE_ALBEDO = 0.55  # of the pack, as it is drawn: floes, leads and ponds
+ICE_ALBEDO = 0.55  # albedo of the ice pack as drawn: floes, leads and ponds
 ALBEDO = "albedo_128x64.npy"
 MAP_SIZE = (128, 64)
 
 
 def albedo_map(*, clouds: bool) -> Float32Array:
-    """(64, 128) albedo of ground, air and clouds over an open sea, from the maps that draw the Earth.
+    """Return (64, 128) albedo of ground, air and clouds over open sea, from the maps that draw the Earth.
 
-    With clouds its mean is the Earth's.
+    With clouds its mean is that of the Earth.
     """
     return _reduced_maps(clouds)[0]
 
 
 def albedo_of_day(epoch_utc: str, *, clouds: bool, ice: bool) -> Float32Array:
-    """(64, 128) albedo as `albedo_map` has it, with the day's ice on the sea where ``ice`` asks for it."""
+    """Return `albedo_map` with the day's sea ice if ``ice`` is True; (64, 128)."""
     if not ice:
         return albedo_map(clouds=clouds)
     day = datetime.fromisoformat(epoch_utc)
@@ -68,18 +68,18 @@ def _with_ice(year: int, day: int, clouds: bool) -> Float32Array:  # noqa: FBT00
 
 @cache
 def _reduced_maps(clouds: bool) -> Float32Array:  # noqa: FBT001 - a key of the cache
-    """Return (2, 64, 128): albedo, and by how much it grows with that of the sea."""
+    """Return (2, 64, 128): albedo, and its derivative by the albedo of the sea."""
     return np.load(io.BytesIO(asset_bytes(ALBEDO)))[int(clouds)]
 
 
 def mean_albedo(cells: FloatArray | Float32Array) -> float:
-    """Mean of an equirectangular map over the sphere."""
+    """Return the mean of an equirectangular map over the sphere."""
     weight = np.cos((np.arange(len(cells)) + 0.5) / len(cells) * np.pi - np.pi / 2)[:, None]
     return float((cells * weight).sum() / (weight.sum() * cells.shape[1]))
 
 
 def globe_and_moon_shine(scene: SceneState) -> IrradianceField:
-    """Return the light of globe and Moon on the target, or darkness where the scene asks for none."""
+    """Return the light of globe and Moon on the target; zero if the scene switches it off."""
     bands = len(bands_of(scene.bands))
     if not scene.environment.earthshine:
         return dark_field(bands)
@@ -121,4 +121,4 @@ _ALBEDOS: dict[str, Callable[[SceneState], Float32Array]] = {
     "earth": _earth_albedo,
     "globe": lambda scene: albedo_of(scene.globe.body),
 }
-"""Albedo functions by the passes that draw the globe."""
+"""Albedo functions by the name of the globe's pass."""

@@ -1,7 +1,7 @@
 """The Earth's maps, packed for the shader: one RGBA texture per number of bands, equirectangular.
 
 Channels for one band: land reflectance (square root), cloud opacity (square root), light of lamps (square root of its
-share of the brightest), distance to the coast.
+share of the maximum), distance to the coast.
 For three bands a second RGBA texture holds the land's colour (square roots) and its alpha is unused.
 """
 
@@ -28,7 +28,7 @@ WIDTH, HEIGHT = 8064, 4032
 DAY, CLOUDS = "day_2004-08_8064x4032.jpg", "clouds_8064x4032.jpg"
 NIGHT, COAST = "night_8064x4032.jpg", "coast_sdf_8640x4320.png"
 TERRAIN = "terrain_detail_1024.png"
-TERRAIN_SLOPE_MAX = 0.9  # its slope channels hold plus and minus this
+TERRAIN_SLOPE_MAX = 0.9  # full scale of its slope channels, plus and minus
 
 # Blue Marble is a picture, not a measurement: a power law on its 8 bits brings desert and forest to their broadband
 # reflectances (0.35, 0.03-0.05; Liang 2001, Narrowband to broadband conversions). No leaf and no
@@ -37,11 +37,11 @@ _REFLECTANCE_SCALE, _REFLECTANCE_POWER, _DARKEST = 0.66, 1.7, 0.018
 # nor is snow as grey as the picture, which holds back its highlights: 0.97 in the visible (Warren 1982, fig. 1)
 _SNOW_FROM, _SNOW_RISE, SNOW_REFLECTANCE = 0.80, 20.0, 0.97
 PAN_WEIGHTS = (0.443, 0.362, 0.195)  # red, green, blue; the same as simulator/scene/illumination/bands.py
-_ICE_LATITUDE_DEG = 50.0  # there is none nearer to the equator
+_ICE_LATITUDE_DEG = 50.0  # equatorward of this there is no sea ice
 _ICE_REFLECTANCE = 0.22  # water brighter than this is ice, drawn as land
-_ICE_REACH = 8  # texels beyond a strip that the blur of the ice looks at
-# whole maps in floats would pass through the main memory ten times; lower strips hand on Python's lock too often.
-# Ice is looked for in strips that reach beyond its latitude, where one of them must end
+_ICE_REACH = 8  # texels beyond a strip that the blur of the ice reads
+# Strips, because whole maps in floats would pass through main memory ten times; narrower strips take Python's lock too
+# often. Ice is searched in strips that begin at its limiting latitude, so a strip must end there.
 _STRIPS = [slice(row, row + 112) for row in range(0, HEIGHT, 112)]
 
 
@@ -55,14 +55,14 @@ def packed_maps(bands: int) -> list[ByteArray]:
 
 
 def maps_entry() -> str:
-    """Cache entry of the packed maps; what is made from them names it among its inputs."""
+    """Return the name of the packed maps' cache entry, an input to the names of entries derived from them."""
     return entry_name(
         "maps", (_pack_colour,), [(name, asset_size(name)) for name in (DAY, CLOUDS, NIGHT, COAST)]
     )
 
 
 def asset_size(name: str) -> int:
-    """Bytes of a file of ``assets/earth``: what tells one version of a map from another."""
+    """Return the size in bytes of a file of ``assets/earth``, which identifies its version."""
     try:
         with resources.as_file(resources.files("flyaround.assets").joinpath("earth", name)) as path:
             return path.stat().st_size
@@ -71,7 +71,7 @@ def asset_size(name: str) -> int:
 
 
 def asset_bytes(name: str) -> bytes:
-    """A file of ``assets/earth``."""
+    """Return the contents of a file of ``assets/earth``."""
     try:
         return resources.files("flyaround.assets").joinpath("earth", name).read_bytes()
     except FileNotFoundError as error:
@@ -83,7 +83,7 @@ def _missing(name: str) -> UserError:
 
 
 def decode_file(name: str, flags: int) -> ByteArray:
-    """A map of the Earth as it is.
+    """Decode a map of the Earth at its own size.
 
     Raises
     ------
@@ -97,10 +97,10 @@ def decode_file(name: str, flags: int) -> ByteArray:
 
 
 def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, HEIGHT)) -> ByteArray:
-    """A map of the Earth as an array, reduced or enlarged to a size (width, height); ``None``: as it is."""
+    """Decode a map of the Earth and resize it to (width, height); ``None`` keeps its size."""
     image = decode_file(name, flags)
     if size_px is not None and image.shape[1::-1] != size_px:
-        # means over texels where there are several; a slight change of size is quicker between them, and as good
+        # average when shrinking by more than a little; interpolation is faster for small changes, and as accurate
         halved = image.shape[1] >= 1.5 * size_px[0]
         method = cv2.INTER_AREA if halved else cv2.INTER_LINEAR
         image = np.asarray(cv2.resize(image, size_px, interpolation=method), np.uint8)
@@ -108,17 +108,17 @@ def decode_map(name: str, flags: int, size_px: tuple[int, int] | None = (WIDTH, 
 
 
 def day_map(size_px: tuple[int, int] = (WIDTH, HEIGHT)) -> ByteArray:
-    """The land and sea by day: blue, green, red."""
+    """Return the land and sea by day: blue, green, red."""
     return decode_map(DAY, cv2.IMREAD_COLOR, size_px)
 
 
 def terrain_texture() -> ByteArray:
-    """Return (1024, 1024, 4): slope along u and v, the ground's brightness, and the valleys' floors; it tiles."""
+    """Return (1024, 1024, 4): slope along u and v, brightness of the ground, valley floors; it tiles."""
     return decode_map(TERRAIN, cv2.IMREAD_UNCHANGED, None)
 
 
 def to_reflectance() -> Float32Array:
-    """Lookup table of 256 reflectances."""
+    """Return the table of 256 reflectances for the levels of the day map."""
     v = np.arange(256, dtype=np.float32) / 255
     ground = np.hypot(_REFLECTANCE_SCALE * v**_REFLECTANCE_POWER, _DARKEST)
     snow = _SNOW_RISE * np.maximum(v - _SNOW_FROM, 0) ** 2
@@ -126,9 +126,9 @@ def to_reflectance() -> Float32Array:
 
 
 def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
-    """Fills the sea with the values of the nearest land, so that a crisp coast shows no sea on its land side.
+    """Fill the sea with the values of the nearest land, so that a sharp coast shows no sea on its land side.
 
-    What is filled in is smooth: it is worked out at a quarter of the size.
+    The filling is smooth, hence computed at a quarter of the size.
     """
     height, width = land.shape
     filled = _filled(*_quarter_size(values, land))
@@ -138,7 +138,7 @@ def land_only(values: Float32Array, land: ByteArray) -> Float32Array:
 
 
 def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, Float32Array]:
-    """At a quarter of the size: means of the values with the sea's as zero, and the share of land."""
+    """Return at a quarter of the size: means of the values with zero for the sea, and the share of land."""
     small = (land.shape[1] // 4, land.shape[0] // 4)
     masked = cv2.copyTo(values, land)
     mean = cv2.resize(masked, small, interpolation=cv2.INTER_AREA)
@@ -147,10 +147,10 @@ def _quarter_size(values: Float32Array, land: ByteArray) -> tuple[Float32Array, 
 
 
 def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
-    """Values of the land, and beside it those of the nearest land, from what `_quarter_size` gives."""
-    known = share > 1e-3
-    filled[known] = (filled[known].T / share[known]).T
-    total = known.astype(np.float32)
+    """Return the land's values extended over the sea, from the results of `_quarter_size`."""
+    has_data = share > 1e-3
+    filled[has_data] = (filled[has_data].T / share[has_data]).T
+    total = has_data.astype(np.float32)
     for size in (3, 7, 17):
         blurred = cv2.blur(filled * (total[..., None] if filled.ndim == 3 else total), (size, size))
         near = cv2.blur(total, (size, size))
@@ -163,34 +163,34 @@ def _filled(filled: Float32Array, share: Float32Array) -> Float32Array:
 def _pack_panchromatic() -> ByteArray:
     """Return the texture of one band.
 
-    Channels go straight into it, and what they are made of is freed first: new memory takes longer than the arithmetic.
+    Channels are written in place and their sources freed first: allocating takes longer than the arithmetic.
     """
     out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
-    # the picture of the clouds shows their light: thin ones cover more than they whiten
+    # the cloud map shows brightness: thin clouds cover more than they brighten
     thin = np.round(np.sqrt(np.arange(256) / 255) * 255).astype(np.uint8)
 
     def clouds() -> None:
         picture = decode_map(CLOUDS, cv2.IMREAD_GRAYSCALE)
-        cv2.insertChannel(cv2.LUT(picture, thin, picture), out, 1)  # in its place: new memory takes longer
+        cv2.insertChannel(cv2.LUT(picture, thin, picture), out, 1)  # in place: allocating takes longer
 
-    # the picture's levels are nearly logarithms of the light: their fourth power is
+    # levels of the map are nearly logarithmic: their fourth power is
     squares = np.round(np.arange(256) ** 2 / 255).astype(np.uint8)
 
     def night() -> None:
         cv2.insertChannel(cv2.LUT(decode_map(NIGHT, cv2.IMREAD_GRAYSCALE), squares), out, 2)
 
     with ThreadPoolExecutor(beside_the_caller()) as pool:
-        # all is decoded first: that needs Python's lock a few times, the strips for each of their short steps
+        # decode everything first: strips would compete with the decoders for Python's lock
         for channel in [pool.submit(clouds), pool.submit(night)]:
             channel.result()
         shore = pool.submit(decode_map, COAST, cv2.IMREAD_GRAYSCALE)
         day = pool.submit(day_map).result()
-        shore.exception()  # waited for: both are decoded
-        beside = _panchromatic_land(pool, day, shore, out)
+        shore.exception()  # both are decoded now
+        wide_land = _panchromatic_land(pool, day, shore, out)
         del day, shore
 
         def merge(rows: slice) -> None:
-            land = _enlarged_root(beside, rows)
+            land = _enlarged_root(wide_land, rows)
             inland = _inland(np.asarray(cv2.extractChannel(out[rows], 3), np.uint8))
             cv2.copyTo(cv2.extractChannel(out[rows], 0), inland, land)
             cv2.insertChannel(land, out[rows], 0)
@@ -202,32 +202,32 @@ def _pack_panchromatic() -> ByteArray:
 def _panchromatic_land(
     pool: ThreadPoolExecutor, day_bgr: ByteArray, shore: Future[ByteArray], out: ByteArray
 ) -> Float32Array:
-    """Square root of the reflectance, and distance to the coast with the ice as land, into the first and last channel.
+    """Write the square root of the reflectance and the distance to the coast, ice as land, into two channels.
 
     Parameters
     ----------
-    shore : the distance to the coast, under way; it is changed.
+    shore : future of the distance to the coast; modified in place.
 
     Returns
     -------
-    Reflectance beside the land, at a quarter of the size.
+    Reflectance extended over the sea, at a quarter of the size.
     """
     coast = shore.result()
-    # red, green, blue are the third, second, first channel of the picture
+    # red, green, blue are the third, second, first channel of an OpenCV image
     table = (to_reflectance()[:, None] * np.array(PAN_WEIGHTS[::-1], np.float32))[None]
     small = (HEIGHT // 4, WIDTH // 4)
     means, shares = np.empty(small, np.float32), np.empty(small, np.float32)
 
     def reduce(rows: slice) -> None:
-        # nearer to the equator what shines beside water is desert, and would close its gulfs
+        # equatorward, bright texels beside water are desert, and would close its gulfs
         latitudes = (abs(90 - row * 180 / HEIGHT) for row in (rows.start, rows.stop))
         reach = _ICE_REACH if max(latitudes) > _ICE_LATITUDE_DEG else 0
         around = slice(max(rows.start - reach, 0), min(rows.stop + reach, HEIGHT))
-        within = slice(rows.start - around.start, rows.stop - around.start)
+        own_rows = slice(rows.start - around.start, rows.stop - around.start)
         wide = cv2.transform(cv2.LUT(day_bgr[around], table), np.ones((1, 3), np.float32))
-        reflectance = np.asarray(wide[within], np.float32)
+        reflectance = np.asarray(wide[own_rows], np.float32)
         if reach:
-            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[within]
+            smooth = cv2.GaussianBlur(wide, (0, 0), 1.5)[own_rows]
             ice = cv2.convertScaleAbs(np.clip(128 + (smooth - _ICE_REFLECTANCE) * 400, 0, 200))
             ice[ice <= 120] = 0
             coast[rows] = np.maximum(coast[rows], ice)
@@ -253,11 +253,11 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
 
     with ThreadPoolExecutor(beside_the_caller()) as pool:
         list(pool.map(reduce, _STRIPS))
-        beside = _filled(means, shares)
+        wide_land = _filled(means, shares)
         out = np.empty((HEIGHT, WIDTH, 4), np.uint8)
 
         def merge(rows: slice) -> None:
-            land = _enlarged_root(beside, rows)
+            land = _enlarged_root(wide_land, rows)
             cv2.copyTo(cv2.LUT(day_bgr[rows], roots), _inland(coast[rows]), land)
             cv2.cvtColor(land, cv2.COLOR_BGR2RGBA, dst=out[rows])
 
@@ -266,19 +266,20 @@ def _pack_colour(day_bgr: ByteArray, coast: ByteArray) -> ByteArray:
 
 
 def _inland(coast: ByteArray) -> ByteArray:
-    """Two texels inland: the nearer ones are mixtures of land and sea."""
+    """Move the coast two texels inland: nearer texels mix land and sea."""
     return np.asarray(cv2.threshold(np.ascontiguousarray(coast), 128 + 12, 1, cv2.THRESH_BINARY)[1], np.uint8)
 
 
 def _enlarged_root(reflectance: Float32Array, rows: slice) -> ByteArray:
-    """Square root in 8 bits, even steps of what the eye, and shot noise, sees; some rows of the maps' size.
+    """Return some rows of the 8-bit square root at full size; its steps are even for the eye and for shot noise.
 
     Parameters
     ----------
-    reflectance : at a quarter of the size.
+    reflectance : (H / 4, W / 4), at a quarter of the size.
     """
     first, last = rows.start // 4, -(-rows.stop // 4)
-    around = slice(max(first - 1, 0), min(last + 1, len(reflectance)))  # a row more is looked at
+    # bilinear interpolation reads one more row
+    around = slice(max(first - 1, 0), min(last + 1, len(reflectance)))
     root = cv2.convertScaleAbs(cv2.sqrt(reflectance[around]), alpha=255.0)
     large = cv2.resize(root, (WIDTH, 4 * len(root)), interpolation=cv2.INTER_LINEAR)
     start = rows.start - 4 * around.start

@@ -1,9 +1,9 @@
 """Sea ice through the year: a climatology, because the maps show open water in every month.
 
-Edges of the ice at its largest and smallest, drawn by hand so that the area within them comes to the month's extent;
-between them by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea Ice Index (Fetterer
-et al. 2017), rounded, not read from its files. Tongues, bays and leads are noise: what the sea is like on a given day
-nobody can know from the date.
+Hand-drawn edges of the ice at its largest and smallest, fitted so that the enclosed area equals the month's extent, and
+interpolated between by that extent. The extents are those of 1981-2010 as commonly quoted from NSIDC's Sea Ice Index
+(Fetterer et al. 2017), rounded, not read from its files. Tongues, bays and leads are noise: a date does not determine
+them.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 WIDTH, HEIGHT = 1440, 720
-EDGE_DEG = 1.6  # width of the zone of floes, from open water to the pack
-_PACK = 0.93  # share of ice inside
-_TONGUES_DEG = 0.9  # standard deviation of the edge's place
-_LEADS = 0.10  # share of the pack that opens where the noise has it
+EDGE_DEG = 1.6  # width of the marginal zone of floes, from open water to the pack
+_PACK = 0.93  # ice concentration of the pack
+_TONGUES_DEG = 0.9  # standard deviation of the edge's latitude
+_LEADS = 0.10  # share of the pack that opens as leads, at the peaks of the noise
 _YEAR = 365.25
 # latitude of the edge [deg] at longitudes [deg] from the date line eastward; 90: none
 # fmt: off
@@ -48,15 +48,17 @@ _SOUTH_SMALLEST = tuple(zip(range(-180, 180, 15), (
     strict=True))
 # million square kilometres, January to December
 EXTENT_NORTH = (14.4, 15.3, 15.4, 14.7, 13.4, 11.8, 9.7, 7.2, 6.4, 8.9, 10.7, 12.8)
+# the same around Antarctica
 EXTENT_SOUTH = (5.0, 3.1, 4.0, 7.0, 10.4, 13.6, 16.2, 17.8, 18.5, 18.1, 16.0, 10.6)
 # fmt: on
-_FARTHEST_DEG = 40.0  # there is no ice nearer to the equator
+_FARTHEST_DEG = 40.0  # equatorward of this there is no ice
 _SEED = 1893
-_POLAR_SINE = 0.94  # of the latitude (70 degrees): nearer to the poles a degree of longitude is narrow
+# sine of 70 degrees latitude: poleward a degree of longitude is too narrow for the grid of cells
+_POLAR_SINE = 0.94
 
 
 def sea_ice(epoch_utc: str) -> ByteArray:
-    """(720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
+    """Return (720, 1440) ice concentration, 0..255, row 0 in the north, column 0 at -180 degrees."""
     moment = datetime.fromisoformat(epoch_utc)
     return _of_day(moment.timetuple().tm_yday)
 
@@ -73,16 +75,18 @@ def _of_day(day: int) -> ByteArray:
     ):
         middles = (np.arange(12) + 0.5) / 12 * _YEAR
         extent = np.interp(day, middles, extents, period=_YEAR)
-        grown = (extent - min(extents)) / (max(extents) - min(extents))
+        growth = (extent - min(extents)) / (max(extents) - min(extents))
         tongues, leads, aside = _ice_noise(pole)
-        edge = grown * _edge_latitude(largest, longitude) + (1 - grown) * _edge_latitude(smallest, longitude)
-        # an edge that runs along a meridian wanders too: it is looked up to the side
+        edge = growth * _edge_latitude(largest, longitude) + (1 - growth) * _edge_latitude(
+            smallest, longitude
+        )
+        # displace sideways too, so that an edge along a meridian wanders
         meridian = (
             np.arange(WIDTH) + (_TONGUES_DEG * WIDTH / 360) * aside / np.cos(np.radians(latitude))[:, None]
         )
         edge = edge[np.round(meridian).astype(int) % WIDTH].astype(np.float32)
-        within = latitude[:, None] - edge + _TONGUES_DEG * tongues
-        pack = np.clip(within / EDGE_DEG + 0.15, 0, 1) * (_PACK - _LEADS * leads)
+        depth_deg = latitude[:, None] - edge + _TONGUES_DEG * tongues
+        pack = np.clip(depth_deg / EDGE_DEG + 0.15, 0, 1) * (_PACK - _LEADS * leads)
         near = np.round(pack * 255).astype(np.uint8)
         if pole == 0:
             share[:rows] = near
@@ -92,22 +96,22 @@ def _of_day(day: int) -> ByteArray:
 
 
 def near_ice(z: FloatArray, longitude: FloatArray, epoch_utc: str) -> NDArray[np.bool_]:
-    """Return whether there is, or may be, ice on a day within a degree; near the poles it is not tested.
+    """Return True where ice may lie within a degree on a day; poleward of 70 degrees always True.
 
     Parameters
     ----------
-    z : sine of the latitude. longitude : [rad]; of the same shape as z. NaN gives True.
+    z : sine of the latitude. longitude : [rad], of the same shape. NaN gives True.
     """
-    sought = np.abs(z) < _POLAR_SINE  # of NaN false
-    row = (90 - np.degrees(np.arcsin(np.where(sought, z, 0)))).astype(int)
-    column = (np.degrees(np.where(sought, longitude, 0)) + 180).astype(int) % 360
+    tested = np.abs(z) < _POLAR_SINE  # False for NaN
+    row = (90 - np.degrees(np.arcsin(np.where(tested, z, 0)))).astype(int)
+    column = (np.degrees(np.where(tested, longitude, 0)) + 180).astype(int) % 360
     where = _where(datetime.fromisoformat(epoch_utc).timetuple().tm_yday)
-    return np.asarray(where[row, column] | ~sought)
+    return np.asarray(where[row, column] | ~tested)
 
 
 @lru_cache(maxsize=4)
 def _where(day: int) -> NDArray[np.bool_]:
-    """(180, 360) cells of a degree with ice in them, in a neighbour, or in one next but one to the east or west."""
+    """Return (180, 360), True where a one-degree cell, a neighbour, or the next but one to the east or west has ice."""
     cells = _of_day(day).reshape(180, HEIGHT // 180, 360, WIDTH // 360).max(axis=(1, 3))
     wrapped = np.pad(cells, ((1, 1), (2, 2)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 5), np.uint8))[1:-1, 2:-2] > 0)
@@ -124,25 +128,25 @@ def _edge_latitude(points: tuple[tuple[float, float], ...], longitude: FloatArra
 
 @lru_cache(maxsize=2)
 def _ice_noise(pole: int) -> Float32Array:
-    """(3, rows, WIDTH) from the pole outwards: the edge's tongues, of deviation 1, the pack's leads, 0..1, tongues."""
+    """Return (3, rows, WIDTH) noise, from the pole outwards: edge tongues, leads (0..1), sideways tongues."""
     return cached_array(entry_name("ice", (_make_ice_noise,), pole), lambda: _make_ice_noise(pole))
 
 
 def _make_ice_noise(pole: int) -> Float32Array:
-    """`_ice_noise`.
+    """Make `_ice_noise`.
 
-    Drawn on the plane of the azimuthal projection, where it is the same in every direction.
+    Generated in the azimuthal projection, where it is isotropic.
     """
     size, span_deg = 512, 2 * (90 - _FARTHEST_DEG) + 4
     rng = np.random.default_rng([_SEED, pole])
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :]) * size / span_deg
     spectrum = np.fft.rfft2(rng.standard_normal((3, size, size)).astype(np.float32))
-    # cycles a degree: tongues of a hundred to a thousand kilometres, finer ones ever weaker
+    # cycles per degree: tongues of 100 to 1000 km, weaker towards fine scales
     tongue = np.where(f > 0.06, (f + 0.15) ** -1.75, 0)
     shapes = tongue, np.exp(-(((f - 0.35) / 0.3) ** 2)), tongue
     fields = [np.fft.irfft2(s * shape, (size, size)) for s, shape in zip(spectrum, shapes, strict=True)]
     planes = [field / field.std() for field in fields]
-    planes[1] = np.exp(-3 * np.abs(planes[1]))  # leads are where a field changes its sign
+    planes[1] = np.exp(-3 * np.abs(planes[1]))  # leads follow the zero crossings of a field
     away = (np.arange(_polar_rows(), dtype=np.float32)[:, None] + 0.5) * 180 / HEIGHT
     turn = (np.arange(WIDTH, dtype=np.float32)[None] + 0.5) * (2 * np.pi / WIDTH)
     scale = size / span_deg
@@ -151,7 +155,7 @@ def _make_ice_noise(pole: int) -> Float32Array:
 
 
 def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
-    """Area of the sea that is under at least 15 % of ice, as extents are counted, north and south [m2].
+    """Return the sea area with at least 15 % ice, the definition of extent, north and south [m2].
 
     Parameters
     ----------
@@ -159,5 +163,5 @@ def extent_m2(share: FloatArray, sea: FloatArray) -> tuple[float, float]:
     """
     rows = np.radians(90 - np.arange(HEIGHT + 1) * 180 / HEIGHT)
     area = EARTH_MEAN_RADIUS_M**2 * np.abs(np.diff(np.sin(rows))) * 2 * np.pi / WIDTH
-    covered = (share >= 0.15) * sea * area[:, None]
-    return float(covered[: HEIGHT // 2].sum()), float(covered[HEIGHT // 2 :].sum())
+    area_m2 = (share >= 0.15) * sea * area[:, None]
+    return float(area_m2[: HEIGHT // 2].sum()), float(area_m2[HEIGHT // 2 :].sum())

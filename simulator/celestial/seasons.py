@@ -1,6 +1,6 @@
-"""Seasons of the land: its reflectance over that of August, month by month; and the slopes of the ground.
+"""Seasons of the land: monthly reflectance relative to August; and the slopes of the ground.
 
-Both change little within a tile of the screen: the vertices read them, the pixels do not.
+Both vary little within a screen tile, so vertices read them and pixels do not.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 2048, 1024
 LAND = "land_2048x1024.png"
 HEIGHT_MAP, HEIGHT_M_PER_COUNT = "height_4032x2016.png", 24.8
-OCTAVES = 4.0  # the gain's channels hold plus and minus this many octaves
-SLOPE_MAX = 0.25  # the channels of the slopes hold plus and minus this
-ROUGH_M = 400.0  # standard deviation of the height over 30 km where the land is as rough as can be
-_MAP_MONTH = 8  # of the fine map
-# middle of each month there is a map of [day of the year]
+OCTAVES = 4.0  # full scale of the gain's channels, plus and minus
+SLOPE_MAX = 0.25  # full scale of the slope channels, plus and minus
+ROUGH_M = 400.0  # full scale of roughness: standard deviation of the height over 30 km
+_MAP_MONTH = 8  # month of the fine map
+# day of the year in the middle of each month that has a map
 ANCHORS: dict[int, float] = {1: 15.0, 3: 74.0, 5: 135.0, 7: 196.0, 8: 227.0, 10: 288.0}
 _STRIP_ROWS = 16
 _YEAR = 365.25
-_EPSILON = 0.004  # reflectance below which a ratio means nothing
+_EPSILON = 0.004  # reflectance below which a ratio is meaningless
 
 
 @dataclass(frozen=True)
 class Season:
-    """The two months to mix, and the share of the second."""
+    """Two months to interpolate between, and the weight of the second."""
 
     before: int
     after: int
@@ -53,7 +53,7 @@ class Season:
 
 
 def season(epoch_utc: str) -> Season:
-    """Return the monthly maps that a date lies between."""
+    """Return the monthly maps around a date."""
     moment = datetime.fromisoformat(epoch_utc)
     day = moment.timetuple().tm_yday + (moment.hour + moment.minute / 60) / 24
     months, days = list(ANCHORS), list(ANCHORS.values())
@@ -64,12 +64,12 @@ def season(epoch_utc: str) -> Season:
 
 
 def month_gain(month: int, bands: int) -> ByteArray:
-    """(1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's, ``OCTAVES`` either side of 128."""
+    """Return (1024, 2048) or (1024, 2048, 4): log2 of a month's reflectance over August's; 128 is 0."""
     return month_gains((month,), bands)[0]
 
 
 def month_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
-    """`month_gain` of several, for little more than that of one."""
+    """Return `month_gain` of several months, for little more than the cost of one."""
     return cached_arrays([_key(month, bands) for month in months], lambda: _make_gains(months, bands))
 
 
@@ -89,16 +89,16 @@ def _make_gains(months: Sequence[int], bands: int) -> list[ByteArray]:
     if bands != 1:
         even[..., 3] = 255
     others = [month for month in months if month != _MAP_MONTH]
-    made = {_MAP_MONTH: even}
+    gains = {_MAP_MONTH: even}
     if others:
         land = (decode_map(LAND, cv2.IMREAD_GRAYSCALE, None) > 0).astype(np.uint8)
         august = _reflectances(_MAP_MONTH, bands)
-        made |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
-    return [made[month] for month in months]
+        gains |= {month: _gain(_reflectances(month, bands), august, land) for month in others}
+    return [gains[month] for month in months]
 
 
 def _reflectances(month: int, bands: int) -> list[FloatArray]:
-    """(H, W) of a month's map: one of the whole band, or red, green and blue."""
+    """Return a month's maps (H, W): one of the whole band, or red, green and blue."""
     image = decode_map(_name(month), cv2.IMREAD_COLOR, (WIDTH, HEIGHT))
     channels = [cv2.LUT(channel, to_reflectance()) for channel in cv2.split(image)[::-1]]
     if bands == 1:
@@ -117,7 +117,7 @@ def _gain(month: list[FloatArray], august: list[FloatArray], land: ByteArray) ->
 
 
 def ground_slopes() -> ByteArray:
-    """(2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
+    """Return (2016, 4032, 4): slope to the east, slope to the north, roughness, 255."""
     key = entry_name("terrain-slopes", (_make_ground_slopes, decode_map), asset_size(HEIGHT_MAP))
     return cached_array(key, _make_ground_slopes)
 
@@ -128,19 +128,19 @@ def _make_ground_slopes() -> ByteArray:
     texel_m = np.pi * EARTH_RADIUS_M / rows
     latitude = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
     out = np.empty((rows, columns, 4), np.uint8)
-    # a strip and its neighbours' nearest rows stay in a processor's own memory
+    # a strip with its neighbouring rows fits a processor's cache
     for first in range(0, rows, _STRIP_ROWS):
         strip = slice(first, min(first + _STRIP_ROWS, rows))
         around = slice(max(strip.start - 1, 0), min(strip.stop + 1, rows))
-        within = slice(strip.start - around.start, strip.stop - around.start)
+        own_rows = slice(strip.start - around.start, strip.stop - around.start)
         height = counts[around].astype(np.float32) * HEIGHT_M_PER_COUNT
-        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[within]
+        out[strip] = _ground_slopes_of(height, texel_m, latitude[around])[own_rows]
     return out
 
 
 def _ground_slopes_of(height: Float32Array, texel_m: float, latitude: FloatArray) -> ByteArray:
-    """(R, W, 4) of `ground_slopes`, of rows of heights [m] at some latitudes [rad]."""
-    # the date line is an edge like any other: what is wrong there is a texel wide
+    """Return (R, W, 4) of `ground_slopes` for rows of heights [m] at latitudes [rad]."""
+    # the date line is treated as an edge: the error is one texel wide
     kernel = np.array([[-0.5, 0.0, 0.5]], np.float32)
     east = cv2.filter2D(height, -1, kernel) / (texel_m * np.cos(latitude)[:, None].clip(0.05)).astype(
         np.float32

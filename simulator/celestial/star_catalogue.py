@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 CATALOGUE = "hipparcos2_hp9.npz"
 _CATALOGUE_EPOCH = datetime(1991, 4, 2, 13, 30, tzinfo=UTC)  # J1991.25
 _SIRIUS_HIP = 32349
-_SIRIUS_HP_MAG = -1.43  # V = -1.44; the catalogue's -1.09 is of a detector that it saturated
-_SUN_B_MINUS_V = 0.65  # what a star without colour is given
-_SIDE = 12  # cells along the edge of each of a cube's faces
-CELL_RADIUS_RAD = 0.125  # of the largest, half of its diagonal
+_SIRIUS_HP_MAG = -1.43  # V = -1.44; the catalogue's Hp of -1.09 comes from a saturated detector
+_SUN_B_MINUS_V = 0.65  # colour of a star without a measured one
+_SIDE = 12  # cells along the edge of each face of the cube map
+CELL_RADIUS_RAD = 0.125  # half of the diagonal of the largest cell
 _MAS_RAD = np.pi / 180 / 3_600_000
 
 
@@ -40,8 +40,8 @@ class StarField:
     Parameters
     ----------
     directions : (3, K) unit vectors, GCRS.
-    irradiance_w_m2 : (n, K) per band, above the atmosphere; by photons, that of the sunlight with as many of them.
-    cells, first : (C, 3) middles of the cells of the sky that the stars are sorted into; where each begins, (C + 1,).
+    irradiance_w_m2 : (n, K) irradiance per band above the air; with ``by_photons``, of sunlight with equal photons.
+    cells, first : (C, 3) centres of the sky cells that sort the stars; (C + 1,) index of each cell's first star.
     """
 
     directions: FloatArray
@@ -50,10 +50,10 @@ class StarField:
     first: np.typing.NDArray[np.intp]
 
     def near(self, axis: FloatArray, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-        """Directions (3, K) and irradiance (n, K) of the stars within an angle of a unit direction, and some beyond."""
+        """Return directions (3, K) and irradiance (n, K) of all stars near a unit vector; some may lie farther away."""
         hit = np.zeros(len(self.cells) + 2, bool)
         hit[1:-1] = self.cells @ axis > np.cos(min(angle_rad + CELL_RADIUS_RAD, np.pi))
-        # cells that follow each other are one stretch
+        # consecutive cells form one slice
         ends = self.first[np.flatnonzero(hit[1:] != hit[:-1])].reshape(-1, 2).tolist()
         spans = [slice(start, end) for start, end in ends] or [slice(0, 0)]
         directions = np.concatenate([self.directions[:, span] for span in spans], axis=1)
@@ -73,12 +73,12 @@ def _catalogue() -> dict[str, FloatArray]:
 
 
 def stars(epoch_utc: str, bands: Bands, *, by_photons: bool = False) -> StarField:
-    """The whole catalogue at an epoch.
+    """Return the whole catalogue at an epoch.
 
     Parameters
     ----------
     epoch_utc : ISO 8601; proper motion is applied for whole years, which is 0.1 arcsec for nearly every star.
-    by_photons : for a detector that counts them, as a joule of a red star's light has more of them than a blue one's.
+    by_photons : True for a detector that counts photons, of which a red star has more per joule than a blue one.
     """
     epoch = datetime.fromisoformat(epoch_utc)
     return _stars_of_year(round((epoch - _CATALOGUE_EPOCH).days / 365.25), bands, by_photons)
@@ -91,9 +91,11 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
     north = np.stack([-np.sin(dec) * np.cos(ra), -np.sin(dec) * np.sin(ra), np.cos(dec)], axis=1)
     at = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
-    moved = at + years * _MAS_RAD * (c["pm_ra_mas_yr"][:, None] * east + c["pm_dec_mas_yr"][:, None] * north)
-    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
-    cell = _cell(moved)
+    directions = at + years * _MAS_RAD * (
+        c["pm_ra_mas_yr"][:, None] * east + c["pm_dec_mas_yr"][:, None] * north
+    )
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    cell = _cell(directions)
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(6 * _SIDE * _SIDE + 1))
     hp, bv = np.where(c["hip"] == _SIRIUS_HIP, _SIRIUS_HP_MAG, c["hp_mag"]), c["b_minus_v_mag"]
@@ -101,12 +103,12 @@ def _stars_of_year(years: int, bands: Bands, by_photons: bool) -> StarField:  # 
     light = star_irradiance_w_m2(hp, bv, bands, vi)
     if by_photons:
         light = light * photons_over_sunlights(vi, bands)
-    directions, irradiance = (np.ascontiguousarray(values[order].T) for values in (moved, light))
+    directions, irradiance = (np.ascontiguousarray(values[order].T) for values in (directions, light))
     return StarField(directions, irradiance, _cell_middles(), first)
 
 
 def _cell(directions: FloatArray) -> np.typing.NDArray[np.intp]:
-    """Number of the cell (K,) of a cube's six faces, ``_SIDE`` squared each, that a direction passes."""
+    """Return the cell index (K,) of directions, on a cube map of six faces of ``_SIDE`` squared cells."""
     axis = np.argmax(np.abs(directions), axis=1)
     rows = np.arange(len(directions))
     depth = directions[rows, axis]
@@ -130,11 +132,11 @@ def _cell_middles() -> FloatArray:
 def star_irradiance_w_m2(
     hp_mag: FloatArray, b_minus_v: FloatArray, bands: Bands, v_minus_i: FloatArray | None = None
 ) -> FloatArray:
-    """Irradiance per band (K, n) of stars of magnitude Hp and colours B-V and V-I [W m-2].
+    """Return the irradiance per band (K, n) of stars of magnitude Hp and colours B-V and V-I [W m-2].
 
     Parameters
     ----------
-    v_minus_i : Cousins colour, which M stars need; without it that of a normal star.
+    v_minus_i : Cousins colour, needed for M stars; by default the one that usually goes with ``b_minus_v``.
     """
     bv = np.nan_to_num(np.asarray(b_minus_v, float), nan=_SUN_B_MINUS_V)
     vi = usual_v_minus_i(bv)

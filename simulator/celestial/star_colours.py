@@ -25,10 +25,11 @@ _HP_MINUS_V_MAG = np.array([
     0.158, 0.160, 0.164, 0.166, 0.164, 0.157, 0.148, 0.137, 0.125, 0.112,
 ])  # fmt: skip
 
-# The same of M stars over V-I (Cousins), for their B-V says little: the passbands of Bessell (1990, PASP 102, 1181;
+# The same for M stars over V-I (Cousins), because their B-V is nearly constant: the passbands of Bessell (1990, PASP
+# 102, 1181;
 # 2000, table 3) on the spectra of Pickles (1998), PASP 110, 863, zero point of the table above. Up to 0.03 mag off.
 _M_FROM_VI_MAG = 1.7
-_M_FROM_BV_MAG = 0.9  # the least of M stars, which Miras like Mira itself (0.97) have at their brightest
+_M_FROM_BV_MAG = 0.9  # least B-V of M stars; Miras like Mira itself (0.97) reach it at maximum
 _M_VI_MAG = np.array([1.7, 2.0, 2.5, 3.0, 3.5, 4.0, 4.4])
 _M_HP_MINUS_V_MAG = np.array([0.127, 0.094, 0.020, -0.093, -0.223, -0.392, -0.520])
 
@@ -60,25 +61,25 @@ _USUAL_VI_MAG = np.array([-0.35, 0.0, 0.34, 0.70, 0.98, 1.25, 1.60])
 
 
 def usual_v_minus_i(b_minus_v: FloatArray) -> FloatArray:
-    """V-I (Cousins) that goes with a B-V in a normal star that is not of class M, and in reflected sunlight."""
+    """Return the V-I (Cousins) of a normal star with a B-V, not of class M, and of reflected sunlight."""
     return np.asarray(np.interp(b_minus_v, _USUAL_BV_MAG, _USUAL_VI_MAG))
 
 
 def sound_v_minus_i(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
-    """V-I (K,) as the catalogue has it, or the usual one: where it has none, and where an M star's is a blue star's."""
+    """Return the catalogue's V-I (K,), or the usual one where it is missing or a blue star's on an M star."""
     blue = (np.asarray(v_minus_i) > _M_FROM_VI_MAG) & (np.asarray(b_minus_v) < _M_FROM_BV_MAG)
     return np.where(np.isfinite(v_minus_i) & ~blue, v_minus_i, usual_v_minus_i(b_minus_v))
 
 
 def hp_minus_v(b_minus_v: FloatArray, v_minus_i: FloatArray) -> FloatArray:
-    """Hipparcos magnitude less Johnson V (K,) of stars of colours B-V and V-I."""
+    """Return the Hipparcos magnitude minus Johnson V (K,) of stars of colours B-V and V-I."""
     by_bv = np.interp(b_minus_v, _BV_MAG, _HP_MINUS_V_MAG)
     by_vi = np.interp(v_minus_i, _M_VI_MAG, _M_HP_MINUS_V_MAG)
     return np.where(np.asarray(v_minus_i) > _M_FROM_VI_MAG, by_vi, by_bv)
 
 
 def photons_over_sunlights(v_minus_i: FloatArray, bands: Bands) -> FloatArray:
-    """Photons per joule of starlight over those of sunlight, per band (K, n); in a third of the band nearly one."""
+    """Return photons per joule of starlight over those of sunlight, per band (K, n); nearly one for colour bands."""
     n = len(bands_of(bands))
     if n > 1:
         return np.ones((len(v_minus_i), n))
@@ -88,9 +89,9 @@ def photons_over_sunlights(v_minus_i: FloatArray, bands: Bands) -> FloatArray:
 def irradiance_of_v_mag(
     v_mag: FloatArray, b_minus_v: FloatArray, v_minus_i: FloatArray, bands: Bands
 ) -> FloatArray:
-    """Irradiance per band (K, n) of stars of Johnson magnitude V and colours B-V and V-I [W m-2].
+    """Return the irradiance per band (K, n) of stars of Johnson magnitude V and colours B-V and V-I [W m-2].
 
-    A star of the Sun's colours is the Sun, dimmed by the difference in magnitude.
+    A star of the Sun's colours has the Sun's irradiance, scaled by the difference in magnitude.
     """
     dimmed = 10 ** (-0.4 * (np.asarray(v_mag, float) - SUN_V_MAG))
     columns = []

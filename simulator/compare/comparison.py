@@ -46,7 +46,7 @@ class Pair:
 
     Parameters
     ----------
-    edges : binary edges of our image by atmosphere, all at one threshold; one entry before space.
+    edges : binary edges of our image for each atmosphere, all at one threshold; only one entry against space.
     histogram_moved_dn, gradient_moved_dn : earth mover's distances of the histograms [DN, DN per pixel].
     likeness : correlation over the craft's box; None without a common pose.
     """
@@ -89,13 +89,13 @@ def compare_pictures(
 
     Parameters
     ----------
-    find_pose : pose of the craft in an image without a record: an estimator.
-    sensor : preset of our images, instead of one as noisy as the reference.
+    find_pose : estimator that returns the pose of the craft in an image without a record.
+    sensor : preset for our images; by default, one as noisy as the reference.
     """
     pairs = []
     for k, reference in enumerate(references):
-        found = find_pose(reference) if reference.pose is None else PoseEstimate(reference.pose, sure=True)
-        like = find_similar_view(renderer, reference, target, found, sensor=sensor)
+        estimate = find_pose(reference) if reference.pose is None else PoseEstimate(reference.pose, sure=True)
+        like = find_similar_view(renderer, reference, target, estimate, sensor=sensor)
         radiance = renderer.render(like.scene, target).radiance
         scene = matched_exposure(like.scene, radiance, reference.image)
         image = _picture(scene, radiance)
@@ -124,12 +124,11 @@ def compare_pictures(
 def edges_by_atmosphere(
     renderer: Renderer, scene: SceneState, target: Target, image: ByteArray
 ) -> dict[str, NDArray[np.bool_]]:
-    """Return binary edges of the scene under each of `ATMOSPHERES`, with the same exposure, noise and
-    threshold; only one in space.
+    """Return binary edges of the scene under each of `ATMOSPHERES`, other settings equal; only one against space.
 
     Parameters
     ----------
-    image : the scene's image under its own air; the threshold is its.
+    image : the scene's image under its own atmosphere, which sets the threshold.
     """
     threshold = edge_threshold(image)
     if image_statistics(image).space:
@@ -142,28 +141,28 @@ def edges_by_atmosphere(
 
 
 def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """Return medians by background of references and ours."""
+    """Return medians of references and ours, by background."""
     result: dict[str, Any] = {}
     for space, name in ((True, "space"), (False, "earth")):
-        chosen = [p for p in pairs if p.theirs.space == space]
-        if not chosen:
+        selected = [p for p in pairs if p.theirs.space == space]
+        if not selected:
             continue
         rows = {
             side: [
                 {k: v for k, v in getattr(p, look).document().items() if not isinstance(v, str)}
-                for p in chosen
+                for p in selected
             ]
             for side, look in (("reference", "theirs"), ("ours", "ours"))
         }
         result[name] = {
-            "pictures": len(chosen),
-            "same_view": sum(p.same_view for p in chosen),
+            "pictures": len(selected),
+            "same_view": sum(p.same_view for p in selected),
             **{
                 side: {k: round(float(np.median([r[k] for r in documents])), 5) for k in documents[0]}
                 for side, documents in rows.items()
             },
-            "histogram_moved_dn": round(float(np.median([p.histogram_moved_dn for p in chosen])), 3),
-            "gradient_moved_dn": round(float(np.median([p.gradient_moved_dn for p in chosen])), 4),
+            "histogram_moved_dn": round(float(np.median([p.histogram_moved_dn for p in selected])), 3),
+            "gradient_moved_dn": round(float(np.median([p.gradient_moved_dn for p in selected])), 4),
         }
     return result
 

@@ -13,16 +13,15 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-GRADIENT_BINS = 128
-GRADIENT_LARGEST_DN = (
-    128.0  # largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
-)
-EDGE_BLUR_PX = 1.5  # blur that keeps noise out of binary edges
-BORDER_SHARE = 0.02  # width of the border whose darkness indicates the background, as a share of the height
-DARK_DN = 15.0  # above the black level
+GRADIENT_BINS = 128  # bins of the histogram of gradients
+# largest value of the gradient's histogram: a step of full scale gives 128 DN per pixel
+GRADIENT_LARGEST_DN = 128.0
+EDGE_BLUR_PX = 1.5  # standard deviation of the blur before binary edges [px]
+BORDER_SHARE = 0.02  # width of the border that indicates the background, as a share of the height
+DARK_DN = 15.0  # dark level, above the black level
 SPACE_SHARE = 0.9  # share of dark border pixels above which the background is space
-HALF_NOISE = 0.56  # mean second difference of white noise clipped at its middle, over that of the whole
-# Immerkaer (1996, Computer Vision and Image Understanding 64): blind to planes and straight edges along the axes
+HALF_NOISE = 0.56  # mean second difference of white noise clipped at its mean, over that of unclipped noise
+# Immerkaer (1996, Computer Vision and Image Understanding 64): insensitive to planes and straight edges along the axes
 _NOISE_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)
 
 
@@ -47,8 +46,8 @@ class ImageStatistics:
     ----------
     histogram : (256,) share of the pixels at each DN. gradient_histogram : (128,) share per DN per pixel of `sobel`.
     mean_dn, black_dn, bright_dn : mean, first and 99th percentile. saturated : share of pixels at 255.
-    noise_dn : standard deviation of the noise, from second differences (median, so that edges do not count).
-    gradient_p50, gradient_p95, gradient_p99 : of the Sobel magnitude [DN per pixel].
+    noise_dn : standard deviation of the noise, from second differences (a median, robust against edges).
+    gradient_p50, gradient_p95, gradient_p99 : percentiles of the Sobel magnitude [DN per pixel].
     edges : share of the pixels in the binary edge image.
     space : True if the border is dark, so that the background is space.
     """
@@ -86,7 +85,7 @@ def edge_threshold(image: ByteArray) -> float:
 
 
 def binary_edges(image: ByteArray, threshold: float) -> NDArray[np.bool_]:
-    """Return (H, W) where the blurred image's gradient exceeds a threshold [DN per pixel]."""
+    """Return (H, W) True where the blurred image's gradient exceeds a threshold [DN per pixel]."""
     return np.asarray(_smooth_gradient(image) > max(threshold, 1e-3))
 
 
@@ -122,14 +121,14 @@ def image_statistics(image: ByteArray) -> ImageStatistics:
 def noise_dn(image: ByteArray) -> float:
     """Return the standard deviation of white noise [DN], from the mean magnitude of second differences.
 
-    The median over blocks of 16 x 16 keeps edges and texture from counting as long as half of the image is plain.
-    Of black space a sensor that clips shows the upper half of the noise only.
+    The median over blocks of 16 x 16 ignores edges and texture if half of the image is plain. Against black space a
+    clipping sensor shows only the upper half of the noise.
     """
     second = np.abs(cv2.filter2D(image.astype(np.float64), -1, _NOISE_KERNEL))
     height, width = (n // 16 * 16 for n in image.shape)
-    cut = (height // 16, 16, width // 16, 16)
-    blocks = second[:height, :width].reshape(cut).mean(axis=(1, 3))
-    clipped = (image[:height, :width] == 0).reshape(cut).mean(axis=(1, 3)) > 0.25
+    blocks_shape = (height // 16, 16, width // 16, 16)
+    blocks = second[:height, :width].reshape(blocks_shape).mean(axis=(1, 3))
+    clipped = (image[:height, :width] == 0).reshape(blocks_shape).mean(axis=(1, 3)) > 0.25
     blocks[clipped] /= HALF_NOISE
     return float(np.sqrt(np.pi / 2) / 6 * np.median(blocks))
 

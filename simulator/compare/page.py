@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.compare.image_statistics import ImageStatistics
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-SOBEL_GAIN = 4.0  # gain of the gradient images: 64 DN per pixel is white
+SOBEL_GAIN = 4.0  # scale of the gradient images: 64 DN per pixel is white
 SHOWN_PX = 960
 JPEG_QUALITY = 85
-PLOT = (320, 200)
-DECADES = 5  # range of the histograms' axis, down from 1
+PLOT = (320, 200)  # width and height of a histogram [px]
+DECADES = 5  # range of the logarithmic axis, down from 1
 STYLE = "table{width:auto}"
 
 
@@ -96,20 +96,22 @@ def _pair(folder: Path, k: int, pair: Pair) -> list[Markup]:
     ):
         brightness = f"histogram: mean {look.mean_dn:.1f}, 99 % {look.bright_dn:.0f} DN"
         gradients = f"gradients: median {look.gradient_p50:.2f}, 99 % {look.gradient_p99:.1f} DN/px"
-        shown = (
+        pictures = (
             _figure(folder, f"{k:03d}_{side}", image, f"{side}, unfiltered"),
             _histogram(look.histogram, 256.0, colour, brightness),
             _figure(folder, f"{k:03d}_{side}_sobel", _shown_gradient(image), "Sobel, times four"),
             _histogram(look.gradient_histogram, GRADIENT_LARGEST_DN, colour, gradients),
         )
-        rows.append(gallery(shown, columns=4))
+        rows.append(gallery(pictures, columns=4))
     note_of_theirs = _edge_note("reference", pair.theirs)
     edges = [_figure(folder, f"{k:03d}_edges_reference", _edges_of(pair.reference.image), note_of_theirs)]
-    for air, found in pair.edges.items():
-        whose = _under(air) if len(pair.edges) > 1 else "ours"
+    for air, edge_image in pair.edges.items():
+        label = _under(air) if len(pair.edges) > 1 else "ours"
         stem = f"{k:03d}_edges_{air.replace(' ', '')}"
         edges.append(
-            _figure(folder, stem, _black_on_white(found), f"{whose}: {100 * found.mean():.2f} % edges")
+            _figure(
+                folder, stem, _black_on_white(edge_image), f"{label}: {100 * edge_image.mean():.2f} % edges"
+            )
         )
     rows.append(gallery(edges, columns=4))
     return rows
@@ -146,24 +148,26 @@ def _figure(folder: Path, stem: str, image: ByteArray, caption: str) -> Markup:
 
 def _histogram(shares: FloatArray, largest: float, colour: str, caption: str) -> Markup:
     """Return a histogram on a logarithmic axis as SVG."""
-    width, height, left, bottom = *PLOT, 44, 22
+    width, height, margin, bottom = *PLOT, 44, 22
     right, base = width - 8, height - bottom
-    x = left + np.arange(len(shares)) / len(shares) * (right - left)
+    x = margin + np.arange(len(shares)) / len(shares) * (right - margin)
     share = np.log10(np.clip(shares, 10.0**-DECADES, 1.0))
     y = 8 - share / DECADES * (base - 8)
     area = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     ticks = []
     for d, at in enumerate(np.linspace(0, base - 8, DECADES + 1)):
         line = element(
-            "line", x1=left, x2=right, y1=f"{8 + at:.0f}", y2=f"{8 + at:.0f}", stroke="var(--line)"
+            "line", x1=margin, x2=right, y1=f"{8 + at:.0f}", y2=f"{8 + at:.0f}", stroke="var(--line)"
         )
-        ticks += [line, _svg_text(left - 4, 12 + at, "end", f"{10.0**-d:.{d}f}")]
+        ticks += [line, _svg_text(margin - 4, 12 + at, "end", f"{10.0**-d:.{d}f}")]
     marks = [
-        # the last number ends where the axis does
-        _svg_text(left + f * (right - left), height - 6, "end" if f == 1 else "middle", f"{f * largest:.0f}")
+        # the last number is right-aligned with the axis
+        _svg_text(
+            margin + f * (right - margin), height - 6, "end" if f == 1 else "middle", f"{f * largest:.0f}"
+        )
         for f in (0, 0.25, 0.5, 0.75, 1)
     ]
-    points = f"{left},{base} {area} {x[-1]:.1f},{base}"
+    points = f"{margin},{base} {area} {x[-1]:.1f},{base}"
     shape = element("polygon", points=points, fill=colour, stroke=colour, fill_opacity=0.35)
     drawing = element(
         "svg", ticks, marks, shape, viewBox=f"0 0 {width} {height}", font_size=10, fill="var(--dim)"

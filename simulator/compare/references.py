@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+# label layers of our data sets
 SKIPPED = (
     ".mask.png",
     ".amodal.png",
     ".parts.png",
     ".normals.png",
     ".clean.png",
-)  # label layers of our data sets
+)
 LARGEST_PX = 2048
 
 
@@ -37,9 +38,9 @@ class Reference:
 
     Parameters
     ----------
-    path : its file. image : (H, W) uint8, linear, shrunk to at most 2048 pixels a side.
-    camera : the camera that is assumed to have taken it, at that size.
-    pose : camera from target, where a record tells it.
+    path : image file. image : (H, W) uint8, linear, shrunk to at most 2048 pixels a side.
+    camera : assumed camera, at that size.
+    pose : camera-from-target pose, if a record states it.
     """
 
     path: Path
@@ -53,14 +54,14 @@ def read_references(folder: Path, camera: Camera, count: int, labels: Path | Non
 
     Parameters
     ----------
-    camera : taken to have made them: its focal length is scaled to each image's width, its principal point moves
-        with the middle of the image. A truth record next to an image (same name, .json) tells camera and pose.
-    labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true``, as SPEED and SPEED+ have it.
+    camera : assumed camera: its focal length is scaled to each image's width, its principal point keeps its offset from
+        the centre. A truth record next to an image (same name, .json) takes precedence.
+    labels : list of ``filename q_vbs2tango r_Vo2To_vbs_true`` in SPEED's or SPEED+'s format.
 
     Raises
     ------
     UserError
-        If the folder or the list cannot be read, the folder has no image.
+        If the folder or the list cannot be read, or the folder has no image.
     """
     if not folder.is_dir():
         raise UserError(f"there is no folder {folder}; name the folder of pictures with --reference")
@@ -113,7 +114,7 @@ def read_speed_labels(path: Path) -> dict[str, Pose]:
     Raises
     ------
     UserError
-        If the file is not such a list, or a pose in it is none.
+        If the file is not such a list, or a pose in it is invalid.
     """
     rows = read_json(path)
     if not isinstance(rows, list):

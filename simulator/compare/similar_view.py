@@ -1,7 +1,7 @@
 """Search for our view that is most similar to a reference image.
 
-Candidates are samples of the evaluation recipes, drawn small; the nearest by histogram and, where a pose is at hand, by
-the look of the craft is drawn at full size.
+Candidates are samples of the evaluation recipes, drawn small. The nearest by histogram and, if a pose is known, by the
+craft's appearance is drawn at full size.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 SMALL_PX = 240  # width of a candidate
-CANDIDATES = 24
-RECIPES = {True: "eval-black", False: "eval-earth"}  # by whether the background is space
-HISTOGRAM_DN = 32.0  # a histogram moved by this weighs as much as a craft that looks nothing like it
-BRIGHT_PERCENT = 99.0  # this percentile is exposed to the reference's
-CLIPPED_DN = 250.0  # clipped values carry no more information than this
-OTHER_VIEW = 0.5  # likeness that an uncertain pose must reach to win over another view
+CANDIDATES = 24  # views that are drawn for each reference
+RECIPES = {True: "eval-black", False: "eval-earth"}  # recipe for a background of space, and of Earth
+HISTOGRAM_DN = 32.0  # histogram distance that counts as much as a completely different craft
+BRIGHT_PERCENT = 99.0  # percentile matched to the reference's by exposure
+CLIPPED_DN = 250.0  # above this, values may be clipped
+OTHER_VIEW = 0.5  # likeness above which an uncertain pose is preferred to other views
 SHORTEST_S, LONGEST_S = 1e-6, 10.0
 
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Camera from target in a reference; if not ``sure``, it competes with other views by appearance."""
+    """Camera-from-target pose in a reference; if not ``sure``, it competes with other views by appearance."""
 
     pose: Pose
     sure: bool
@@ -68,7 +68,7 @@ def find_similar_view(
     renderer: Renderer,
     reference: Reference,
     target: Target,
-    found: PoseEstimate | None,
+    estimate: PoseEstimate | None,
     *,
     sensor: str | None = None,
     seed: int = 0,
@@ -77,8 +77,8 @@ def find_similar_view(
 
     Parameters
     ----------
-    found : pose of the craft; attitude and place are the candidates' own without.
-    sensor : preset instead of one that is as noisy as the reference.
+    estimate : pose of the craft; without it, attitude and position are the candidates'.
+    sensor : preset for our image; by default, one as noisy as the reference.
     """
     space = image_statistics(reference.image).space
     plan = plan_recipe(RECIPES[space], CANDIDATES, seed=seed, quality="draft")
@@ -87,17 +87,19 @@ def find_similar_view(
     )
     plan = replace(plan, camera=small_camera, target=target)
     size = small_camera.width_px, small_camera.height_px
-    wanted = np.asarray(cv2.resize(reference.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    small_reference = np.asarray(cv2.resize(reference.image, size, interpolation=cv2.INTER_AREA), np.uint8)
     ranked: list[tuple[float, SceneState, float | None]] = []
     for k in range(CANDIDATES):
         sample = plan.scene(k)
-        for pose in _poses(found):
+        for pose in _poses(estimate):
             scene = sample if pose is None else scene_with_pose(sample, target, pose, k)
             radiance = renderer.render(scene, target).radiance
             scene = matched_exposure(scene, radiance, reference.image)
-            drawn = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
-            apart = histogram_distance_dn(_histogram(drawn), _histogram(wanted), 256) / HISTOGRAM_DN
-            likeness = None if pose is None else _likeness(scene, target, drawn, wanted)
+            preview = np.clip(expose_scene(scene, radiance) * 255, 0, 255).astype(np.uint8)
+            apart = (
+                histogram_distance_dn(_histogram(preview), _histogram(small_reference), 256) / HISTOGRAM_DN
+            )
+            likeness = None if pose is None else _likeness(scene, target, preview, small_reference)
             score = apart + 1 - (OTHER_VIEW if likeness is None else likeness)
             ranked.append((score, scene, likeness))
     _, scene, likeness = min(ranked, key=lambda r: r[0])
@@ -115,20 +117,20 @@ def sensor_as_noisy_as(image: ByteArray) -> Sensor:
     return replace(sensor_preset("speed"), gaussian_variance=(noise_dn(image) / 255) ** 2)
 
 
-def _poses(found: PoseEstimate | None) -> tuple[Pose | None, ...]:
-    if found is None:
+def _poses(estimate: PoseEstimate | None) -> tuple[Pose | None, ...]:
+    if estimate is None:
         return (None,)
-    return (found.pose,) if found.sure else (found.pose, None)
+    return (estimate.pose,) if estimate.sure else (estimate.pose, None)
 
 
 def matched_exposure(scene: SceneState, radiance: Float32Array, image: ByteArray) -> SceneState:
     """Return the scene with the exposure that matches its bright end to the image's, above the black level."""
     black, bright = np.percentile(image, (1.0, BRIGHT_PERCENT))
-    wanted = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
+    bright_end = (min(float(bright), CLIPPED_DN) - min(float(black), 64.0)) / 255
     ours = float(np.percentile(expose_scene(replace(scene, exposure_s=1.0), radiance), BRIGHT_PERCENT))
-    if ours <= 0 or wanted <= 0:
+    if ours <= 0 or bright_end <= 0:
         return scene
-    return replace(scene, exposure_s=float(np.clip(wanted / ours, SHORTEST_S, LONGEST_S)))
+    return replace(scene, exposure_s=float(np.clip(bright_end / ours, SHORTEST_S, LONGEST_S)))
 
 
 def _histogram(image: ByteArray) -> NDArray[np.float64]:
@@ -141,10 +143,10 @@ def _likeness(scene: SceneState, target: Target, ours: ByteArray, theirs: ByteAr
         return 0.0
     x0, y0 = (max(int(v) - 3, 0) for v in box[:2])
     x1, y1 = (int(np.ceil(v)) + 3 for v in box[2:])
-    cut = [
+    patches = [
         cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.5)[y0:y1, x0:x1].ravel()
         for image in (ours, theirs)
     ]
-    if cut[0].size < 16 or min(c.std() for c in cut) < 1e-3:
+    if patches[0].size < 16 or min(c.std() for c in patches) < 1e-3:
         return 0.0
-    return float(np.corrcoef(cut[0], cut[1])[0, 1])
+    return float(np.corrcoef(patches[0], patches[1])[0, 1])

@@ -1,1 +1,1 @@
-"""Pages of small images: each target from all sides, a flight at a glance. Nothing below dataset/ imports it."""
+"""Pages of small images: each target from all sides, and overviews of flights. Nothing below dataset/ imports it."""

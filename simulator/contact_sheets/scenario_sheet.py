@@ -74,18 +74,18 @@ def write_recipe_sheets(
 
     Parameters
     ----------
-    axes : draw the model's: x red, y green, z blue. width_px : of one sample.
+    axes : True to draw the model's axes: x red, y green, z blue. width_px : width of one sample.
     """
-    chosen = [r for r in recipes if not r.members]
-    for done, recipe in enumerate(chosen):
+    drawable = [r for r in recipes if not r.members]
+    for n_done, recipe in enumerate(drawable):
         plan = plan_recipe(recipe, recipe.frames)
         plan = replace(plan, camera=plan.camera.resized(width_px), quality="draft")
         write_atomic(folder / f"{recipe.name}.png", encode_png(recipe_sheet(plan, axes=axes)))
-        progress(done + 1, len(chosen))
+        progress(n_done + 1, len(drawable))
 
 
 def recipe_sheet(plan: RecipePlan, *, axes: bool = False) -> ByteArray:
-    """Draw six samples of a plan, row by row: (H, W, 3) RGB; of flights spread over all frames, else the first."""
+    """Draw six samples of a plan, row by row: (H, W, 3) RGB; spread over all frames of a flight, else the first."""
     n = COLUMNS * ROWS
     step = max(1, plan.n_frames // n) if plan.recipe.poses is not None else 1
     scenes = [_clean(plan.scene(min(k * step, plan.n_frames - 1))) for k in range(n)]

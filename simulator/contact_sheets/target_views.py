@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
     from flyaround.simulator.targets.model import Target
 
+# directions from the craft to the camera, target frame
 OBLIQUE = ((1.0, -0.75, 0.55), (-0.85, 0.9, 0.45), (0.6, 0.85, -0.8))
 SIDES = {
     "+x": (1, 0, 0),
@@ -37,18 +38,17 @@ SIDES = {
     "-z": (0, 0, -1),
 }
 KEY_LIGHT, FILL_LIGHT, FILL_SHARE = (-0.5, -0.45, -1.0), (0.6, 0.25, -1.0), 0.2
-"""Key light up and to the left behind the camera (camera frame), and a fifth as much light from the other side, so
-that shadows are not black."""
+"""Key light up and to the left behind the camera (camera frame), and fill light of a fifth from the other side."""
 FOCAL_WIDTHS = 3.0
-"""Focal length in image widths, long so that sides look square."""
-FILL = 0.9
+"""Focal length in image widths, long so that sides look orthographic."""
+FILL = 0.9  # share of the image that the craft spans
 ORBIT_M = 7e6
 # RGB colours distinguishable by colour-blind readers (Okabe and Ito).
 EDGE_RGB, POINT_RGB = (86, 180, 233), (230, 159, 0)
 GAMMA = 2.2
-PIECES = 60
+PIECES = 60  # pieces of an edge, each visible or hidden
 SURFACE_TOLERANCE = 0.006
-"""Share of the craft's diagonal by which a label may lie under its surface."""
+"""Depth below the surface, as a share of the craft's diagonal, at which a label still counts as visible."""
 
 
 def bounds_m(target: Target) -> tuple[FloatArray, FloatArray]:
@@ -76,7 +76,7 @@ def view_scene(
     )
     z = -np.asarray(eye, float)
     z /= np.linalg.norm(z)
-    # upright where the model's z is not along the view; else y is up
+    # upright if the model's z is not along the view; otherwise y is up
     up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = np.cross(z, up)
     x /= np.linalg.norm(x)
@@ -143,11 +143,11 @@ def draw_view(
 
 
 def developed(radiance: FloatArray) -> ByteArray:
-    """Convert linear radiance for display: sunlight is white, the brightest two per cent near it, gamma 2.2."""
+    """Convert linear radiance for display: sunlight white, the brightest two per cent just below it, gamma 2.2."""
     balanced = radiance / np.asarray(sun_irradiance_w_m2("rgb", AU_M))
     grey = balanced.max(axis=2)
-    lit = grey[grey > 0]
-    white = float(np.percentile(lit, 98)) if lit.size else 1.0
+    bright = grey[grey > 0]
+    white = float(np.percentile(bright, 98)) if bright.size else 1.0
     return np.rint(255 * np.clip(0.85 * balanced / white, 0, 1) ** (1 / GAMMA)).astype(np.uint8)
 
 
@@ -165,15 +165,15 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
         if edge.normals and max(float(sight @ np.asarray(n)) for n in edge.normals) <= 0:
             continue
         line = pose.apply(ends[0] + s * (ends[1] - ends[0]))
-        seen = _unhidden(drawn, (line[:-1] + line[1:]) / 2, skin_m + edge.radius_m)
+        visible = _unhidden(drawn, (line[:-1] + line[1:]) / 2, skin_m + edge.radius_m)
         pixels = np.rint(camera.project(line) * 8).astype(int).tolist()
-        for k in np.flatnonzero(seen):
+        for k in np.flatnonzero(visible):
             cv2.line(canvas, tuple(pixels[k]), tuple(pixels[k + 1]), EDGE_RGB, 1, cv2.LINE_AA, 3)
     if target.keypoints:
         points = pose.apply(np.array([k.position_m for k in target.keypoints]))
-        seen = _unhidden(drawn, points, skin_m)
+        visible = _unhidden(drawn, points, skin_m)
         for pixel, is_seen in zip(
-            np.rint(camera.project(points) * 8).astype(int).tolist(), seen, strict=True
+            np.rint(camera.project(points) * 8).astype(int).tolist(), visible, strict=True
         ):
             weight = cv2.FILLED if is_seen else 1
             cv2.circle(canvas, tuple(pixel), 4 * 8, POINT_RGB, weight, cv2.LINE_AA, 3)
@@ -181,7 +181,7 @@ def draw_labels(drawn: TargetView, target: Target) -> ByteArray:
 
 
 def _unhidden(drawn: TargetView, points: FloatArray, skin_m: float) -> NDArray[np.bool_]:
-    """Return whether points (K, 3) in the camera frame are not hidden by the drawn surface, within a skin."""
+    """Return (K,) True for points (K, 3), camera frame, that the drawn surface does not hide, within a tolerance."""
     depth = np.where(np.isnan(drawn.depth_m), np.float32(1e9), drawn.depth_m)
     farthest = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)))
     height, width = farthest.shape

@@ -1,6 +1,4 @@
-"""The contact sheet: every craft from three oblique views and six sides, with labels, sizes and surfaces, as one
-page.
-"""
+"""The contact sheet: every craft from three oblique views and six sides, with labels, sizes and materials."""
 
 from __future__ import annotations
 
@@ -45,9 +43,9 @@ def write_contact_sheet(
     sheet = Page("Targets", width_px=1300, dark=True, style=STYLE)
     sheet.add(element("p", ABOUT))
     with Renderer() as renderer:
-        for done, target in enumerate(targets):
+        for n_done, target in enumerate(targets):
             sheet.add(_article(renderer, target, folder))
-            progress(done + 1, len(targets))
+            progress(n_done + 1, len(targets))
     return sheet.write(folder / page)
 
 
@@ -56,14 +54,14 @@ def _article(renderer: Renderer, target: Target, folder: Path) -> Markup:
     marked: list[Markup] = []
     sides: list[Markup] = []
     for k, eye in enumerate(OBLIQUE):
-        drawn = draw_view(renderer, target, eye, *LARGE)
-        for kind, image, alt, shown in (
-            ("view", drawn.image, target.name, plain),
-            ("labels", draw_labels(drawn, target), "keypoints and wireframe", marked),
+        view = draw_view(renderer, target, eye, *LARGE)
+        for kind, image, alt, pictures in (
+            ("view", view.image, target.name, plain),
+            ("labels", draw_labels(view, target), "keypoints and wireframe", marked),
         ):
             source = f"{target.name}-{kind}{k + 1}.jpg"
             write_jpeg(folder / source, image)
-            shown.append(element("img", src=source, alt=alt, loading="lazy"))
+            pictures.append(element("img", src=source, alt=alt, loading="lazy"))
     for side, eye in SIDES.items():
         source = f"{target.name}-{side.replace('+', 'p').replace('-', 'n')}.jpg"
         write_jpeg(folder / source, draw_view(renderer, target, eye, *SMALL).image)

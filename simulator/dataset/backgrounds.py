@@ -1,4 +1,4 @@
-"""The images of a background library, and the table of camera positions and attitudes."""
+"""Background libraries: images without a craft, and the table of camera positions and attitudes."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def write_library(
 
     Parameters
     ----------
-    n : views; all of the library unless given. The table is ``views.csv``: Euler angles of the camera as
-        `flyaround.simulator.recipes.euler_poses` has them, its geocentric place (GCRS), draws
-        that were not as they must be.
+    n : number of views; by default the whole library. The table ``views.csv`` holds the camera's Euler angles in the
+        order of `flyaround.simulator.recipes.euler_poses`, its geocentric position (GCRS), and the number of rejected
+        draws.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Capture: draw frames of a plan, verify each as it is written, and keep the card consistent at every moment."""
+"""Capture: draw frames of a plan, verify each before it is written, and keep the card consistent at all times."""
 
 from __future__ import annotations
 
@@ -45,9 +45,11 @@ if TYPE_CHECKING:
 class CaptureSummary:
     """Result of a capture; ``clipping`` covers the frames written, None if none shows a target.
 
-    ``redraws`` of these frames: number of poses drawn again for each of the recipe's constraints.
-    ``damaged``: existing frames that differed from their record, and so were rendered again.
-    ``second``: of the second camera's data set, where the plan has one.
+    Parameters
+    ----------
+    redraws : number of poses drawn again in these frames, for each of the recipe's constraints.
+    damaged : existing frames that differed from their record, and were rendered again.
+    second : summary of the second camera's data set, if the plan has one.
     """
 
     folder: Path | str
@@ -77,25 +79,26 @@ def capture(
     progress: Callable[[int, int], None] = lambda _done, _of: None,
     tell: Callable[[str], None] = lambda _sentence: None,
 ) -> CaptureSummary:
-    """Take all frames of a plan into a data set.
+    """Capture all frames of a plan into a data set.
 
-    Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its
-    reason and is never silently kept. A plan with a second camera has its images in ``second/``, a data set of its
-    own whose frames have the same numbers. An interrupted capture is valid as far as it went and goes on with
-    ``resume``, which verifies what is there, draws again what is damaged, and takes a plan of more frames.
+    Each frame is checked before it is written; one whose labels disagree goes to ``quarantine/`` with its reason. The
+    images of a second camera go to ``second/``, a data set of its own with the same frame numbers. An interrupted
+    capture is a valid data set and continues with ``resume``, which verifies existing frames, draws damaged ones again,
+    and accepts a plan of more frames.
 
     Parameters
     ----------
-    folder : or the URL of one that fsspec knows, as ``s3://bucket/set``.
-    formats : written next to the native layout, frame by frame; see ``flyaround.simulator.dataset.formats.registry``.
-    labels : layers beyond truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; the plan's own
-        unless given.
-    split : shares of training, validation and test frames; a recipe's own unless given.
-    beside : files of the caller's by name, written next to the card before the first frame.
-    tell : is given a sentence for each format of what it leaves out, before anything is drawn.
-    sensors : of other packages, what each measures of a frame next to its image (docs/plugins.md).
-    workers : processes that draw, check and encode, each with a renderer of its own; the bytes do not depend on it.
-    cluster : Ray cluster that does so instead; its frames come back here and are written here.
+    folder : folder, or URL of an fsspec store such as ``s3://bucket/set``.
+    formats : formats to write next to the native layout; see ``flyaround.simulator.dataset.formats.registry``.
+    labels : layers besides truth and mask, out of ``flyaround.simulator.labels.request.LAYERS``; by default the plan's
+        own.
+    split : shares of training, validation and test frames; by default a recipe's own.
+    beside : further files by name, written next to the card before the first frame.
+    tell : function that is called with a sentence for each format on what it omits, before anything is drawn.
+    sensors : plug-in sensors whose measurements of each frame are stored next to its image (docs/plugins.md).
+    workers : number of processes that draw, check and encode, each with its own renderer; the bytes do not depend on
+        it.
+    cluster : Ray cluster that draws instead; its frames are written here.
 
     Raises
     ------
@@ -150,7 +153,7 @@ def _store_for(place: str | Path, *, resume: bool) -> Iterator[Store]:
             yield store
     finally:
         if is_new:
-            # refused before its first file: nothing of it stays
+            # refused before its first file: leave nothing behind
             with suppress(OSError):
                 folder.rmdir()
 
@@ -190,8 +193,8 @@ def _capture(
             frames = run_frames(
                 plan, producer, [writer, exports], labels=lambda k: _request(plan, k, labels), numbers=missing
             )
-            for done, _ in enumerate(frames, start=len(there.kept) + 1):
-                progress(done, plan.n_frames)
+            for n_done, _ in enumerate(frames, start=len(there.kept) + 1):
+                progress(n_done, plan.n_frames)
             writer.flush()
             exports.finish()
             writer.finish()
@@ -220,9 +223,9 @@ def _open_producer(
         stage = CheckAndEncode(card, plan.target)
         return RayFrames(stage, cluster, first=first, target=plan.target, n_frames=plan.n_frames)
     return open_frames(
-        # other local processes get the target's name alone
+        # other local processes are sent only the target's name
         CheckAndEncode(card, plan.target if workers == 1 else None),
-        # one draws here; more have each a renderer of their own
+        # one process draws here; several have a renderer each
         processes=workers if workers > 1 else 0,
         device_index=device_index,
         first=first,
@@ -271,7 +274,7 @@ def capture_card(
     split: Ratio | None,
     sensors: tuple[str, ...],
 ) -> DatasetCard:
-    """Return the planned card, before the renderer is known."""
+    """Return the planned card, without the renderer."""
     return DatasetCard(
         scenario_name=plan.scenario_name,
         scenario=plan.scenario_document,

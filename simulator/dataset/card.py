@@ -1,4 +1,4 @@
-"""dataset.json: the card that tells a stranger how to read a data set."""
+"""dataset.json: the card that describes a data set without further documents."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 CARD_NAME = "dataset.json"
-MAX_BYTES = 64_000_000  # largest card: with every frame of a large set in quarantine
+MAX_BYTES = 64_000_000  # size limit, for a card with every frame of a large set in quarantine
 
 CONVENTIONS = {
     "quaternions": "Hamilton, scalar first; q_a_from_b rotates a vector given in b into a",
@@ -94,13 +94,13 @@ class CardMachine(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
-    """Geometry of a stereo pair, in the cards of both cameras. The second's data set is ``second/`` in the first one's
-    folder.
+    """Geometry of a stereo pair, in the cards of both cameras; the second's data set is the subfolder ``second/``.
 
     Parameters
     ----------
-    camera : whose images these are. position_m : of the second camera in the first's axes. turn_deg : rotation vector
-        by which the first's axes are turned into the second's. q_second_from_first_wxyz : the same as an attitude.
+    camera : camera of this data set. position_m : position of the second camera in the first's axes.
+    turn_deg : rotation vector from the first's axes to the second's.
+    q_second_from_first_wxyz : the same as a quaternion.
     """
 
     camera: Literal["first", "second"]

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 NOTABLE_SHARE = 0.05
 """Share of saturated target pixels above which an exposure is proposed."""
 
-# a frame is dark when the exposure that fits is longer by this factor: four fifths of its scale are not used
+# a frame is dark if the fitting exposure is longer by this factor: four fifths of the scale are unused
 _DARK = 5.0
 
-# Highlights may burn out: of the target's pixels the brightest fiftieth; the rest is brought below this signal.
+# Highlights may saturate: the brightest fiftieth of the target's pixels; the rest should stay below this signal.
 _UNCLIPPED_SHARE, _TARGET_SIGNAL = 0.98, 0.9
 
-# Ratio of the frames' exposures above which one number cannot serve all.
+# Ratio of the frames' exposures above which no single exposure suits all.
 _MAX_EXPOSURE_RATIO = 4.0
 
 
@@ -34,9 +34,9 @@ class Clipping:
 
     Parameters
     ----------
-    target_px, clipped_px : pixels of the target's mask, and those of them whose noise-free signal fills the scale.
-    exposure_s : of the frame.
-    fitting_s : exposure that would keep all but the brightest 2 % of the target; 0 where it is not lit.
+    target_px, clipped_px : number of pixels on the target, and of those whose noise-free signal is at full scale.
+    exposure_s : exposure of the frame.
+    fitting_s : exposure at which all but the brightest 2 % of the target stay below full scale; 0 if it is unlit.
     """
 
     target_px: int
@@ -46,7 +46,7 @@ class Clipping:
 
     @property
     def is_dark(self) -> bool:
-        """True if a longer exposure would show more; an unlit target is dark at any exposure."""
+        """True if a longer exposure would help; an unlit target is dark at any exposure."""
         return self.fitting_s > _DARK * self.exposure_s
 
 
@@ -56,9 +56,9 @@ class ClippingSummary:
 
     Parameters
     ----------
-    share, worst_share : of the target's pixels, over all frames and in the worst one.
-    advice : remedy for it, or for dark frames; empty if neither is notable.
-    dark_frames : frames in which the target is lit and uses little of the scale.
+    share, worst_share : saturated share of the target's pixels, over all frames and in the worst one.
+    advice : remedy for saturation or darkness; empty if neither is notable.
+    dark_frames : number of frames in which the lit target uses little of the scale.
     """
 
     share: float
@@ -77,7 +77,7 @@ def measure_clipping(frame: Frame) -> Clipping:
     even = np.ones((9, 9, *radiance.shape[1:]), np.float32)
     scale = expose(even, scene.sensor, 1.0, sunlight_balance(scene.bands), scene.optics)[4, 4]
     signal_1s = radiance * scale
-    # for a colour pixel the band that saturates first
+    # a colour pixel saturates with its first band
     brightest = signal_1s if signal_1s.ndim == 1 else signal_1s.max(axis=1)
     clipped = int(np.count_nonzero(brightest * scene.exposure_s >= 1.0))
     high = float(np.quantile(brightest, _UNCLIPPED_SHARE))
@@ -91,16 +91,16 @@ def summarise_clipping(frames: Sequence[Clipping], document: dict[str, Any]) -> 
     ----------
     document : their scenario or recipe, for the advice.
     """
-    seen = [f for f in frames if f.target_px]
-    if not seen:
+    with_target = [f for f in frames if f.target_px]
+    if not with_target:
         return None
-    share = sum(f.clipped_px for f in seen) / sum(f.target_px for f in seen)
-    worst = max(f.clipped_px / f.target_px for f in seen)
-    dark = [f for f in seen if f.is_dark]
+    share = sum(f.clipped_px for f in with_target) / sum(f.target_px for f in with_target)
+    worst = max(f.clipped_px / f.target_px for f in with_target)
+    dark = [f for f in with_target if f.is_dark]
     advice = ""
     if share > NOTABLE_SHARE:
-        advice = _advice(seen, document)
-    elif 2 * len(dark) > len(seen):
+        advice = _advice(with_target, document)
+    elif 2 * len(dark) > len(with_target):
         advice = _advice(dark, document)
     return ClippingSummary(share, worst, advice, len(dark))
 

@@ -38,7 +38,7 @@ class ImportSource:
 
     Parameters
     ----------
-    form : name of its format. frames : in order; they are made as they are taken.
+    form : name of its format. frames : frames in order, made on access.
     """
 
     card: DatasetCard
@@ -54,7 +54,7 @@ class NativeWriter:
     card: DatasetCard
 
     def write(self, frame: LabelledFrame) -> None:
-        """Write the frame's files, its record last: a record means a whole frame."""
+        """Write the frame's files, its record last: a record marks a complete frame."""
         for ending, data in native_names(frame):
             self.output.write(f"images/{frame.number:06d}.{ending}", data)
 
@@ -71,7 +71,7 @@ def open_source(
 
     Parameters
     ----------
-    form : its format, detected unless given. target, camera : of images of others, instead of the usual ones.
+    form : format, detected by default. target, camera : replace those of foreign images.
 
     Raises
     ------
@@ -86,15 +86,15 @@ def open_source(
         if card.image_bits is None and len(dataset):  # a card of an earlier version
             card = msgspec.structs.replace(card, image_bits=image_bits(dataset[0]))
         return ImportSource(card, NATIVE, dataset)
-    found, kind = read_foreign(place, form)
-    name = target or found.usual_target
+    pictures, kind = read_foreign(place, form)
+    name = target or pictures.usual_target
     if not name:
         raise UserError(f"{place} does not say what craft it shows; name it with --target")
-    craft, lens = load_target(name), camera_of(found, camera)
+    craft, lens = load_target(name), camera_of(pictures, camera)
     if camera is None:
-        check_grey(found)
-    frames = (frame_from_files(k, files) for k, files in imported_frames(found, lens, craft))
-    return ImportSource(import_card(found, lens, craft, kind), kind, frames)
+        check_grey(pictures)
+    frames = (frame_from_files(k, files) for k, files in imported_frames(pictures, lens, craft))
+    return ImportSource(import_card(pictures, lens, craft, kind), kind, frames)
 
 
 def convert(
@@ -110,9 +110,9 @@ def convert(
 
     Parameters
     ----------
-    folder : new or empty; of several formats each has a folder of its name within it.
-    split : shares of training, validation and test frames, instead of the source's own.
-    tell : called with a sentence on what the format omits, before anything is written.
+    folder : new or empty folder; each of several formats has a subfolder.
+    split : shares of training, validation and test frames; by default the source's own.
+    tell : function that is called with a sentence on what the format omits, before anything is written.
 
     Returns
     -------
@@ -138,11 +138,11 @@ def convert(
     assigner = None if split is None else SplitAssigner(split)
     count = 0
     for frame in source.frames:
-        chosen = frame
+        split_frame = frame
         if assigner is not None:
-            chosen = LabelledFrame(frame.number, frame.read, frame.where, assigner.assign(frame))
+            split_frame = LabelledFrame(frame.number, frame.read, frame.where, assigner.assign(frame))
         for writer in writers:
-            writer.write(chosen)
+            writer.write(split_frame)
         count += 1
         progress(count, card.n_frames)
     if assigner is not None and NATIVE in outputs:

@@ -37,7 +37,7 @@ class StoreOutput:
 def output_of(store: Store, folder: str = "") -> FormatOutput:
     """Return the output of a format's files.
 
-    In a folder the files are not synced to the disk: after a loss of power they are made again from the frames.
+    In a subfolder files are not synced to the disk: after a loss of power they are made again from the frames.
     """
     if isinstance(store, FolderStore):
         return FolderOutput(store.folder / folder)
@@ -49,8 +49,8 @@ class FrameExports:
 
     Parameters
     ----------
-    store : of the data set; a format goes into the folder of its name. card : names the formats.
-    ratio : of the split; None where there is none.
+    store : store of the data set; each format has a subfolder. card : card that lists the formats.
+    ratio : ratio of the split, or None.
     """
 
     def __init__(self, store: Store, card: DatasetCard, ratio: Ratio | None) -> None:
@@ -60,7 +60,7 @@ class FrameExports:
         self._writers = [find_format(name).open_writer(output_of(store, name), card) for name in names]
 
     def add(self, frame: LabelledFrame, *, is_kept: bool = True) -> None:
-        """Add one frame; a quarantined one only gets a split, so that the others' do not depend on it."""
+        """Add one frame; a quarantined one only takes part in the split, which must not depend on it."""
         if self._assigner is not None:
             split = self._assigner.assign(frame)
             frame = LabelledFrame(frame.number, frame.read, frame.where, split)
@@ -88,7 +88,7 @@ class ExportSink:
 
     Parameters
     ----------
-    there : numbers of the frames that a resumed capture keeps.
+    there : numbers of existing frames that a resumed capture keeps.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class ExportSink:
 
 
 def frame_from_store(store: Store, number: int) -> LabelledFrame:
-    """Return a frame that is already written; its files are read on access."""
+    """Return a frame that has been written; its files are read on access."""
     stem = f"images/{number:06d}"
 
     def read(ending: str) -> bytes:

@@ -1,4 +1,4 @@
-"""Import of images with known poses from elsewhere, as a data set to evaluate estimators on."""
+"""Import of foreign images with known poses, as a data set for evaluating estimators."""
 
 from __future__ import annotations
 
@@ -39,42 +39,43 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MAX_PICTURE_BYTES = 500_000_000
-COLOUR_SAMPLES = 8  # images examined for colour, evenly over the set
+COLOUR_SAMPLES = 8  # images tested for colour, evenly over the set
+# an image is in colour if this share of pixels has bands this far apart, of 255
 COLOURED_SHARE, COLOURED_DN = (
     0.01,
     16,
-)  # an image is coloured if this share of pixels has bands this far apart, of 255
+)
 SCHEMA = "flyaround.imported"
 """Schema name of the card's scenario for imported images."""
 
 
-def camera_of(found: PosedPictures, given: str | None) -> Camera:
+def camera_of(picture_set: PosedPictures, camera_name: str | None) -> Camera:
     """Return the camera of imported images: the given one, the set's own, or the usual one of such sets.
 
     Raises
     ------
     UserError
-        If none is known, or the images are not of its size.
+        If none is known, or the images have another size.
     """
-    if given is not None:
-        camera, name = load_camera(given), f"camera {given}"
-    elif found.camera is not None:
-        camera, name = found.camera, "the set's camera.json"
-    elif found.usual_camera:
-        camera, name = load_camera(found.usual_camera), f"camera {found.usual_camera}"
+    if camera_name is not None:
+        camera, name = load_camera(camera_name), f"camera {camera_name}"
+    elif picture_set.camera is not None:
+        camera, name = picture_set.camera, "the set's camera.json"
+    elif picture_set.usual_camera:
+        camera, name = load_camera(picture_set.usual_camera), f"camera {picture_set.usual_camera}"
     else:
         raise UserError(
-            f"{found.labels.parent} has no camera.json; name the camera that took it with --camera"
+            f"{picture_set.labels.parent} has no camera.json; name the camera that took it with --camera"
         )
-    for picture in found.pictures:
+    for picture in picture_set.pictures:
         size = _size(picture)
         if size != (camera.width_px, camera.height_px):
             raise UserError(
                 f"picture {picture.path} is {size[0]} x {size[1]} pixels, {name} {camera.width_px} x "
                 f"{camera.height_px}; give the camera that took it with --camera"
             )
-    says_nothing = found.camera is None and camera.pixel_encoding == "linear"
-    return replace(camera, encoding=found.encoding) if says_nothing else camera
+    says_nothing = picture_set.camera is None and camera.pixel_encoding == "linear"
+    return replace(camera, encoding=picture_set.encoding) if says_nothing else camera
 
 
 def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
@@ -86,39 +87,41 @@ def is_coloured(image: NDArray[np.unsignedinteger]) -> bool:
     return float(np.mean(apart > most)) > COLOURED_SHARE
 
 
-def check_grey(found: PosedPictures) -> None:
-    """Raise if images are in colour although the set's usual camera is monochrome; some are examined.
+def check_grey(picture_set: PosedPictures) -> None:
+    """Raise if sampled images are in colour although the set's usual camera is monochrome.
 
     Raises
     ------
     UserError
-        If one is in colour, so that another camera took it, whose lens is unknown.
+        If one is in colour: another camera, with an unknown lens, took it.
     """
-    if not found.usual_camera or not found.pictures:
+    if not picture_set.usual_camera or not picture_set.pictures:
         return
-    places = np.linspace(0, len(found.pictures) - 1, min(len(found.pictures), COLOUR_SAMPLES)).astype(int)
+    places = np.linspace(
+        0, len(picture_set.pictures) - 1, min(len(picture_set.pictures), COLOUR_SAMPLES)
+    ).astype(int)
     for k in np.unique(places):
-        path = found.pictures[int(k)].path
+        path = picture_set.pictures[int(k)].path
         if is_coloured(read_picture(path)):
             raise UserError(
-                f"picture {path} is in colour and camera {found.usual_camera} takes grey ones; name the camera that "
-                "took it with --camera, or save the pictures in grey"
+                f"picture {path} is in colour and camera {picture_set.usual_camera} takes grey ones; name the camera "
+                "that took it with --camera, or save the pictures in grey"
             )
 
 
-def import_card(found: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
-    """Return the card of a data set of imported images, not complete yet."""
-    source = f"{found.labels.resolve().parent.name}/{found.labels.name}"
+def import_card(picture_set: PosedPictures, camera: Camera, target: Target, form: str) -> DatasetCard:
+    """Return the card of a data set of imported images, marked incomplete."""
+    source = f"{picture_set.labels.resolve().parent.name}/{picture_set.labels.name}"
     return DatasetCard(
         scenario_name=source,
         scenario={"schema": SCHEMA, "format": form, "source": source},
         seed=0,
-        n_frames=len(found.pictures),
+        n_frames=len(picture_set.pictures),
         every_s=None,
         complete=False,
         formats=("native",),
         camera=camera,
-        image_bits=8 * read_picture(found.pictures[0].path).itemsize,
+        image_bits=8 * read_picture(picture_set.pictures[0].path).itemsize,
         target=CardTarget.of(target),
         machine=describe_machine("", "", ""),
         licence="pictures and poses are those of the set that they were imported from, and under its licence",
@@ -126,7 +129,7 @@ def import_card(found: PosedPictures, camera: Camera, target: Target, form: str)
 
 
 def imported_frames(
-    found: PosedPictures, camera: Camera, target: Target
+    picture_set: PosedPictures, camera: Camera, target: Target
 ) -> Iterator[tuple[int, EncodedFrame]]:
     """Yield the frames of imported images, in order, with their numbers.
 
@@ -135,7 +138,7 @@ def imported_frames(
     UserError
         If an image cannot be read.
     """
-    for k, picture in enumerate(found.pictures):
+    for k, picture in enumerate(picture_set.pictures):
         image = read_picture(picture.path)
         truth, mask = label_imported(k, picture, image, camera, target)
         record = msgspec.json.format(msgspec.json.encode(truth), indent=1) + b"\n"
@@ -148,7 +151,7 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
     Raises
     ------
     UserError
-        If it is not one, or larger than any that is read.
+        If it is not an image, or too large.
     """
     data = _data(path)
     image: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
@@ -164,10 +167,10 @@ def read_picture(path: Path) -> NDArray[np.unsignedinteger]:
 def label_imported(
     k: int, picture: PosedPicture, image: NDArray[np.unsignedinteger], camera: Camera, target: Target
 ) -> tuple[ImportedTruth, ByteArray]:
-    """Return the record of image k and its mask (H, W), as they follow from pose, camera and model."""
+    """Return the record of image k and its mask (H, W), derived from pose, camera and model."""
     pose = picture.camera_from_target
-    seen = silhouette(camera, pose, target)
-    reason = infeasible_reason(seen.inside, 1.0, seen.box_amodal_px)
+    outline = silhouette(camera, pose, target)
+    reason = infeasible_reason(outline.inside, 1.0, outline.box_amodal_px)
     corners = box_3d_m(target)
     truth = ImportedTruth(
         source=picture.name,
@@ -177,28 +180,28 @@ def label_imported(
         t_camera_from_target_m=pose.t_m,
         camera=camera,
         keypoints=_keypoints(camera, pose, target),
-        box_px=mask_box(seen.mask),
-        box_amodal_px=seen.box_amodal_px,
+        box_px=mask_box(outline.mask),
+        box_amodal_px=outline.box_amodal_px,
         feasible=reason == "",
         infeasible_reason=reason,
-        silhouette_inside=seen.inside,
+        silhouette_inside=outline.inside,
         image_sha256=pixel_hash(image),
-        mask_sha256=pixel_hash(seen.mask),
+        mask_sha256=pixel_hash(outline.mask),
         box_3d_target_m=tuple(vec3(p) for p in corners),
         box_3d_px=tuple(pixel_or_none(p) for p in camera.project(pose.apply(corners))),
     )
-    return truth, seen.mask
+    return truth, outline.mask
 
 
 def _keypoints(camera: Camera, pose: Pose, target: Target) -> tuple[KeypointLabel, ...]:
     points = np.array([k.position_m for k in target.keypoints], float).reshape(-1, 3)
     pixels = camera.project(pose.apply(points))
     inside = camera.contains(pixels)
-    hidden = np.zeros(len(points), bool)
-    hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
+    is_hidden = np.zeros(len(points), bool)
+    is_hidden[inside] = occluded_from_camera(mesh_of(target), points[inside], pose)
     states: list[KeypointState] = [
         "out_of_frame" if not on else "self_occluded" if behind else "visible"
-        for on, behind in zip(inside, hidden, strict=True)
+        for on, behind in zip(inside, is_hidden, strict=True)
     ]
     return tuple(
         KeypointLabel(name=k.name, target_m=k.position_m, pixel_px=pixel_or_none(at), state=state)

@@ -1,4 +1,4 @@
-"""Read access to a data set from a program: its frames in order, decoded on access."""
+"""Python access to a data set: its frames in order, decoded on access."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class LabelledDataset(Sequence[LabelledFrame]):
-    """The whole frames of a data set.
+    """The complete frames of a data set.
 
     Parameters
     ----------
-    card : of the data set. numbers : of its frames, in order. splits : of each frame, where it is split.
+    card : card of the data set. numbers : numbers of the frames, in order. splits : split of each frame, if any.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class LabelledDataset(Sequence[LabelledFrame]):
 
         Parameters
         ----------
-        transform : of each item: a dict of tensors ``image`` (C, H, W) float32 0..1, ``mask`` (H, W) bool,
-            ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
+        transform : function applied to each item: a dict of tensors ``image`` (C, H, W) float32 0..1, ``mask`` (H, W)
+            bool, ``q_camera_from_target_wxyz`` (4,), ``t_camera_from_target_m`` (3,), ``camera_matrix`` (3, 3),
             ``keypoints_px`` (K, 2), NaN behind the camera, ``keypoints_visible`` (K,) bool, and ``number``.
 
         Raises
@@ -60,23 +60,23 @@ class LabelledDataset(Sequence[LabelledFrame]):
             If torch is not installed.
         """
         try:
-            from flyaround.simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is an optional part
+            from flyaround.simulator.dataset.torch_dataset import TorchFrames  # noqa: PLC0415 - torch is optional
         except ImportError as error:
             raise missing_extra("a torch data set", "train", error) from error
         return TorchFrames(self, transform)
 
 
 def open_dataset(folder: str | Path, split: str | None = None) -> LabelledDataset:
-    """Open a data set of `capture` or `convert`.
+    """Open a data set written by `capture` or `convert`.
 
     Parameters
     ----------
-    split : train, validation or test; all frames unless given.
+    split : train, validation or test; by default all frames.
 
     Raises
     ------
     UserError
-        If the folder is no data set, has no whole frame, or is not split.
+        If the folder is not a data set, has no complete frame, or is not split.
     """
     folder = Path(folder)
     card = read_card(folder)

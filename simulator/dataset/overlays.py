@@ -60,17 +60,17 @@ def write_overlays(
     n: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> int:
-    """Write ``NNNNNN.png`` of a data set's frames with marks. Return their number.
+    """Write ``NNNNNN.png`` of a data set's frames with marks; return their number.
 
     Parameters
     ----------
-    folder : of the data set. output : new or empty, and not within it. marks : out of `MARKS`, drawn in their order.
-    n : frames, spread evenly; all of them unless given.
+    folder : data set. output : new or empty folder outside it. marks : names out of `MARKS`, in drawing order.
+    n : number of frames, spread evenly; by default all.
 
     Raises
     ------
     UserError
-        If the folder is no data set, its target is another one here, or ``output`` is in use or within the data set.
+        If the folder is not a data set, its target differs from the one here, or ``output`` is in use or within it.
     """
     frames = open_dataset(folder)
     target = load_target(frames.card.target.name)
@@ -82,11 +82,11 @@ def write_overlays(
     if folder.resolve() in (output.resolve(), *output.resolve().parents):
         raise UserError(f"{output} is within the data set {folder}; name a folder elsewhere with -o")
     empty_folder(output)
-    chosen = np.linspace(0, len(frames) - 1, min(n or len(frames), len(frames))).round().astype(int)
-    for done, k in enumerate(chosen.tolist()):
+    indices = np.linspace(0, len(frames) - 1, min(n or len(frames), len(frames))).round().astype(int)
+    for n_done, k in enumerate(indices.tolist()):
         write_atomic(output / f"{frames[k].number:06d}.png", encode_png(overlay(frames[k], target, marks)))
-        progress(done + 1, len(chosen))
-    return len(chosen)
+        progress(n_done + 1, len(indices))
+    return len(indices)
 
 
 def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> ByteArray:
@@ -94,21 +94,21 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
 
     Parameters
     ----------
-    target : the model that its data set names. marks : out of `MARKS`.
+    target : model that the data set names. marks : names out of `MARKS`.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
     if isinstance(truth, Truth):
         sensor = truth.scene.sensor
     else:
         sensor = replace(sensor_preset("ideal"), bits=8 * frame.image.itemsize)
-    drawn = target if not isinstance(truth, Truth) else truth.scene.target.drawn(target)
-    radius_m = float(np.linalg.norm(mesh_of(drawn).positions_m, axis=1).max())
+    variant = target if not isinstance(truth, Truth) else truth.scene.target.drawn(target)
+    radius_m = float(np.linalg.norm(mesh_of(variant).positions_m, axis=1).max())
     canvas = screen_rgb(frame.image, sensor, camera.pixel_encoding)
     for mark in marks:
         if mark == "axes":
             canvas = draw_axes(canvas, camera, pose, _AXIS * radius_m)
         elif mark == "wireframe":
-            canvas = draw_wireframe(canvas, camera, pose, drawn)
+            canvas = draw_wireframe(canvas, camera, pose, variant)
         elif mark == "keypoints":
             canvas = draw_keypoints(canvas, camera, truth.keypoints)
         elif mark == "box":

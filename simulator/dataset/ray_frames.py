@@ -1,7 +1,7 @@
 """Frames drawn by a Ray cluster: shards as tasks on any node; the loss of a node is tolerated.
 
-A task is a pure function of its shard, so Ray may run it anywhere and again. Its result is written here, by
-the one writer that every capture has: the bytes are those of one process.
+A task is a pure function of its shard, so Ray may run it anywhere, and repeat it. Results are written here, by the same
+writer as in every capture: the bytes are those of a single process.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MAX_IN_SHARD = 8
-"""Frames per task: neighbours share a varied craft's baked light, and a lost node costs little."""
+"""Frames per task: consecutive ones share a varied craft's baked light, and a lost node costs little."""
 
 MAX_RETRIES = 3
 _ANSWER_S, _WAIT_S = 5.0, 120.0
@@ -44,8 +44,8 @@ class RayCluster:
 
     Parameters
     ----------
-    address : ``auto`` for the cluster that this machine is a node of, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
-    gpu_share : part of a GPU that each drawing process takes, so that several share one; 0 for nodes without.
+    address : ``auto`` for the cluster that this machine belongs to, ``HOST:PORT`` of its head, or ``ray://HOST:PORT``.
+    gpu_share : fraction of a GPU per drawing process, so that several share one; 0 for nodes without.
     """
 
     address: str
@@ -76,13 +76,12 @@ class RayFrames(FrameProducer[Taken]):
     Parameters
     ----------
     stage : function applied to each frame where it is rendered.
-    first : the first scene to come. target : what scenes show; it travels to the nodes. n_frames : that will be
-        asked for.
+    first : first scene to come. target : target of the scenes, sent to the nodes. n_frames : number of frames to come.
 
     Raises
     ------
     UserError
-        If Ray is not installed, no cluster answers, it has no such GPUs, or its nodes do not draw alike.
+        If Ray is not installed, no cluster answers, it lacks such GPUs, or its nodes use different renderers.
     """
 
     def __init__(
@@ -110,7 +109,7 @@ class RayFrames(FrameProducer[Taken]):
                 num_cpus=1,
                 num_gpus=cluster.gpu_share,
                 max_retries=MAX_RETRIES,
-                max_calls=0,  # a process keeps its renderer for the next task, with GPUs too
+                max_calls=0,  # a process keeps its renderer for further tasks, also with GPUs
                 scheduling_strategy="SPREAD",
             )(_draw_shard)
             self._shard = max(1, min(MAX_IN_SHARD, n_frames // (4 * self._slots())))
@@ -191,7 +190,7 @@ class RayFrames(FrameProducer[Taken]):
             yield self._ready.popleft()
 
     def _send(self, shard: list[FrameRequest]) -> Any:  # noqa: ANN401 - Ray's own reference
-        # within a tuple the reference stays one: a process that has the kit need not read it again
+        # in a tuple the reference is not resolved: a process that has the kit need not read it again
         return self._task.remote((self._kit,), shard)
 
     def _collect(self) -> None:
@@ -270,7 +269,7 @@ def _connect(ray: Any, address: str) -> None:  # noqa: ANN401 - a package withou
         _refuse_silent(address, advice)
     try:
         ray.init(address=address, log_to_driver=False, logging_level="ERROR", include_dashboard=None)
-    except Exception as error:  # Ray raises many kinds, some of them of gRPC
+    except Exception as error:  # Ray raises many types, some of them from gRPC
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         where = "runs on this machine" if address == "auto" else f"answers at {address}"
         raise UserError(f"no Ray cluster {where}: {first}; {advice}") from error
@@ -293,8 +292,8 @@ def _refuse_silent(address: str, advice: str) -> None:
 
 
 def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
-    """Draw a shard's frames: the body of a task. Without requests it opens the renderer and reports the driver."""
-    import ray  # noqa: PLC0415 - of the process that Ray runs
+    """Draw a shard's frames: the body of a task. Without requests, only open the renderer and report the driver."""
+    import ray  # noqa: PLC0415 - in the process that Ray runs
 
     gpus = ray.get_runtime_context().get_accelerator_ids().get("GPU", [])
     mine, renderer, _ = _opened(kit[0], int(gpus[0]) if gpus and str(gpus[0]).isdigit() else None)
@@ -305,11 +304,11 @@ def _draw_shard(kit: tuple[Any], requests: list[FrameRequest]) -> _Shard[Any]:
 @lru_cache(maxsize=1)
 def _opened(kit: Any, device_index: int | None) -> tuple[_Kit[Any], Any, ExitStack]:  # noqa: ANN401 - Ray's reference
     """Return the kit and a renderer, kept in a worker process between tasks."""
-    import ray  # noqa: PLC0415 - of the process that Ray runs
+    import ray  # noqa: PLC0415 - in the process that Ray runs
 
     keep_freed_memory()
     mine: _Kit[Any] = ray.get(kit)
     open_here = ExitStack()
-    # a task is promised one processor: a software driver draws by the task's own thread
+    # Ray grants a task one processor: a software driver draws in the task's own thread
     opener = OpenRenderer(device_index=device_index, first=mine.first, processes=max(usable_processors(), 2))
     return mine, open_here.enter_context(opener()), open_here

@@ -1,4 +1,4 @@
-"""Resuming a data set: comparison of the plans, and the frames that are present and undamaged."""
+"""Resuming a data set: comparison of the plans, and detection of intact frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class WhatIsThere:
 
     Parameters
     ----------
-    kept : undamaged. damaged : incomplete, or different from what was written; they are rendered again.
+    kept : intact frames. damaged : incomplete or altered frames, to be rendered again.
     """
 
     kept: frozenset[int]
@@ -46,7 +46,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
     Raises
     ------
     UserError
-        If what is there is another plan's or another renderer's, or has more frames than are requested.
+        If the existing set has another plan, renderer, or more frames than requested.
     """
     if not store.exists(CARD_NAME):
         if not store.is_empty():
@@ -60,7 +60,7 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
         raise UserError(
             f"{store.title}: cannot read {CARD_NAME} ({error.strerror or error}); name a new folder with -o"
         ) from error
-    # first: another version's scenarios may have other keys
+    # before parsing: scenarios of other versions may have other keys
     for field in ("gl_renderer", "gl_version", "flyaround"):
         if getattr(old.machine, field) != getattr(card.machine, field):
             raise UserError(
@@ -92,31 +92,33 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
 
 
 def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:
-    """Return the frames that are present and intact; records of damaged or unfinished ones are removed.
+    """Return the intact frames; records of damaged or incomplete ones are removed.
 
-    By the manifest's hashes; frames that it does not name, by the hashes of pixels in their records.
+    Verified by the manifest's hashes, or else by the hashes of pixels in the records.
 
     Raises
     ------
     UserError
-        If more frames are requested than there were, and those that are there would be others then.
+        If more frames are requested than before, and the existing ones would change.
     """
     manifest = read_manifest(store)
-    with ThreadPoolExecutor(threads()) as pool:  # hashing leaves Python's lock alone
+    with ThreadPoolExecutor(threads()) as pool:  # hashing releases Python's lock
         states = list(pool.map(lambda k: _state(store, k, manifest.get(k, {})), range(old.n_frames)))
-    kept = [k for k, intact in enumerate(states) if intact]
+    intact_frames = [k for k, intact in enumerate(states) if intact]
     if old.n_frames < plan.n_frames:
-        _refuse_other_frames(store, plan, old, [kept[0], kept[-1]] if kept else [])
+        _refuse_other_frames(store, plan, old, [intact_frames[0], intact_frames[-1]] if intact_frames else [])
         last = old.n_frames - 1
-        if "flow" in old.labels and kept and kept[-1] == last:
-            kept.pop()  # it led nowhere, and may lead to the next now
+        if "flow" in old.labels and intact_frames and intact_frames[-1] == last:
+            intact_frames.pop()  # it had no flow, and may now have one to the next frame
     store.remove_unfinished()
     damaged = tuple(k for k, intact in enumerate(states) if intact is False)
     for k in damaged:
         store.remove(_name(k))
-    named = {k: hashes for k in kept if _name(k) in (hashes := manifest.get(k, {}))}
-    rewrite_manifest(store, named | {k: _hashes(store, k) for k in kept if k not in named})
-    return WhatIsThere(frozenset(kept), damaged)
+    hashes_by_frame = {k: hashes for k in intact_frames if _name(k) in (hashes := manifest.get(k, {}))}
+    rewrite_manifest(
+        store, hashes_by_frame | {k: _hashes(store, k) for k in intact_frames if k not in hashes_by_frame}
+    )
+    return WhatIsThere(frozenset(intact_frames), damaged)
 
 
 def _name(k: int) -> str:
@@ -127,7 +129,7 @@ def _name(k: int) -> str:
 def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
     """Return True if frame k is intact, False if it is damaged, None if it is incomplete."""
     if not store.exists(_name(k)):
-        # a record that was there once and is gone is damage too, but nothing is lost by calling it missing
+        # a missing record may be damage too; calling it incomplete loses nothing
         return None
     if _name(k) in hashes:
         return all(_has_hash(store, name, digest) for name, digest in hashes.items())
@@ -142,7 +144,7 @@ def _has_hash(store: Store, name: str, digest: str) -> bool:
 
 
 def _agrees_with_its_record(folder: Path, k: int) -> bool:
-    """Return True if image, mask and layers have the record's hashes, and there is no other file."""
+    """Return True if image, mask and layers have the record's hashes, and there are no other files."""
     if not is_whole(folder, k):
         return False
     paths = frame_paths(folder, k)
@@ -177,7 +179,7 @@ def _hashes(store: Store, k: int) -> dict[str, str]:
 
 
 def _refuse_other_frames(store: Store, plan: FramePlan, old: DatasetCard, frames: list[int]) -> None:
-    """Raise if a larger number of frames would change the existing ones, as when moments are spread over a flight."""
+    """Raise if a larger number of frames would change the existing ones, as when they are spread over a flight."""
     for k in frames:
         where = f"{store.title}/{_name(k)}"
         try:

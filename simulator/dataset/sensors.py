@@ -1,4 +1,4 @@
-"""Sensors of other packages: additional measurements of a frame, a file next to its image."""
+"""Plug-in sensors: additional measurements of a frame, in a file next to its image."""
 
 from __future__ import annotations
 
@@ -23,28 +23,28 @@ def parse_sensors(text: str) -> tuple[str, ...]:
     Raises
     ------
     UserError
-        If there is none of a name, or its package cannot be imported.
+        If a name is unknown, or its package cannot be imported.
     """
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    known = plugins("sensor")
+    installed = plugins("sensor")
     for name in names:
-        if name not in known:
-            there = ", ".join(known) or "none: they come with packages, see docs/plugins.md"
+        if name not in installed:
+            there = ", ".join(installed) or "none: they come with packages, see docs/plugins.md"
             raise UserError(f"unknown sensor '{name}' in --sensors; installed are {there}")
-        if not callable(known[name].load()):
-            raise known[name].wrong("cannot be called")
+        if not callable(installed[name].load()):
+            raise installed[name].wrong("cannot be called")
     return names
 
 
 def measurements(frame: Frame, names: Iterable[str]) -> dict[str, bytes]:
     """Return each sensor's measurements of a frame, as the bytes of an NPZ file.
 
-    Its random numbers depend on the frame's seed and number and on the sensor's name alone.
+    A sensor's random numbers depend only on the frame's seed and number, and on the sensor's name.
 
     Raises
     ------
     UserError
-        If one fails, or gives anything but arrays by name.
+        If one fails, or returns anything but arrays by name.
     """
     return {f"{name}.npz": _measured(frame, name) for name in names}
 

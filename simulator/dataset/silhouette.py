@@ -1,4 +1,4 @@
-"""Silhouette of a target at a pose, filled by OpenCV on the CPU: for images drawn elsewhere."""
+"""Silhouette of a target at a pose, filled by OpenCV on the CPU, for images that were not drawn here."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _SHARE_PX = 2048  # longest side of the grid on which the whole silhouette is co
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
-    """A target's outline in a camera.
+    """The outline of a target in a camera.
 
     Parameters
     ----------
     mask : (H, W) uint8, 255 where at least half of the pixel is covered.
-    box_amodal_px : bounds of all projected vertices; None, and the mask is empty, where a part is behind the camera.
-    inside : share of the whole silhouette that falls on the image.
+    box_amodal_px : bounds of all projected vertices; None, with an empty mask, if a part is behind the camera.
+    inside : share of the whole silhouette inside the image.
     """
 
     mask: ByteArray
@@ -50,8 +50,8 @@ def silhouette(camera: Camera, pose: Pose, target: Target) -> Silhouette:
     corners = vertices[mesh.triangles]
     if not camera.distortion.is_none:
         whole = mesh.positions_m[mesh.triangles]
-        cut = cut_for_the_lens(camera, whole, pose.R, np.asarray(pose.t_m))
-        corners = camera.project(pose.apply(cut.reshape(-1, 3))).reshape(-1, 3, 2)
+        subdivided = cut_for_the_lens(camera, whole, pose.R, np.asarray(pose.t_m))
+        corners = camera.project(pose.apply(subdivided.reshape(-1, 3))).reshape(-1, 3, 2)
     corners = corners[np.isfinite(corners).all(axis=(1, 2))]
     size = (camera.width_px, camera.height_px)
     inside = x0 >= -0.5 and y0 >= -0.5 and x1 <= size[0] - 0.5 and y1 <= size[1] - 0.5

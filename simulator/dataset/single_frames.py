@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".png", ".npy", ".exr")
 
-# A record says in its first line what it is.
+# A record states its kind in the first line.
 _HEAD_BYTES = 512
 
 
@@ -40,16 +40,17 @@ def render_scene(
     device_index: int | None = None,
     prefetched: Mapping[Bands, EarthMaps] | None = None,
 ) -> Frame:
-    """Draw one scene with labels in a renderer of its own.
+    """Draw one scene with labels, in a renderer of its own.
 
     Parameters
     ----------
-    labels : layers to give beyond truth and mask. prefetched : as of `flyaround.simulator.loop.open_frames`.
+    labels : layers besides truth and mask.
+    prefetched : maps that are being decoded, see `flyaround.simulator.loop.open_frames`.
 
     Raises
     ------
     UserError
-        If the target's hash is not the scene's: the bytes could not be the same.
+        If the target's hash differs from the scene's, so that the bytes could differ.
     """
     target = scene.target.drawn(target)
     if target.sha256 != scene.target.sha256:
@@ -75,12 +76,12 @@ def time_passes(
 
 
 def check_picture_path(path: str | Path) -> Path:
-    """Return a path that an image and its truth can be written to; an earlier image there is replaced.
+    """Return a path that an image and its truth can be written to; an existing image there is replaced.
 
     Raises
     ------
     UserError
-        If the ending is not known, the folder does not exist, or the record would replace a file that is none.
+        If the suffix is unknown, the folder does not exist, or the record would replace a file that is not one.
     """
     path = Path(path)
     if path.is_dir():
@@ -95,10 +96,10 @@ def check_picture_path(path: str | Path) -> Path:
         )
     if not path.parent.is_dir():
         raise UserError(f"folder {path.parent} does not exist; make it, or name another place with -o")
-    beside = path.with_suffix(".json")
-    if beside.exists() and not _is_truth(beside):
+    record = path.with_suffix(".json")
+    if record.exists() and not _is_truth(record):
         raise UserError(
-            f"the truth of {path} would replace {beside}, which is not a truth record; choose another name with -o"
+            f"the truth of {path} would replace {record}, which is not a truth record; choose another name with -o"
         )
     return path
 
@@ -113,12 +114,12 @@ def _is_truth(path: Path) -> bool:
 
 
 def save_picture(frame: Frame, path: str | Path) -> Path:
-    """Write the image by its suffix, the truth to ``.json`` and the layers next to it. Return the truth's path.
+    """Write the image in the format of its suffix, truth (``.json``) and layers next to it; return the truth's path.
 
     Raises
     ------
     UserError
-        If the ending is not known, the folder cannot be written, or ``.json`` is there and no truth record.
+        If the suffix is unknown, the folder cannot be written, or an existing ``.json`` is not a truth record.
     """
     path = check_picture_path(path)
     if frame.truth is None:
@@ -147,7 +148,7 @@ class NumberedPictures:
     Parameters
     ----------
     path : Path
-        OUT with its ending. A name without one is a folder, made if it does not exist, of frame-000000.png and so on.
+        OUT with its suffix. A name without one is a folder (created if missing) of frame-000000.png and so on.
     n_frames : int
         Number of frames.
 
@@ -161,7 +162,7 @@ class NumberedPictures:
         self.written: list[tuple[Path, Path]] = []
         in_folder = path.is_dir() or not path.suffix
         if not in_folder and not (path.suffix in SUFFIXES and path.parent.is_dir()):
-            check_picture_path(path)  # refuses what the user typed, not a numbered file
+            check_picture_path(path)  # report the name that the user typed, not a numbered one
         self._path = empty_folder(path, resume=True) / "frame.png" if in_folder else path
         for k in range(n_frames):
             check_picture_path(self._numbered(k))

@@ -1,4 +1,4 @@
-"""Training, validation and test split: stratified by range, and stable however many frames follow."""
+"""Training, validation and test split, stratified by range; appending frames does not change it."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 SPLIT_NAME = "split.json"
 MAX_BYTES = 200_000_000
 MAX_SHARE = 1_000_000
-# Blocks of so many times the shortest one that has the ratio hold it exactly.
+# Longest run of frames, in multiples of the shortest one that has the ratio, after which shares are exact.
 EXACT_BLOCKS = 10
-# Two strata of range in each doubling: the edges depend on no frame.
+# Two strata of range per octave, with edges independent of the frames.
 STRATA_PER_OCTAVE = 2
 
 Ratio = tuple[int, int, int]
@@ -59,17 +59,17 @@ def lowest_terms(numbers: list[int] | tuple[int, ...]) -> Ratio:
 class SplitAssigner:
     """Assigns each frame its split, in the order of their numbers.
 
-    A frame's split depends on the frames before it alone, so that a larger data set keeps it. Frames that show one
-    moment or one flight (pairs, sequences) go together. Within each stratum of range and over all of them the shares
-    come as near to the ratio as they can; every ten times the ratio's sum they are exact.
+    A frame's split depends only on earlier frames, so it is kept if a data set grows. Frames of one moment or one
+    flight (pairs, sequences) stay together. Shares are as near to the ratio as possible, in each stratum of range and
+    overall; every ten times the ratio's sum they are exact.
 
     Parameters
     ----------
-    given : splits of frames that are settled already.
+    assigned : splits of frames that are already assigned.
     """
 
-    def __init__(self, ratio: Ratio, given: dict[int, str] | None = None) -> None:
-        self.ratio, self._given = ratio, given or {}
+    def __init__(self, ratio: Ratio, assigned: dict[int, str] | None = None) -> None:
+        self.ratio, self._given = ratio, assigned or {}
         total = sum(ratio)
         self._shares = [part / total for part in ratio]
         self._left = [0, 0, 0]
@@ -95,14 +95,16 @@ class SplitAssigner:
     def _choose(self, stratum: int) -> int:
         if not any(self._left):
             self._left = [part * EXACT_BLOCKS for part in self.ratio]
-        within = self._strata.setdefault(stratum, Counter())
+        stratum_counts = self._strata.setdefault(stratum, Counter())
 
         def wanting(k: int) -> float:
-            return sum(self._shares[k] * (counts.total() + 1) - counts[k] for counts in (within, self._all))
+            return sum(
+                self._shares[k] * (counts.total() + 1) - counts[k] for counts in (stratum_counts, self._all)
+            )
 
         best = max((k for k in range(3) if self._left[k]), key=wanting)
         self._left[best] -= 1
-        within[best] += 1
+        stratum_counts[best] += 1
         self._all[best] += 1
         return best
 
@@ -145,8 +147,8 @@ class SplitFile(msgspec.Struct, frozen=True, kw_only=True):
 
 def split_file(assigner: SplitAssigner) -> bytes:
     """Return the text of ``split.json``."""
-    found = SplitFile(ratio=assigner.ratio, **{name: tuple(v) for name, v in assigner.numbers.items()})
-    return msgspec.json.encode(found) + b"\n"
+    split = SplitFile(ratio=assigner.ratio, **{name: tuple(v) for name, v in assigner.numbers.items()})
+    return msgspec.json.encode(split) + b"\n"
 
 
 def read_split(folder: Path) -> dict[int, str]:

@@ -1,4 +1,4 @@
-"""Stereo pairs: the second camera's images of a plan, a data set in a folder of the first one's."""
+"""Stereo pairs: the second camera's images of a plan, a data set in a subfolder of the first one's."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 FOLDER = "second"
 
-# Poses of one frame agree as numbers do [m, 1].
+# Tolerance of poses of one frame, which are only rounded [m, 1].
 POSE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SecondCameraPlan(DocumentPlan):
-    """Frames of a plan as its second camera, of the same kind, sees them."""
+    """The frames of a plan as seen by its second camera, of the same type."""
 
     plan: DocumentPlan
     second: SecondCamera
@@ -47,12 +47,12 @@ class SecondCameraPlan(DocumentPlan):
 
     @property
     def document(self) -> Scenario | Recipe:
-        """The scenario or recipe of the first camera's plan."""
+        """Scenario or recipe of the first camera's plan."""
         return self.plan.document
 
     @property
     def scenario_document(self) -> dict[str, Any]:
-        """The scenario or recipe as the first camera's plan has it."""
+        """Scenario or recipe of the first camera's plan, as a document."""
         return self.plan.scenario_document
 
     @property
@@ -70,7 +70,7 @@ class SecondCameraPlan(DocumentPlan):
         return seen_by_second(self.plan.scene(k), self.second)
 
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene after frame k's, or None."""
+        """Return the scene that follows frame k's, or None."""
         following = self.plan.next_scene(k)
         return None if following is None else seen_by_second(following, self.second)
 
@@ -81,7 +81,7 @@ def second_plan(plan: DocumentPlan) -> SecondCameraPlan | None:
     Raises
     ------
     UserError
-        If a light of it is fixed to the first camera.
+        If a light is fixed to the first camera.
     """
     if plan.second_camera is None:
         return None
@@ -115,7 +115,7 @@ def second_folder(folder: Path, card: DatasetCard) -> Path | None:
 
 
 def pair_faults(folder: Path, card: DatasetCard) -> Iterator[tuple[int | None, str]]:
-    """Yield inconsistencies between the two cameras' records, by frame; each set is checked for itself besides."""
+    """Yield inconsistencies between the two cameras' records, by frame; each set is checked separately too."""
     place = second_folder(folder, card)
     if place is None or card.stereo is None:
         return

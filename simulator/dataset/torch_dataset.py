@@ -34,7 +34,7 @@ class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked he
         frame = self.frames[index]
         image = frame.image
         bands = image[None] if image.ndim == 2 else image.transpose(2, 0, 1)
-        # as delivered: camera.encoding names their curve; of 9 to 16 bits the digital numbers are right aligned
+        # as delivered: camera.encoding names the curve; digital numbers of 9 to 16 bits are right-aligned
         scene = getattr(frame.truth, "scene", None)
         bits = 8 * image.itemsize if scene is None else scene.sensor.bits
         truth = frame.truth

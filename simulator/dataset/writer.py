@@ -1,4 +1,4 @@
-"""The sink that writes a data set, and the stage before it that verifies and encodes each frame where it is drawn."""
+"""The sink that writes a data set, and the stage before it that verifies and encodes each frame."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ log = logging.getLogger(__name__)
 class CheckedFrame:
     """A frame ready to be written: its files, its feasibility, and the faults of its labels, if any.
 
-    ``manifest`` : lines of its files' hashes. ``redraws`` : number of poses drawn again for each
-    constraint of a recipe.
+    Parameters
+    ----------
+    manifest : lines with the hashes of the files.
+    redraws : number of poses drawn again for each constraint of a recipe.
     """
 
     number: int
@@ -50,7 +52,7 @@ class CheckAndEncode:
     Parameters
     ----------
     card : card with which the labels must agree.
-    target : the model that is rendered; None in another process, which gets its name alone.
+    target : rendered model; None in another process, which is sent only its name.
     """
 
     card: DatasetCard
@@ -61,9 +63,9 @@ class CheckAndEncode:
         if frame.truth is None or frame.mask is None:
             raise RuntimeError("a captured frame needs labels")
         target = frame.scene.target.drawn(self.target)
-        # a picture's noise takes long to pack, and leaves Python's lock alone
-        with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as beside:
-            encoding = beside.submit(encode_frame, frame)
+        # packing an image's noise takes long, and releases Python's lock
+        with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as encoder:
+            encoding = encoder.submit(encode_frame, frame)
             wrong = check_frame(
                 frame.number, frame.truth, frame.image, frame.mask, self.card, target, frame.layers
             )
@@ -84,11 +86,11 @@ class CheckAndEncode:
 class DatasetWriter:
     """Writes verified frames into a store, quarantines faulty ones, and keeps the card consistent.
 
-    Use as a context manager: leaving it, for whatever reason, writes the frames that are still held.
+    Use as a context manager: leaving it, for whatever reason, writes the remaining frames.
 
     Parameters
     ----------
-    card : written at once; it says that the data set is not complete yet.
+    card : card of the data set, written at once and marked incomplete.
     """
 
     def __init__(self, store: Store, card: DatasetCard) -> None:
@@ -101,7 +103,7 @@ class DatasetWriter:
         self._write_card()
 
     def write(self, frame: CheckedFrame) -> None:
-        """Write one frame, before the `with` block ends at the latest."""
+        """Write one frame, at the latest when the `with` block ends."""
         if frame.reason:
             self._quarantine(frame)
             return
@@ -139,6 +141,6 @@ class DatasetWriter:
         self._store.write([(f"quarantine/{name}", data) for name, data in files])
         log.warning("frame %d is quarantined: %s", frame.number, frame.reason)
         self.quarantined.append((frame.number, frame.reason))
-        kept_apart = CardQuarantine(frame=frame.number, reason=frame.reason)
-        self.card = msgspec.structs.replace(self.card, quarantined=(*self.card.quarantined, kept_apart))
+        quarantined = CardQuarantine(frame=frame.number, reason=frame.reason)
+        self.card = msgspec.structs.replace(self.card, quarantined=(*self.card.quarantined, quarantined))
         self._write_card()

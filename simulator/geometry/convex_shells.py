@@ -1,8 +1,8 @@
 """Occlusion culling: the boxes that large convex bodies of a craft hide, before anything is drawn.
 
-A craft's box or panel is a convex shell. From a place outside, the region that it hides is convex too: inside of its
-faces that look at the place, and inside of the planes through the place and its silhouette. Boxes of triangles or edges
-that lie in the region as a whole need not be drawn; the image is the same.
+A craft's box or panel is a convex shell. The region that it hides from a viewpoint is convex too: inside its faces that
+look at the viewpoint, and inside the planes through the viewpoint and its silhouette. Bounding boxes that lie wholly in
+the region need not be drawn; the image is unchanged.
 """
 
 from __future__ import annotations
@@ -21,18 +21,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 MARGIN = 2e-4
-"""Margin inside the hidden region, as a share of the radius: more than a rasteriser's rounding of vertices."""
+"""Margin inside the hidden region, as a share of the radius: larger than a rasteriser's rounding of vertices."""
 CLOSEST_M = 0.15
-"""Distance of a shell from the camera below which it hides nothing: the near plane (0.01 m along the axis) may open
-it."""
+"""Distance from the camera below which a shell hides nothing: the near plane (0.01 m) may cut it open."""
 BOX = 0.05
-"""Size of a box of triangles or edges, as a share of the radius."""
+"""Size of the bounding boxes, as a share of the radius."""
 _WELD_DISTANCE = 2e-6  # share of the radius: closer corners are one
-_MOST = 4  # shells of one craft: each takes time, and the largest hide most
+_MOST = 4  # shells per craft: each costs time, and the largest hide most
 _MIN_SHARE = 0.1  # share of the largest shell's area
 _MIN_PROTRUSION = 0.05  # share of the radius: a shell that protrudes less from a larger one hides little more
 _MAX_TRIANGLES = 256  # a round shell has a plane for each face of its silhouette
-_MAX_BODIES = 160  # bodies of a part that are considered
+_MAX_BODIES = 160  # bodies of a part that are examined
 _MIN_BODY = 0.003  # share of the largest body's area
 _PLANE_TOLERANCE = 1e-5  # share of the radius by which corners may be outside a convex shell's planes
 
@@ -43,11 +42,11 @@ class ConvexShell:
 
     Parameters
     ----------
-    planes : (F, 4) of its flat faces: unit normal outwards, and its distance from the origin with the sign turned [m].
-    ends_m : (E, 2, 3) of the edges between them. faces : (E, 2) rows of ``planes`` on the left and right of each edge.
-    turns : (E, 3, 4) that take a homogeneous place to the normal of the plane through it and the edge: the product of
-        the edge's vector and the one from its start to the place.
-    area_m2 : of the surface.
+    planes : (F, 4) unit outward normal of each flat face, and its negated distance from the origin [m].
+    ends_m : (E, 2, 3) end points of the edges between faces. faces : (E, 2) rows of ``planes`` left and right of each.
+    turns : (E, 3, 4) matrices from a homogeneous point to the normal of the plane through it and the edge: the cross
+        product of the edge and the vector from its start to the point.
+    area_m2 : surface area.
     """
 
     planes: FloatArray
@@ -61,7 +60,8 @@ class ConvexShell:
 
         Parameters
         ----------
-        place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
+        place : (4,) homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y,
+            z, 0).
         """
         beyond = self.planes @ place
         if beyond.max() <= (CLOSEST_M if place[3] else 0.0):
@@ -70,7 +70,7 @@ class ConvexShell:
         left, right = front.take(self.faces.T)
         edges = (left != right).nonzero()[0]
         normals = self.turns.take(edges, axis=0) @ place
-        # seen from the place, the left one of the two faces has the shell on the inner side of that plane
+        # seen from the viewpoint, the face on the left has the shell on the inner side of that plane
         lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
         normals *= (np.where(left.take(edges), 1.0, -1.0) / np.maximum(lengths, 1e-12))[:, None]
         distances = np.einsum("ij,ij->i", normals, self.ends_m[:, 0].take(edges, axis=0))
@@ -79,11 +79,11 @@ class ConvexShell:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes along the target's axes about some triangles or edges each.
+    """Axis-aligned boxes, target frame, each about some triangles or edges.
 
     Parameters
     ----------
-    extents_m : (7, B) float32: middles, halves of the sides, and 1. of : (K,) the box of each triangle or edge.
+    extents_m : (7, B) float32: centre, half sides, and 1. of : (K,) index of the box of each triangle or edge.
     """
 
     extents_m: Float32Array
@@ -91,11 +91,11 @@ class Boxes:
 
     @staticmethod
     def about(corners_m: FloatArray, size_m: float) -> Boxes:
-        """Group items (K, N, 3) of N corners each into boxes by position; one longer than the size has its own.
+        """Group items (K, N, 3) of N corners each into boxes by position; an item longer than ``size_m`` has its own.
 
         Parameters
         ----------
-        size_m : about that of a box.
+        size_m : approximate size of a box.
         """
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
         cell = np.floor((low + high) / (2 * size_m)).astype(np.int64)
@@ -104,17 +104,17 @@ class Boxes:
         key = (cell[:, 0] * span[1] + cell[:, 1]) * span[2] + cell[:, 2]
         long = (high - low).max(axis=1) > size_m
         key[long] = -1 - np.arange(np.count_nonzero(long))
-        _, of = np.unique(key, return_inverse=True)
-        order = np.argsort(of, kind="stable")
-        starts = np.flatnonzero(np.diff(of[order], prepend=-1))
+        _, box_of_triangle = np.unique(key, return_inverse=True)
+        order = np.argsort(box_of_triangle, kind="stable")
+        starts = np.flatnonzero(np.diff(box_of_triangle[order], prepend=-1))
         if len(starts):
             low = np.minimum.reduceat(low[order], starts)
             high = np.maximum.reduceat(high[order], starts)
         extents = np.concatenate([(low + high) / 2, (high - low) / 2, np.ones((len(low), 1))], axis=1)
-        return Boxes(np.ascontiguousarray(extents.T, np.float32), of)
+        return Boxes(np.ascontiguousarray(extents.T, np.float32), box_of_triangle)
 
     def inside(self, planes: FloatArray, margin_m: float) -> BoolArray:
-        """Return (B,) whether a whole box is inside all planes (P, 4), by more than a margin."""
+        """Return (B,) True where a box is inside all planes (P, 4), by more than a margin."""
         farthest = np.empty((len(planes), 7), np.float32)
         farthest[:, :3] = planes[:, :3]
         np.abs(farthest[:, :3], out=farthest[:, 3:6])
@@ -123,23 +123,21 @@ class Boxes:
 
 
 def hidden(shells: Sequence[ConvexShell], boxes: Boxes, place: FloatArray, radius_m: float) -> BoolArray:
-    """Return (B,) whether some convex shell hides a box from a viewpoint; ``place`` as in
-    `ConvexShell.hidden_region`.
-    """
-    found = np.zeros(boxes.extents_m.shape[1], bool)
+    """Return (B,) True where a convex shell hides a box; ``place`` is as in `ConvexShell.hidden_region`."""
+    is_hidden = np.zeros(boxes.extents_m.shape[1], bool)
     for shell in shells:
         planes = shell.hidden_region(place)
         if planes is not None:
-            found |= boxes.inside(planes, MARGIN * radius_m)
-    return found
+            is_hidden |= boxes.inside(planes, MARGIN * radius_m)
+    return is_hidden
 
 
 def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[ConvexShell]:
-    """Return the closed convex bodies of some parts, the largest first; small ones are omitted.
+    """Return the closed convex bodies of parts, the largest first; small ones are omitted.
 
     Parameters
     ----------
-    corners : (T, 3, 3) of the triangles of each part [m]. radius_m : of the craft's bounding sphere.
+    corners : (T, 3, 3) triangles of each part [m]. radius_m : radius of the craft's bounding sphere.
     """
     areas = [float(np.linalg.norm(face_vectors(c) / 2, axis=1).sum()) for c in corners]
     shells: list[ConvexShell] = []
@@ -156,33 +154,33 @@ def convex_bodies(corners: Sequence[FloatArray], radius_m: float) -> list[Convex
 
 
 def find_shells(bodies: Sequence[ConvexShell], radius_m: float) -> tuple[ConvexShell, ...]:
-    """Return the largest of a craft's `convex_bodies`, none of them nearly inside another.
+    """Return the largest of a craft's `convex_bodies`, omitting those nearly inside another.
 
     Parameters
     ----------
-    radius_m : of the craft's bounding sphere.
+    radius_m : radius of the craft's bounding sphere.
     """
-    kept: list[ConvexShell] = []
+    shells: list[ConvexShell] = []
     for shell in bodies:
         small = shell.area_m2 < _MIN_SHARE * bodies[0].area_m2
         if (
-            len(kept) < _MOST
+            len(shells) < _MOST
             and not small
-            and all(_protrusion(shell, of) > _MIN_PROTRUSION * radius_m for of in kept)
+            and all(_protrusion(shell, other) > _MIN_PROTRUSION * radius_m for other in shells)
         ):
-            kept.append(shell)
-    return tuple(kept)
+            shells.append(shell)
+    return tuple(shells)
 
 
-def _protrusion(shell: ConvexShell, of: ConvexShell) -> float:
-    """Return how far a shell protrudes from another one's planes [m]."""
+def _protrusion(shell: ConvexShell, other: ConvexShell) -> float:
+    """Return how far a shell protrudes from the planes of another [m]."""
     corners = shell.ends_m.reshape(-1, 3)
-    return float((corners @ of.planes[:, :3].T + of.planes[:, 3]).max())
+    return float((corners @ other.planes[:, :3].T + other.planes[:, 3]).max())
 
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A connected body: triangles (T, 3, 3), and the indices (T, 3) of their corners."""
+    """A connected body: triangles (T, 3, 3), and their vertex indices (T, 3)."""
 
     corners_m: FloatArray
     places: IntArray
@@ -193,7 +191,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
 
     Parameters
     ----------
-    least_m2 : area that a body has at least.
+    least_m2 : least area of a body.
     """
     cell = np.rint(corners_m.reshape(-1, 3) / step_m).astype(np.int64)
     cell -= cell.min(axis=0, initial=0)
@@ -206,7 +204,7 @@ def _connected_bodies(corners_m: FloatArray, step_m: float, least_m2: float) -> 
     area[np.bincount(body) > _MAX_TRIANGLES] = 0
     largest = np.argsort(-area, kind="stable")[:_MAX_BODIES]
     members = [np.flatnonzero(body == k) for k in largest if area[k] > least_m2]
-    return [_Body(corners_m[of], places[of]) for of in members]
+    return [_Body(corners_m[triangles], places[triangles]) for triangles in members]
 
 
 def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
@@ -217,14 +215,14 @@ def _as_convex_shell(body: _Body, radius_m: float) -> ConvexShell | None:
     points = corners.reshape(-1, 3)
     if (points @ normals.T + planes[:, 3]).max() > _PLANE_TOLERANCE * radius_m:
         return None
-    # each side of a triangle has a twin that runs the other way
+    # each half-edge has a twin that runs the other way
     n = int(places.max()) + 1
     start, end = places.ravel(), np.roll(places, -1, axis=1).ravel()
     ours, theirs = start * n + end, end * n + start
     first, second = np.argsort(ours), np.argsort(theirs)
     if not np.array_equal(ours[first], theirs[second]) or np.any(np.diff(ours[first]) == 0):
         return None
-    # triangles of one flat face share a plane
+    # triangles of one flat face are merged into one plane
     steps = planes / [1e-6, 1e-6, 1e-6, _PLANE_TOLERANCE * radius_m]
     _, row, flat = np.unique(np.rint(steps), axis=0, return_index=True, return_inverse=True)
     faces = flat.ravel()[np.stack([first // 3, second // 3], axis=1)]

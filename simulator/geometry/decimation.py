@@ -1,7 +1,7 @@
 """Decimation by vertex clustering; each cluster's point minimises the distance to the planes of its faces.
 
-Lindstrom (2000), Out-of-core simplification of large polygonal models, SIGGRAPH: one pass, no priority queue,
-so that millions of triangles take seconds. Small features melt; the largest deviation is measured and reported.
+Lindstrom (2000), Out-of-core simplification of large polygonal models, SIGGRAPH: one pass without a priority queue, so
+millions of triangles take seconds. Small features are lost; the largest deviation is reported.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from flyaround.simulator.geometry.topology import MeshBody
 from flyaround.simulator.geometry.triangles import distance_to_triangles, face_vectors
 from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-SAMPLES = 20_000
-NEAREST = 6
-SURFACE_POINTS = 300_000
-FINEST_STEPS = 4000
+SAMPLES = 20_000  # vertices at which the deviation is measured
+NEAREST = 6  # surface points whose triangles are tried for each vertex
+SURFACE_POINTS = 300_000  # points on the reduced surface
+FINEST_STEPS = 4000  # cells along the longest side
 BISECTION_STEPS = 12
 
 
@@ -35,19 +35,19 @@ def decimate(bodies: list[MeshBody], most: int) -> list[MeshBody]:
     low = np.min([b.positions_m.min(axis=0) for b in bodies], axis=0)
     high = np.max([b.positions_m.max(axis=0) for b in bodies], axis=0)
     extent = float((high - low).max())
-    # the count grows about with the square of the steps, on sheets and on solids alike
+    # the triangle count grows about with the square of the steps, on sheets and on solids alike
     steps, best, best_count = 48.0, 2, 0
     too_many = float(FINEST_STEPS)
     for _ in range(BISECTION_STEPS):
-        tried = max(2, int(min(steps, too_many - 1, FINEST_STEPS)))
-        count = sum(len(_collapsed(b, _cells(b, low, extent / tried))) for b in bodies)
+        steps_now = max(2, int(min(steps, too_many - 1, FINEST_STEPS)))
+        count = sum(len(_collapsed(b, _cells(b, low, extent / steps_now))) for b in bodies)
         if count > most:
-            too_many = min(too_many, tried)
+            too_many = min(too_many, steps_now)
         elif count >= best_count:
-            best, best_count = tried, count
-        if count <= most and (count > 0.95 * most or tried + 1 >= too_many):
+            best, best_count = steps_now, count
+        if count <= most and (count > 0.95 * most or steps_now + 1 >= too_many):
             break
-        steps = tried * float(np.sqrt(0.985 * most / max(count, 1)))
+        steps = steps_now * float(np.sqrt(0.985 * most / max(count, 1)))
         if steps >= too_many or steps <= best:
             steps = (best + too_many) / 2 if too_many < FINEST_STEPS else 2.0 * best
     cell_m = extent / best
@@ -63,24 +63,24 @@ def _cells(body: MeshBody, low: FloatArray, cell_m: float) -> IntArray:
 
 
 def _collapsed(body: MeshBody, cell: IntArray) -> IntArray:
-    """Return the faces that keep three distinct cells, each set of cells once."""
+    """Return the faces that keep three distinct cells, without duplicates."""
     t = cell[body.triangles]
-    kept = np.flatnonzero((t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0]))
-    s = np.sort(t[kept], axis=1)
+    faces = np.flatnonzero((t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0]))
+    s = np.sort(t[faces], axis=1)
     n = int(cell.max(initial=0)) + 1
     if n > 2_000_000:
-        return kept  # three such numbers overflow one key; so fine a grid merges few faces
+        return faces  # three indices overflow a 64-bit key; so fine a grid merges few faces
     _, first = np.unique((s[:, 0] * n + s[:, 1]) * n + s[:, 2], return_index=True)
-    return kept[np.sort(first)]
+    return faces[np.sort(first)]
 
 
 def _clustered(body: MeshBody, cell: IntArray, cell_m: float) -> MeshBody:
     faces = _collapsed(body, cell)
     points = _best_points(body, cell, cell_m)
-    used, index = np.unique(cell[body.triangles[faces]], return_inverse=True)
+    occupied, index = np.unique(cell[body.triangles[faces]], return_inverse=True)
     return MeshBody(
         name=body.name,
-        positions_m=points[used].astype(np.float32).astype(float),
+        positions_m=points[occupied].astype(np.float32).astype(float),
         triangles=index.reshape(-1, 3),
         face_material=body.face_material[faces],
     )
@@ -91,12 +91,12 @@ def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
     n = int(cell.max()) + 1
     count = np.bincount(cell, minlength=n)
     mean = np.stack([np.bincount(cell, body.positions_m[:, k], n) for k in range(3)], axis=1) / count[:, None]
-    normal = body.face_vectors  # twice the area long: large faces weigh more
+    normal = body.face_vectors  # twice the area long, so that large faces weigh more
     A = np.zeros((n, 3, 3))
     b = np.zeros((n, 3))
     for corner in range(3):
         at = cell[body.triangles[:, corner]]
-        # from the cell's own mean, so that no digits are lost far from the origin
+        # relative to the cell's mean, so that no digits are lost far from the origin
         offset = np.einsum("ij,ij->i", normal, body.positions_m[body.triangles[:, corner]] - mean[at])
         for i in range(3):
             b[:, i] += np.bincount(at, normal[:, i] * offset, n)
@@ -105,7 +105,7 @@ def _best_points(body: MeshBody, cell: IntArray, cell_m: float) -> FloatArray:
     for i in range(3):
         for j in range(i):
             A[:, i, j] = A[:, j, i]
-    # flat cells have one plane only: a little weight keeps their point at the mean
+    # flat cells have one plane only: a small weight keeps their point at the mean
     A += np.eye(3) * (1e-3 * np.trace(A, axis1=1, axis2=2) + 1e-30)[:, None, None]
     step = np.linalg.solve(A, b[..., None])[..., 0]
     return mean + np.clip(step, -cell_m / 2, cell_m / 2)
@@ -116,7 +116,7 @@ def deviation(before: list[MeshBody], after: list[MeshBody]) -> Deviation:
     vertices = np.concatenate([b.positions_m for b in before])
     sample = vertices[:: len(vertices) // SAMPLES + 1]
     corners = np.concatenate([b.positions_m[b.triangles] for b in after])
-    # points spread over the reduced surface lead from each vertex to the triangles it may be nearest to
+    # points sampled on the reduced surface give candidate nearest triangles for each vertex
     area = np.linalg.norm(face_vectors(corners), axis=1)
     rng = np.random.default_rng(0)
     owner = np.concatenate(

@@ -43,8 +43,8 @@ def _fibonacci_angles(count: int) -> tuple[FloatArray, FloatArray]:
 
 
 def orthonormal_basis(z: FloatArray) -> FloatArray:
-    """Return (3, 3) rows: two unit vectors perpendicular to a third one, which is the last."""
-    # by numbers: numpy takes longer for one cross product than for all else of a frame's light
+    """Return (3, 3) rows: two unit vectors perpendicular to ``z``, then ``z``."""
+    # scalar arithmetic: one NumPy cross product takes longer than the rest of a frame's light
     a, b, c = (float(v) for v in z)
     x, y, w = (b, -a, 0.0) if abs(c) < 0.9 else (0.0, c, -b)
     length = (x * x + y * y + w * w) ** 0.5
@@ -53,7 +53,7 @@ def orthonormal_basis(z: FloatArray) -> FloatArray:
 
 
 def across(direction: ArrayLike) -> FloatArray:
-    """Return (3, 3) rows: two unit vectors perpendicular to a unit vector, and itself."""
+    """Return (3, 3) rows: two unit vectors perpendicular to ``direction``, then ``direction``."""
     d = np.asarray(direction, float)
     axis = [0.0, 0.0, 0.0]
     axis[int(np.argmin(np.abs(d)))] = 1.0
@@ -63,5 +63,5 @@ def across(direction: ArrayLike) -> FloatArray:
 
 
 def _cross(a: list[float], b: list[float]) -> list[float]:
-    """Return a cross product of scalars; NumPy takes thirty calls for one."""
+    """Return a cross product of lists; NumPy's takes 30 times as long."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

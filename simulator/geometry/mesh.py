@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-# Sine of the angle under which a triangle may look away and counts as facing: rounding must not lose one.
+# Sine of the angle by which a triangle may face away and still count as facing, for rounding.
 GRAZING = 1e-6
 
 
@@ -26,7 +26,7 @@ class TriangleMesh:
 
     Parameters
     ----------
-    in_shell : (M,) whether a triangle is of a closed shell that faces outwards; None where nothing is known of it.
+    in_shell : (M,) True for triangles of a closed shell that faces outwards; None if unknown.
     """
 
     positions_m: FloatArray
@@ -67,12 +67,11 @@ class TriangleMesh:
         return planes * self.in_shell
 
     def facing(self, place: FloatArray) -> IntArray:
-        """Return the triangles that may be first on a ray from a viewpoint: of closed shells those that face it.
+        """Return the triangles that may be first on a ray from a viewpoint: back faces of closed shells are left out.
 
         Parameters
         ----------
-        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m], or the direction (x, y, z, 0) of one far
-            away.
+        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 TRIANGLES_PER_CELL = 20
-MAX_CELLS = 64  # to a side: cells are numbered in 16 bits, which sort fastest
+MAX_CELLS = 64  # per side: cell indices fit 16 bits, which sort fastest
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class PlaneGrid:
 
     Parameters
     ----------
-    low, per_cell : (2,) corner of the grid, and cells to a unit of x and of y. side : cells in a row and in a column.
-    first : (side^2 + 1,) where the triangles of each cell begin in ``listed``, row by row. listed : their numbers.
+    low, per_cell : (2,) corner of the grid, and cells per unit of x and y. side : number of cells per row and column.
+    first : (side^2 + 1,) start of each cell's triangles in ``listed``, row by row. listed : triangle indices.
     """
 
     low: FloatArray
@@ -51,8 +51,8 @@ class PlaneGrid:
         wide = right - left + 1
         count = wide * (bottom - top + 1)
         triangle = np.repeat(np.arange(n), count)
-        within = _stretches(np.zeros(n, np.int64), count, triangle)
-        cell = (top * side + left)[triangle] + within // wide[triangle] * side + within % wide[triangle]
+        offset = _stretches(np.zeros(n, np.int64), count, triangle)
+        cell = (top * side + left)[triangle] + offset // wide[triangle] * side + offset % wide[triangle]
         order = np.argsort(cell.astype(np.uint16), kind="stable")
         first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
         return PlaneGrid(low, per_cell, side, first, triangle[order])
@@ -81,21 +81,21 @@ class PlaneGrid:
             enters, leaves = (np.clip((row + k - a[:, 1]) / rise, 0, 1) for k in (0, 1))
         enters, leaves = np.where(level, 0.0, enters), np.where(level, 1.0, leaves)
         x = [a[:, 0] + share * (b[:, 0] - a[:, 0]) for share in (enters, leaves)]
-        slack = 1e-6  # share of a cell: rounding must not lose an entry that begins at the end of a row
+        slack = 1e-6  # as a share of a cell: rounding must not lose an entry that begins at the end of a row
         left, right = _cells(np.minimum(*x) - slack, self.side), _cells(np.maximum(*x) + slack, self.side)
         below = _cells(np.minimum(a[:, 1], b[:, 1]) - slack, self.side)
         above = _cells(np.maximum(a[:, 1], b[:, 1]) + slack, self.side)
-        # the cells that an edge meets in a row follow each other, and so do their triangles
+        # the cells of an edge in one row are consecutive, and so are their triangles
         start = self.first[row * self.side + left].ravel()
         stop = self.first[row * self.side + right + 1].ravel()
         count = np.where(((row >= below) & (row <= above)).ravel(), stop - start, 0)
-        met, triangle = self._pairs(start, count)
-        return met // self.side, triangle
+        crossing, triangle = self._pairs(start, count)
+        return crossing // self.side, triangle
 
     def _pairs(self, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-        """Return, for stretches of ``listed``, the stretch of each triangle, and the triangles."""
-        whose = np.repeat(np.arange(len(count)), count)
-        return whose, self.listed[_stretches(start, count, whose)]
+        """Return, for slices of ``listed``, the slice of each triangle, and the triangles."""
+        owner = np.repeat(np.arange(len(count)), count)
+        return owner, self.listed[_stretches(start, count, owner)]
 
 
 def _cells(places: FloatArray, side: int) -> IntArray:
@@ -103,6 +103,6 @@ def _cells(places: FloatArray, side: int) -> IntArray:
     return np.asarray(np.clip(places, 0, side - 1)).astype(np.int64)
 
 
-def _stretches(start: IntArray, count: IntArray, whose: IntArray) -> IntArray:
-    """Return ``count`` consecutive numbers from each start, concatenated; ``whose`` is the start of each."""
-    return np.asarray(np.arange(len(whose)) + (start - np.cumsum(count) + count)[whose])
+def _stretches(start: IntArray, count: IntArray, owner: IntArray) -> IntArray:
+    """Return ``count`` consecutive integers from each start, concatenated; ``owner`` maps each integer to its start."""
+    return np.asarray(np.arange(len(owner)) + (start - np.cumsum(count) + count)[owner])

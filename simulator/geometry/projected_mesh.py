@@ -1,7 +1,8 @@
 """A mesh projected once for many visibility queries from an eye or along a direction.
 
-On the plane of projection a triangle's nearness (inverse depth from an eye, distance towards a far light) is linear,
-and so is an edge's. A grid of cells holds the triangles that touch each, so that a question is put to few of them.
+Nearness is inverse depth from an eye, or distance towards a light at infinity. On the plane of projection it is linear
+along a triangle and along an edge. A grid of cells lists the triangles that touch each cell, so a query tests few of
+them.
 
 References
 ----------
@@ -23,20 +24,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.geometry.mesh import TriangleMesh
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-NEAR_M = 1e-3  # near plane: closer points and those behind the camera have no projection
-# Triangles seen edge-on hide nothing: twice their area on the plane z = 1, and seen from a far light [m2].
+NEAR_M = 1e-3  # near plane: points closer than this, or behind the camera, have no projection
+# Twice the area on the plane z = 1, and seen from a light at infinity [m2], below which a triangle is edge-on and hides
+# nothing.
 FLAT, FLAT_M2 = 1e-15, 1e-12
-MIN_STRETCH = 1e-6  # a stretch shorter than this share of its edge is rounding where two triangles meet
+MIN_STRETCH = 1e-6  # shortest gap between two triangles, as a share of the edge: smaller ones are rounding
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedMesh:
-    """The projected mesh.
+    """A mesh on a plane of projection, with nearness.
 
     Parameters
     ----------
-    x, y, near : (3, M) corners of the triangles, and their nearness. flat : twice the area of a triangle that counts as
-        seen edge-on: that hides nothing.
+    x, y, near : (3, M) corners of the triangles, and their nearness. flat : twice the area of an edge-on triangle.
     """
 
     x: FloatArray
@@ -46,7 +47,7 @@ class ProjectedMesh:
 
     @cached_property
     def _bounds(self) -> FloatArray:
-        """(4, M) low x, low y, high x, high y."""
+        """(4, M) low x, low y, high x, high y of each triangle."""
         return np.stack([_least(self.x), _least(self.y), _most(self.x), _most(self.y)])
 
     @cached_property
@@ -55,7 +56,7 @@ class ProjectedMesh:
 
     @cached_property
     def _discs(self) -> FloatArray:
-        """(3, M) centre x, y and radius of a disc that holds each triangle."""
+        """(3, M) centre x, y and radius of each triangle's bounding disc."""
         low, high = self._bounds[:2], self._bounds[2:]
         return np.concatenate([(low + high) / 2, np.hypot(*(high - low))[None] / 2])
 
@@ -68,7 +69,7 @@ class ProjectedMesh:
         return PlaneGrid.over(self._bounds)
 
     def hides(self, points: FloatArray, near: FloatArray) -> BoolArray:
-        """Return whether some triangle covers each point (K, 2) and is nearer than (K,) there."""
+        """Return (K,) True where a triangle covers a point (K, 2) and is nearer than ``near`` (K,) there."""
         point, triangle = self._grid.at(points)
         planes = _planes(self.x[:, triangle], self.y[:, triangle], self.near[:, triangle], self.flat)
         a, b, c = planes.transpose(1, 0, 2)
@@ -82,7 +83,7 @@ class ProjectedMesh:
 
         Parameters
         ----------
-        ends : (E, 2, 2). near : (E, 2) nearness of the ends.
+        ends : (E, 2, 2) end points. near : (E, 2) nearness of the ends.
         """
         if len(ends) == 0:
             return []
@@ -97,15 +98,15 @@ class ProjectedMesh:
             if k == 0:
                 value, slope = value - near[edge, 0], slope - rise[edge]
             _cut(first, last, value, slope)
-            left = np.flatnonzero(last > first)
-            edge, triangle, first, last = edge[left], triangle[left], first[left], last[left]
-            start, along = start[:, left], along[:, left]
+            open_ = np.flatnonzero(last > first)
+            edge, triangle, first, last = edge[open_], triangle[open_], first[open_], last[open_]
+            start, along = start[:, open_], along[:, open_]
         return _gaps(len(ends), edge, first, last)
 
     def _beside(
         self, edge: IntArray, triangle: IntArray, ends: FloatArray, farthest: FloatArray
     ) -> tuple[IntArray, IntArray]:
-        """Return the pairs whose triangle may cross the edge's line, and be nearer than ``farthest`` (E,)."""
+        """Return the pairs whose triangle may cross the edge's line and be nearer than ``farthest`` (E,)."""
         way = ends[:, 1] - ends[:, 0]
         across = np.stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-300)
         offset = (across * ends[:, 0].T).sum(axis=0)
@@ -119,11 +120,11 @@ def project_to_pinhole(mesh: TriangleMesh, R: FloatArray, t: FloatArray) -> Proj
     """Project a mesh on the plane z = 1 of a pinhole camera. Nearness is the inverse of depth [m-1].
 
     Back faces of closed shells are left out, unless the mesh reaches the camera's plane: a ray may then leave a shell
-    that it never entered before the camera.
+    without having entered it in front of the camera.
 
     Parameters
     ----------
-    R, t : (3, 3) rotation and (3,) translation [m] from the mesh's frame to the camera's.
+    R, t : (3, 3) rotation and (3,) translation [m] from the mesh's frame to the camera frame.
     """
     ends = R[2] @ mesh.box_m + t[2]
     corners = mesh.corners_m
@@ -144,18 +145,18 @@ def project_along(mesh: TriangleMesh, direction: tuple[float, float, float]) -> 
 
 
 def _ahead_of_lens(corners: FloatArray) -> FloatArray:
-    """Clip triangles (3, 3, M), axes by corners, against the near plane z = NEAR_M; a cut one yields one or two."""
+    """Clip triangles (3, 3, M), indexed by axis and corner, against z = NEAR_M; a clipped one yields one or two."""
     ahead = corners[2] > NEAR_M
     count = ahead.sum(axis=0)
     pieces = [corners[:, :, count == 3]]
     for alone, n in ((True, 1), (False, 2)):
         which = np.flatnonzero(count == n)
-        # the single corner on its side comes first
+        # rotate the corners so that the one alone on its side is first
         order = (np.argmax(ahead[:, which] == alone, axis=0) + np.arange(3)[:, None]) % 3
         a, b, c = corners[:, order, which].transpose(1, 0, 2)
         ab, ac = (a + (NEAR_M - a[2]) / (other[2] - a[2]) * (other - a) for other in (b, c))
-        cut = [(a, ab, ac)] if alone else [(ab, b, c), (ab, c, ac)]
-        pieces += [np.stack(triangle, axis=1) for triangle in cut]
+        pieces_of_cut = [(a, ab, ac)] if alone else [(ab, b, c), (ab, c, ac)]
+        pieces += [np.stack(triangle, axis=1) for triangle in pieces_of_cut]
     return np.concatenate(pieces, axis=2)
 
 
@@ -168,10 +169,9 @@ def _most(corners: FloatArray) -> FloatArray:
 
 
 def _planes(x: FloatArray, y: FloatArray, near: FloatArray, flat: float) -> FloatArray:
-    """Return (4, 3, M) coefficients a, b, c of a x + b y + c: nearness, then the distance from each side, positive
-    inside.
+    """Return (4, 3, M) coefficients of a x + b y + c: nearness, then scaled distance from each side, positive inside.
 
-    The latter times the side's length. Of triangles seen edge-on the nearness is minus infinity.
+    Nearness is minus infinity for edge-on triangles.
     """
     area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     edge_on = np.abs(area) <= flat
@@ -203,13 +203,13 @@ def _cut(first: FloatArray, last: FloatArray, value: FloatArray, slope: FloatArr
 def _gaps(
     n_edges: int, edge: IntArray, first: FloatArray, last: FloatArray
 ) -> list[tuple[tuple[float, float], ...]]:
-    """Return, for each edge, [0, 1] without the union of its intervals, (N,) from ``first`` to ``last``."""
-    # an interval of no length closes each edge
+    """Return, for each edge, [0, 1] minus the union of its intervals ``first`` to ``last`` (N,)."""
+    # an empty interval at 1 closes each edge
     edge, one = np.concatenate([edge, np.arange(n_edges)]), np.ones(n_edges)
     first, last = np.concatenate([first, one]), np.concatenate([last, one])
     order = np.lexsort((first, edge))
     edge, first, last = edge[order], first[order], last[order]
-    # the farthest that any earlier interval of an edge reaches: a running maximum, by rank so that edges stay apart
+    # running maximum of the interval ends, by rank so that edges stay apart
     by_value = np.argsort(last, kind="stable")
     rank = np.empty(len(last), np.int64)
     rank[by_value] = np.arange(len(last))
@@ -217,7 +217,7 @@ def _gaps(
     reached = np.concatenate([[0.0], last[by_value[farthest - edge * len(last)]][:-1]])
     reached[np.flatnonzero(np.diff(edge, prepend=-1))] = 0.0
     gaps = np.flatnonzero(first - reached > MIN_STRETCH)
-    found: list[list[tuple[float, float]]] = [[] for _ in range(n_edges)]
+    visible: list[list[tuple[float, float]]] = [[] for _ in range(n_edges)]
     for k, a, b in zip(edge[gaps].tolist(), reached[gaps].tolist(), first[gaps].tolist(), strict=True):
-        found[k].append((a, b))
-    return [tuple(stretches) for stretches in found]
+        visible[k].append((a, b))
+    return [tuple(stretches) for stretches in visible]

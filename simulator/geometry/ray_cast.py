@@ -17,8 +17,8 @@ from flyaround.simulator.geometry.plane_grid import PlaneGrid
 if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
-_PAIRS = 2_000_000  # pairs of a ray and a triangle that are tested at once: 0.3 GB
-_EDGE_ON_M2 = 1e-14  # twice the area of a triangle, seen along the rays, that hides nothing
+_PAIRS = 2_000_000  # pairs of a ray and a triangle tested at once: 0.3 GB
+_EDGE_ON_M2 = 1e-14  # twice the projected area below which a triangle hides nothing
 
 Int32Array = np.typing.NDArray[np.int32]
 
@@ -33,17 +33,17 @@ class RayCaster(Protocol):
 
         Parameters
         ----------
-        origins_m : (K, 3). directions : (K, 3) unit vectors, or (3,) of all rays.
+        origins_m : (K, 3) origins. directions : (K, 3) unit vectors, or one (3,) for all rays.
         """
         ...
 
 
 def make_ray_caster(corners_m: FloatArray) -> RayCaster:
-    """Return the fastest ray caster of this machine.
+    """Return the fastest available ray caster.
 
     Parameters
     ----------
-    corners_m : (T, 3, 3) of the triangles.
+    corners_m : (T, 3, 3) corners of the triangles.
     """
     return EmbreeCaster(corners_m) if embree_is_here() else GridCaster(corners_m)
 
@@ -57,13 +57,13 @@ class EmbreeCaster:
     """Ray casting by Embree, in single precision."""
 
     def __init__(self, corners_m: FloatArray) -> None:
-        # loads 40 MB of libraries: needed once a craft
+        # loads 40 MB of libraries
         from embreex.mesh_construction import TriangleMesh  # noqa: PLC0415
         from embreex.rtcore_scene import EmbreeScene  # noqa: PLC0415
 
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, np.ascontiguousarray(corners_m, np.float32))
-        # the tree is built at the first question, which must not be two threads'
+        # the tree is built at the first query, which is not thread-safe
         self.first_hits(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]))
 
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
@@ -83,12 +83,14 @@ class GridCaster:
     def first_hits(self, origins_m: FloatArray, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Return the first hits; see `RayCaster`."""
         origins = np.asarray(origins_m, float)
-        each, of = np.unique(np.atleast_2d(np.asarray(directions, float)), axis=0, return_inverse=True)
+        each, ray_direction = np.unique(
+            np.atleast_2d(np.asarray(directions, float)), axis=0, return_inverse=True
+        )
         if len(each) == 1:
             return self._along(origins, each[0])
         distance, triangle = np.empty(len(origins), np.float32), np.empty(len(origins), np.int32)
         for k, direction in enumerate(each):
-            rays = np.flatnonzero(of.ravel() == k)
+            rays = np.flatnonzero(ray_direction.ravel() == k)
             distance[rays], triangle[rays] = self._along(origins[rays], direction)
         return distance, triangle
 
@@ -117,11 +119,11 @@ def _covered(
     y: FloatArray,
     z: FloatArray,
 ) -> tuple[np.typing.NDArray[np.int64], np.typing.NDArray[np.int64], FloatArray]:
-    """Return the pairs (P,) of a ray and a triangle that it hits, and the distances, in axes along the rays.
+    """Return the pairs (P,) of a ray and a triangle that it hits, and the distances along the rays.
 
     Parameters
     ----------
-    origins : (K, 3) of the rays. x, y, z : (3, T) of the triangles' corners.
+    origins : (3, K) or (K, 3) ray origins. x, y, z : (3, T) corners of the triangles, in axes along the rays.
     """
     ahead = z.max(axis=0)[triangle] > origins[ray, 2]
     ray, triangle = ray[ahead], triangle[ahead]

@@ -19,7 +19,7 @@ class Subdivision:
 
     Parameters
     ----------
-    parents : for each round, (K, 2) vertices; each new vertex is the midpoint of a pair.
+    parents : (K, 2) pairs of vertices for each round; each new vertex is the midpoint of a pair.
     triangles : (T, 3) triangles of the subdivided mesh, ordered by their original triangle.
     of : (T,) index of the original triangle. first : (T0 + 1,) index of the first piece of each original triangle.
     """
@@ -30,13 +30,13 @@ class Subdivision:
     first: _IndexArray
 
     def extended(self, values: FloatArray | Float32Array) -> Float32Array:
-        """Return values (V, n) at all vertices; those at new ones are the mean of their two parents."""
+        """Return values (V, n) at all vertices; a new vertex gets the mean of its two parents."""
         for pairs in self.parents:
             values = np.concatenate([values, (values[pairs[:, 0]] + values[pairs[:, 1]]) * 0.5])
         return np.asarray(values, np.float32)
 
     def inherited(self, values: _IndexArray) -> _IndexArray:
-        """Return values (V,) at all vertices; those at new ones are one parent's."""
+        """Return values (V,) at all vertices; a new vertex gets one parent's value."""
         for pairs in self.parents:
             values = np.concatenate([values, values[pairs[:, 0]]])
         return values
@@ -45,7 +45,7 @@ class Subdivision:
 def subdivide(positions_m: FloatArray, triangles: _IndexArray, longest_m: float) -> Subdivision:
     """Halve every edge longer than ``longest_m`` until there is none; neighbours stay connected.
 
-    The decision depends on the edge alone, and its midpoint is the same from either side.
+    The decision depends on the edge alone, so both adjacent triangles agree.
     """
     p = np.asarray(positions_m, float)
     tri = np.asarray(triangles, np.int64)
@@ -85,8 +85,8 @@ def _halved(
     }
     out, owners = [], []
     for n, pieces in patterns.items():
-        chosen = count == n
+        group = count == n
         for piece in pieces:
-            out.append(np.stack([corner[chosen] for corner in piece], axis=1))
-            owners.append(origin[chosen])
+            out.append(np.stack([corner[group] for corner in piece], axis=1))
+            owners.append(origin[group])
     return np.concatenate(out), np.concatenate(owners)

@@ -12,7 +12,7 @@ from flyaround.simulator.geometry.triangles import face_vectors
 from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
 GRID_BITS = 21
-"""Bits of the grid on which positions are compared: 2^21 steps per axis, about half a millionth of the craft."""
+"""Bits of the grid on which positions are compared: 2^21 steps per axis, about half a millionth of the craft's size."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -21,11 +21,11 @@ class MeshBody:
 
     Parameters
     ----------
-    positions_m : (V, 3) distinct places, model frame.
-    triangles : (F, 3) indices.
-    face_material : (F,).
-    corner_normals : (F, 3, 3) the file's normals at the corners, or None.
-    corner_uv : (F, 3, 2) texture coordinates at the corners, NaN where there are none; or None.
+    positions_m : (V, 3) distinct positions, model frame.
+    triangles : (F, 3) vertex indices.
+    face_material : (F,) material index.
+    corner_normals : (F, 3, 3) normals from the file, or None.
+    corner_uv : (F, 3, 2) texture coordinates, NaN where missing; or None.
     """
 
     name: str
@@ -36,7 +36,7 @@ class MeshBody:
     corner_uv: FloatArray | None = None
 
     def kept(self, faces: BoolArray) -> MeshBody:
-        """Return the body with a selection of its faces."""
+        """Return the body restricted to some faces."""
         normals = None if self.corner_normals is None else self.corner_normals[faces]
         return MeshBody(
             name=self.name,
@@ -60,9 +60,9 @@ class EdgeTable:
     Parameters
     ----------
     ends : (E, 2) vertices, the lower number first.
-    count : (E,) faces that meet there. balance : (E,) those that run upwards less those that run downwards.
-    first : (E,) one half-edge of each.
-    pairs : (P, 2) half-edges of the edges of exactly two faces; pair_edge : (P,) which edge that is.
+    count : (E,) number of faces. balance : (E,) half-edges towards the higher vertex minus the others.
+    first : (E,) one half-edge of each edge.
+    pairs : (P, 2) half-edges of the edges with exactly two faces; pair_edge : (P,) edge of each pair.
     """
 
     ends: IntArray
@@ -74,12 +74,12 @@ class EdgeTable:
 
     @property
     def open(self) -> BoolArray:
-        """(E,) edges of one face."""
+        """(E,) True for edges of one face."""
         return self.count == 1
 
     @property
     def non_manifold(self) -> BoolArray:
-        """(E,) edges of three or more faces that are not the seam of touching bodies."""
+        """(E,) True for edges of three or more faces that are not the seam of touching bodies."""
         return (self.count > 2) & ((self.balance != 0) | (self.count % 2 == 1))
 
 
@@ -89,7 +89,7 @@ def used_vertices(triangles: IntArray, count: int) -> IntArray:
 
 
 def weld(points: FloatArray, low: FloatArray, extent: float) -> tuple[FloatArray, IntArray]:
-    """Return distinct positions and the index of each point's, compared on a grid of 2^21 steps over ``extent``."""
+    """Return distinct positions and each point's index among them, compared on a grid of 2^21 steps over ``extent``."""
     step = extent / (2**GRID_BITS - 2)
     cell = np.floor((points - low) / step + 0.5).astype(np.int64)
     key = (cell[:, 0] << (2 * GRID_BITS)) | (cell[:, 1] << GRID_BITS) | cell[:, 2]
@@ -126,7 +126,7 @@ def is_closed(positions_m: FloatArray | Float32Array, triangles: IntArray) -> bo
     p = positions_m.astype(float)[triangles]
     if not np.einsum("ij,ij->", p[:, 0], np.cross(p[:, 1], p[:, 2])) > 0:
         return False
-    # corners at one place are one, whatever their normals; slivers may lose an edge by rounding
+    # merge corners at one position, whatever their normals; slivers may lose an edge by rounding
     _, place = np.unique(np.round(positions_m, 6), axis=0, return_inverse=True)
     edges = edge_table(place.ravel()[triangles])
     return not edges.balance[edges.ends[:, 0] != edges.ends[:, 1]].any()
@@ -150,10 +150,10 @@ def with_separate_components(body: MeshBody) -> MeshBody:
     """Return the body with no vertex shared between connected components, so that touching pieces keep all edges."""
     _, piece = face_bodies(body.triangles, edge_table(body.triangles))
     count = len(body.positions_m)
-    used, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
+    distinct, index = np.unique(piece[:, None] * count + body.triangles, return_inverse=True)
     return MeshBody(
         name=body.name,
-        positions_m=body.positions_m[used % count],
+        positions_m=body.positions_m[distinct % count],
         triangles=index.reshape(-1, 3),
         face_material=body.face_material,
     )

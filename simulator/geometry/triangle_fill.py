@@ -12,13 +12,14 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
-FILL_SCALE = 4
-FILL_SHIFT = 4
-BESIDE = 4096  # a polygon that begins farther outside is cut: OpenCV adds up its slopes row by row, with their rounding
+FILL_SCALE = 4  # subpixels along each side of a pixel
+FILL_SHIFT = 4  # fractional bits of OpenCV's coordinates
+# pixels beyond the image where polygons are clipped: OpenCV accumulates rounding of slopes row by row
+BESIDE = 4096
 
 
 def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
-    """Return a mask of a width and height, 255 where triangles (M, 3, 2) cover at least half of the pixel."""
+    """Return a mask of a width and height, 255 where triangles (M, 3, 2) cover at least half of a pixel."""
     mask = np.zeros(size[::-1], np.uint8)
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, size).astype(int)
     high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, size).astype(int)
@@ -26,8 +27,8 @@ def filled_mask(corners_px: FloatArray, size: tuple[int, int]) -> ByteArray:
         return mask
     width, height = (high - low).tolist()
     fine = np.zeros((height * FILL_SCALE, width * FILL_SCALE), np.uint8)
-    # a pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid; OpenCV fills what a border touches, half of which
-    # is too much
+    # a pixel's centre is at (FILL_SCALE - 1) / 2 on the finer grid; OpenCV also fills pixels that the border touches,
+    # half of which is too much
     fill_triangles(fine, (corners_px - low) * FILL_SCALE + (FILL_SCALE - 1) / 2)
     inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
     share = cv2.resize(
@@ -54,11 +55,11 @@ def fill_triangles(fine: ByteArray, corners: FloatArray) -> None:
     large = corners[~dots]
     low, high = lowest_and_highest(large)
     beside = fine.shape[::-1] + np.array([BESIDE, BESIDE])
-    seen = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
-    far = seen & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
-    near = [*np.rint(large[seen & ~far] * 2**FILL_SHIFT).astype(np.int32)]
-    cut = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
-    for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in cut if len(p)]:
+    inside = np.all(high >= -1, axis=1) & np.all(low <= fine.shape[::-1], axis=1)
+    far = inside & (np.any(low < -BESIDE, axis=1) | np.any(high > beside, axis=1))
+    near = [*np.rint(large[inside & ~far] * 2**FILL_SHIFT).astype(np.int32)]
+    clipped = [polygon_within(triangle, -BESIDE, beside) for triangle in large[far]]
+    for polygon in near + [np.rint(p * 2**FILL_SHIFT).astype(np.int32) for p in clipped if len(p)]:
         cv2.fillConvexPoly(fine, polygon, 255, cv2.LINE_8, FILL_SHIFT)
 
 

@@ -1,4 +1,4 @@
-"""Automatic exposure: a loop with lag that depends on the flight alone, so that each frame can be drawn alone."""
+"""Automatic exposure: a lagged control loop that depends on the flight alone, not on which frames are drawn."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 STEPS_PER_LAG = 2
 MEMORY_LAGS = 12
-"""Lags after which the past has faded below 1e-5 and is ignored."""
+"""Lags after which earlier values have decayed below 1e-5 and are ignored."""
 
 
 class AutoExposure(Section, frozen=True, kw_only=True):
     """Automatic exposure that follows the scene with lag, in place of ``exposure_s``.
 
-    ``level``: signal, 1 at full scale, that ``share`` of what is lit on the image stays below.
+    ``level``: signal, 1 at full scale, that a ``share`` of the lit image area stays below.
     """
 
     # the metered radiance is brought to the level; share is by area
     level: Annotated[float, Meta(gt=0, le=1)] = 0.5
     share: Annotated[float, Meta(gt=0, le=1)] = 0.9
-    # time in which the logarithm of the exposure covers 63 % of a step
+    # time constant of the logarithm of the exposure
     lag_s: Annotated[float, Meta(ge=0.01, le=600)] = 2.0
-    # limits; where nothing is lit the longest is wanted
+    # limits; if nothing is lit, the longest is used
     shortest_s: Annotated[float, within(EXPOSURE_S)] = 1e-5
     longest_s: Annotated[float, within(EXPOSURE_S)] = 0.1
 
@@ -39,24 +39,24 @@ class AutoExposure(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        full_scale_j_m2_sr : radiance times exposure that fills the scale.
+        full_scale_j_m2_sr : radiance times exposure at full scale.
         """
         if radiance_w_m2_sr <= 0:
             return self.longest_s
-        wanted = self.level * full_scale_j_m2_sr / radiance_w_m2_sr
-        return float(np.clip(wanted, self.shortest_s, self.longest_s))
+        exposure_s = self.level * full_scale_j_m2_sr / radiance_w_m2_sr
+        return float(np.clip(exposure_s, self.shortest_s, self.longest_s))
 
 
 @dataclass(frozen=True, eq=False)
 class ExposureTrack:
     """The exposure along a flight, from the meter's values at fixed times.
 
-    The loop is run on a grid of ``lag_s / 2`` from the flight's start; to know it at one time, the last twelve lags are
-    enough. So it is a function of time, whatever other frames are drawn.
+    The loop runs on a grid of ``lag_s / 2`` from the flight's start. At one time the last twelve lags determine it, so
+    it is a function of time, independent of which frames are drawn.
 
     Parameters
     ----------
-    wanted_s : exposure wanted at a time from the flight's start [s], both in seconds.
+    wanted_s : function from a time since the flight's start to the metered exposure [s].
     """
 
     settings: AutoExposure

@@ -1,6 +1,6 @@
-"""Images for a screen: digital numbers to light, with a photographic tone curve.
+"""Images for a screen: digital numbers to sRGB, with a photographic tone curve.
 
-A screen takes sRGB numbers. Linear ones sent there as they are look too dark and too contrasty, colours too saturated.
+Screens expect sRGB numbers: linear ones look too dark, with too much contrast and saturation.
 """
 
 from __future__ import annotations
@@ -24,14 +24,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
 
 SHOULDER = 4.0
-"""Shoulder s of the tone curve (1 + s) x / (s + x) of relative light x: a third of a stop brighter, with a highlight
-roll-off."""
+"""Shoulder s of the tone curve (1 + s) x / (s + x) of relative light x: a third of a stop brighter, soft highlights."""
 
 TOE_SIGMAS = 3.0
-"""Toe of the curve, in standard deviations of the dark noise, which sRGB would show as grey grain."""
+"""Toe of the curve, in standard deviations of the dark noise, which sRGB would show as grain."""
 
 _FULL = 16_383
-"""Full scale of light in sixteen bits; a colour may be four times as bright in one of a screen's primaries."""
+"""Full scale of light in 16 bits; a colour may be four times as bright in one primary of a screen."""
 
 
 def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
@@ -40,19 +39,19 @@ def display_picture(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding
     Parameters
     ----------
     image : (H, W) or (H, W, 3) array
-        Numbers as the camera delivered them.
+        Digital numbers as delivered by the camera.
     sensor, encoding : Sensor, str
-        Of that camera.
+        Sensor and encoding of that camera.
 
     Returns
     -------
     (H, W) or (H, W, 3) uint8 array
     """
-    light, shown = _light_table(sensor, encoding), _shown_table(sensor)
+    light, display_table = _light_table(sensor, encoding), _shown_table(sensor)
     if image.ndim == 2 or encoding == "srgb":
-        return np.asarray(shown[light][image])
-    # three bands of 100 nm are no primaries of a screen; sRGB images have had the matrix in the camera
-    return np.asarray(shown[cv2.transform(light[image], np.array(SRGB_FROM_BANDS))])
+        return np.asarray(display_table[light][image])
+    # the camera's three 100 nm bands are not a screen's primaries; sRGB images are already converted
+    return np.asarray(display_table[cv2.transform(light[image], np.array(SRGB_FROM_BANDS))])
 
 
 def shown_light(light: FloatArray) -> FloatArray:
@@ -68,7 +67,7 @@ def raw_picture(image: NDArray[np.unsignedinteger], bits: int) -> ByteArray:
 
 @lru_cache(maxsize=32)
 def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
-    """Return the light of each of an image's numbers, `_FULL` at full scale."""
+    """Return the light for each of an image's numbers, `_FULL` at full scale."""
     numbers, linear = decode_numbers(np.arange(1 << sensor.bits, dtype=np.uint16), sensor, encoding)
     full, black = linear.scale_dn
     light = np.clip((numbers.astype(float) - black) / full, 0.0, 1.0)
@@ -77,7 +76,7 @@ def _light_table(sensor: Sensor, encoding: Encoding) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=32)
 def _shown_table(sensor: Sensor) -> ByteArray:
-    """Return the displayed number for each light, `_FULL` and above at full scale."""
+    """Return the displayed number for each light, of `_FULL` and above at full scale."""
     light = np.arange(1 << 16) / _FULL
     toe = TOE_SIGMAS * noise_sigma(sensor)
     return np.rint(255 * shown_light(light * light * (1 + toe) / np.maximum(light + toe, 1e-9))).astype(

@@ -1,9 +1,8 @@
 """The exposure in time: an image as the mean of instants (motion blur) and of bands of rows (rolling shutter).
 
-Each instant is a whole scene, moved by the propagated rates and drawn anew, so that the smear of the craft, of the
-ground and of the stars is each its own motion's. An image in which nothing moves by as much as ``STILL_PX`` is drawn
-once. Where the Earth fills the image its ground is drawn a few times only, behind the craft as well, and smeared along
-its own flow; before it the craft is, along its own.
+Each instant is a whole scene, propagated and drawn anew, so that craft, ground and stars each smear by their own
+motion. An image in which nothing moves by ``STILL_PX`` is drawn once. If the Earth fills the image, its ground (also
+behind the craft) is drawn only a few times and smeared along its flow, and so is the craft in front of it.
 """
 
 from __future__ import annotations
@@ -37,28 +36,30 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 STILL_PX = 0.3
-"""Motion during the exposure below which one instant suffices: its blur is under a tenth of a pixel rms [px]."""
+"""Motion during the exposure below which one instant suffices: its blur is below 0.1 px rms [px]."""
 INSTANT_PX = 1.0
-"""Motion between instants [px]. A pixel integrates over itself, so that steps of one pixel leave no gap."""
+"""Motion between instants [px]. Pixels integrate over their area, so steps of one pixel leave no gap."""
 GAUSS_PX = (1.1, 2.1, 3.1)
-"""Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]: up to the Nyquist frequency the blurred
-contrast is within 2 %, against 3 to 8 % with uniform instants."""
+"""Motion up to which 2, 3 and 4 Gauss-Legendre instants suffice [px]: up to the Nyquist frequency the contrast is
+within 2 %, against 3 to 8 % with uniform instants.
+"""
 LONGEST_BLUR_PX = 32.0
-"""Longest blur of the ground [px]; longer ones are drawn instant by instant."""
+"""Longest blur of the ground [px]; longer ones are drawn by instants."""
 STRAIGHT_PX = 0.05
-"""Largest deviation of the ground's path from a straight line, at its middle [px]."""
+"""Largest deviation of the ground's path from a straight line, at its centre [px]."""
 ONCE_PX, DRAWN_PX = 1.0, 5.0
-"""Motion of the ground up to which it is drawn once, and between drawings beyond that [px]; averaging removes the
-dependence of clouds and city lights on sub-pixel positions."""
+"""Ground motion up to which one drawing suffices, and motion between drawings beyond it [px]; averaging removes the
+dependence of clouds and city lights on sub-pixel positions.
+"""
 LOW_ORBIT_M = 5e7
 FEW_PLACES, LENS_PLACES = 5, 17
-"""Points along each side of the image at which the ground is tested, without and with lens distortion."""
+"""Points along each side of the image where the ground is tested, without and with lens distortion."""
 MAX_INSTANTS = 256
 
 
 @dataclass(frozen=True)
 class Instants:
-    """Times from the middle of a row's exposure [s], and their weights, whose sum is one."""
+    """Times relative to the middle of a row's exposure [s], and weights that sum to one."""
 
     times_s: tuple[float, ...] = (0.0,)
     weights: tuple[float, ...] = (1.0,)
@@ -82,7 +83,7 @@ def instants_of(motion_px: float, exposure_s: float) -> Instants:
 
 
 def instants(scene: SceneState, target: Target, at: Callable[[float], SceneState] | None = None) -> Instants:
-    """Return the instants of a whole scene; ``at``: `moments_of` the scene."""
+    """Return the instants of a whole scene; ``at`` is the result of `moments_of` for it."""
     if not scene.shutter.motion_blur or motion_bound_px(scene, target, scene.exposure_s) < STILL_PX:
         return Instants()
     return instants_of(image_motion_px(scene, target, scene.exposure_s, at), scene.exposure_s)
@@ -113,8 +114,8 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
         camera = crop(scene.camera, 0, band.y0, scene.camera.width_px, band.y1 - band.y0)
         total: Float32Array | None = None
         for dt, weight in zip(moments.times_s, moments.weights, strict=True):
-            moved = replace(at(band.dt_s + dt), camera=camera)
-            rendered = renderer.render(moved, target)
+            at_band = replace(at(band.dt_s + dt), camera=camera)
+            rendered = renderer.render(at_band, target)
             part = rendered.radiance * np.float32(weight)
             total = part if total is None else np.add(total, part, out=total)
             add_times(stage_ms, rendered.stage_ms)
@@ -127,20 +128,20 @@ def integrate(renderer: Renderer, scene: SceneState, target: Target) -> Exposed:
 
 
 def drawings_of_ground(scene: SceneState, at: Callable[[float], SceneState] | None = None) -> int:
-    """Return how often ground that fills the image is drawn and smeared; 0 if it does not fill it, or moves too far.
+    """Return the number of drawings of a ground that fills the image; 0 if it does not fill it, or moves too far.
 
     Parameters
     ----------
-    at : `moments_of` the scene.
+    at : result of `moments_of` for the scene.
     """
     globe = scene.globe
     far = float(np.linalg.norm(np.subtract(scene.r_camera_eci_m, globe.r_eci_m))) > LOW_ORBIT_M
     if not scene.environment.draws(globe.body) or globe.name != scene.central_body or far:
-        return 0  # the Moon may be before the ground
+        return 0  # the Moon may be in front of the ground
     at = at or moments_of(scene)
     early, late = (at(sign * scene.exposure_s / 2) for sign in (-1, 1))
     c = scene.camera
-    # the Earth's disc is convex, and so is the image where no lens bends it; one that does bends its edges outward too
+    # the Earth's disc is convex, and so is the undistorted image; a distorting lens bends its edges outward too
     n = FEW_PLACES if c.distortion.is_none else LENS_PLACES
     across = [np.linspace(-0.5, size - 0.5, n) for size in (c.width_px, c.height_px)]
     places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
@@ -229,16 +230,16 @@ def _smeared(craft: Rendered, flow: CraftFlow, camera: Camera) -> Rendered:
 
 def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
     """Composite the mean of craft images over a ground (H, W[, bands]), in place."""
-    kept = [craft for craft in crafts if craft.radiance.size]
-    if not kept:
+    visible = [craft for craft in crafts if craft.radiance.size]
+    if not visible:
         return
     rows, columns = (
-        slice(min(c.window[k].start for c in kept), max(c.window[k].stop for c in kept)) for k in (0, 1)
+        slice(min(c.window[k].start for c in visible), max(c.window[k].stop for c in visible)) for k in (0, 1)
     )
     behind = ground[rows, columns]
     light, open_ = np.zeros_like(behind), np.ones(behind.shape[:2], np.float32)
     weight = np.float32(1 / len(crafts))
-    for craft in kept:
+    for craft in visible:
         y, x = (
             slice(own.start - whole.start, own.stop - whole.start)
             for own, whole in zip(craft.window, (rows, columns), strict=True)
@@ -247,7 +248,7 @@ def _put_before(ground: Float32Array, crafts: list[Rendered]) -> None:
             continue
         light[y, x] += craft.radiance * weight
         open_[y, x] -= craft.coverage * weight
-    # weights that add up to one but for their rounding, and a cubic that overshoots
+    # weights add up to one except for rounding, and a cubic overshoots
     np.maximum(open_, 0, out=open_)
     behind *= open_ if behind.ndim == 2 else open_[..., None]
     behind += light

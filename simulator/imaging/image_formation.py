@@ -1,6 +1,6 @@
 """Image formation: from radiance to digital numbers by lens, exposure, PSF, noise and quantisation. Seeded per frame.
 
-Frame k's noise depends on (seed, k) alone, never on the frames before it nor on the number of threads.
+Frame k's noise depends on (seed, k) alone, not on earlier frames or the number of threads.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _PERFECT_LENS = Optics()
-_PIECE_VALUES = 3 << 18  # piece of work for two threads: shorter ones would wait for Python's lock
-_SHORT_VALUES = 3 << 16  # piece of work for more threads
+_PIECE_VALUES = 3 << 18  # values per task for two threads: shorter tasks would wait for Python's lock
+_SHORT_VALUES = 3 << 16  # values per task for more threads
 
 
 @dataclass(frozen=True, eq=False)
 class ViewingConditions:
-    """Parameters of a frame that the optics need besides its image.
+    """Inputs of the optics besides the image.
 
     Parameters
     ----------
-    camera : its geometry. target_distance_m : for the blur of what is out of focus.
-    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : per band, less what is hidden; for glare.
+    camera : geometry of the camera. target_distance_m : distance for defocus.
+    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : irradiance of the visible part per band, for glare.
     """
 
     camera: Camera
@@ -68,9 +68,9 @@ def expose(
     radiance_w_m2_sr : (H, W) or (H, W, 3) band radiance [W m-2 sr-1].
     sensor : detector; ``full_scale_j_m2_sr``, or its saturation charge, maps to 1.
     exposure_s : integration time [s].
-    band_gain : gain of each band, for example the white balance of a colour camera (not of a detector in electrons:
-        that is balanced after its read-out).
-    optics : None for a perfect lens. around : data for vignetting, glare and defocus; without it they are left out.
+    band_gain : gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is
+        applied after read-out instead).
+    optics : None for a perfect lens. around : inputs for vignetting, glare and defocus; None to omit those.
 
     Returns
     -------
@@ -118,16 +118,17 @@ def digitise(
 ) -> NDArray[np.unsignedinteger]:
     """Return digital numbers of an exposed signal: by the detector, or clip, speckle, Gaussian noise, clip, quantise.
 
-    The order of the thesis recipe is not given in its source; here speckle ``I + n I`` with uniform n comes
-    first, then the Gaussian term, then the clip, as MATLAB's ``imnoise`` would be called in sequence.
+    The source of the thesis recipe does not state an order; here uniform speckle ``I + n I`` comes first, then the
+    Gaussian term, then the clip, like consecutive calls of MATLAB's ``imnoise``.
 
     Parameters
     ----------
     signal : (H, W) or (H, W, 3) float32, 1 = full scale.
     sensor : noise recipe and bit depth.
     seed, frame_index : key of this frame's random numbers.
-    exposure_s, band_gain : for a detector in electrons: dark current, and the `white_balance` of a colour image.
-    noise : result of `start_noise` for this sensor, seed, frame and shape; drawn here if omitted.
+    exposure_s, band_gain : for a detector in electrons only: exposure time, for dark current, and `white_balance` of a
+        colour image.
+    noise : result of `start_noise` for this sensor, seed, frame and shape; by default, drawn here.
 
     Returns
     -------
@@ -160,7 +161,7 @@ def digitise(
 
 
 def prefetch_scene_noise(scene: SceneState) -> Callable[[], ImageNoise]:
-    """Draw the additive noise of a scene's image on another thread; the result is for `digitise_scene`."""
+    """Draw the additive noise of a scene's image in another thread; the result is for `digitise_scene`."""
     bands = len(bands_of(scene.bands))
     size = (scene.camera.height_px, scene.camera.width_px)
     sensor = converter(scene.sensor, scene.camera.pixel_encoding)
@@ -195,7 +196,7 @@ def digitise_scene(
 
     Parameters
     ----------
-    signal : result of `expose_scene`. sensor : sensor instead of the scene's, for example its noiseless twin.
+    signal : result of `expose_scene`. sensor : replaces the scene's, for example by its noiseless twin.
     noise : result of `prefetch_scene_noise` for the scene's own sensor.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding
@@ -215,7 +216,7 @@ def digitise_scene(
 def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
     """Return the Sun's irradiance at the camera per band, without the hidden part [W m-2].
 
-    In the shadow of the Earth it is the target's share; where the disc is in the image, what the image shows of it.
+    In the Earth's shadow it is the target's share; if the disc is in the image, the visible part of the image's disc.
     """
     to_sun = np.asarray(scene.r_sun_eci_m) - np.asarray(scene.r_camera_eci_m)
     irradiance = sun_irradiance_w_m2(scene.bands, float(np.linalg.norm(to_sun))) * scene.sunlit_fraction
@@ -227,8 +228,8 @@ def _sun_at_the_lens(scene: SceneState, radiance: Float32Array) -> FloatArray:
         x, y = (int(v) for v in np.rint(pixel))
         near = radiance[max(y - 2, 0) : y + 3, max(x - 2, 0) : x + 3]
         solid_angle = np.pi * (SUN_RADIUS_M / np.linalg.norm(to_sun)) ** 2
-        covered = scene.camera.pixel_solid_angle_sr(pixel)
+        solid_angle_sr = scene.camera.pixel_solid_angle_sr(pixel)
         brightest = near.reshape(-1, *near.shape[2:]).max(axis=0)
-        full = irradiance / np.maximum(solid_angle, covered)
+        full = irradiance / np.maximum(solid_angle, solid_angle_sr)
         irradiance = irradiance * np.clip(np.max(brightest / np.maximum(full, 1e-9)) * 1.5, 0, 1)
     return irradiance

@@ -1,4 +1,4 @@
-"""Motion across the image during an exposure: of the corners of the craft's box, and of a grid on ground and sky."""
+"""Motion across the image during an exposure: of the craft's bounding box, and of a grid on ground and sky."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 SMEARED_PX, PARALLAX_PX = 2.5, 0.5
-"""Largest displacement of a craft that is drawn once and smeared, and largest deviation of a point from the planar
-flow [px]; a smear's ends are then within a quarter of a pixel."""
+"""Largest displacement of a craft that is drawn once and smeared, and largest deviation from the planar flow [px]; the
+ends of a smear are then within a quarter of a pixel.
+"""
 FASTEST_GROUND_M_S = 1.6e3
 """Bound on ground speed from rotation [m s-1]: the Earth's equator moves at 465, that of Mars at 240."""
 
@@ -33,8 +34,9 @@ class CraftFlow:
 
     Parameters
     ----------
-    affine : (3, 2) way at the image's origin, and its changes along x and y [px, 1]. longest_px : of the corners' ways.
-    off_px : largest difference between the corners' ways and the plane.
+    affine : (3, 2) displacement at the image's origin, and its derivatives along x and y [px, 1]. longest_px : largest
+        displacement of a corner.
+    off_px : largest residual of the corners' displacements.
     """
 
     affine: FloatArray
@@ -47,19 +49,17 @@ class CraftFlow:
 
     @property
     def drawings(self) -> int:
-        """Number of drawings to smear."""
+        """Number of drawings of the craft, each of which is smeared."""
         return max(math.ceil(self.longest_px / SMEARED_PX), math.ceil(self.off_px / PARALLAX_PX), 1)
 
 
 def craft_flow(mid: SceneState, early: SceneState, late: SceneState, target: Target) -> CraftFlow:
-    """Return the flow of a craft from ``early`` to ``late`` at its position in ``mid``; corners behind the camera
-    stay.
-    """
+    """Return the flow of a craft from ``early`` to ``late`` at its position in ``mid``; zero behind the camera."""
     places, start, end = (target_corners_px(mid, then, target) for then in (mid, early, late))
-    known = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
+    design = np.column_stack([np.ones(len(places)), np.nan_to_num(places)])
     ways = np.nan_to_num(end - start)
-    affine = np.asarray(np.linalg.lstsq(known, ways, rcond=None)[0], float)
-    return CraftFlow(affine, float(np.hypot(*ways.T).max()), float(np.abs(known @ affine - ways).max()))
+    affine = np.asarray(np.linalg.lstsq(design, ways, rcond=None)[0], float)
+    return CraftFlow(affine, float(np.hypot(*ways.T).max()), float(np.abs(design @ affine - ways).max()))
 
 
 def moments_of(scene: SceneState) -> Callable[[float], SceneState]:
@@ -72,17 +72,17 @@ def image_motion_px(
 ) -> float:
     """Return the largest displacement of anything in the image during ``span_s`` about mid-exposure [px].
 
-    Followed are the corners of the box about the craft, and a grid of directions: where one meets the Earth, the
-    ground there, else the sky.
+    The corners of the craft's bounding box are tracked, and a grid of directions: the ground where one meets the Earth,
+    else the sky.
 
     Parameters
     ----------
-    at : `moments_of` the scene.
+    at : result of `moments_of` for the scene.
     """
     if span_s == 0:
         return 0.0
     at = at or moments_of(scene)
-    early, late = (_followed_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
+    early, late = (_tracked_px(scene, at(sign * span_s / 2), target) for sign in (-1, 1))
     way = np.hypot(*(late - early).T)
     return float(np.nanmax(way, initial=0.0))
 
@@ -100,16 +100,16 @@ def motion_bound_px(scene: SceneState, target: Target, span_s: float) -> float:
     craft = (passing + size * spinning) / (t[2] - size)
     own = np.subtract(scene.v_camera_eci_m_s, central_velocity_m_s(scene))
     ground = (math.hypot(*own) + FASTEST_GROUND_M_S) / height
-    # an angle's image grows with the square of the distance from the axis
+    # image scale grows with the square of the distance from the axis
     x = max(camera.cx_px, camera.width_px - camera.cx_px) / camera.fx_px
     y = max(camera.cy_px, camera.height_px - camera.cy_px) / camera.fy_px
     aside = max(math.hypot(x, y), (math.hypot(t[0], t[1]) + size) / (t[2] - size))
     rate = turning + max(craft, ground if scene.environment.draws(body) else 0.0)
-    # a quarter more: rates change within the span by far less
+    # a quarter more: within the span, rates change by far less
     return 1.25 * span_s * rate * max(camera.fx_px, camera.fy_px) * (1 + aside**2)
 
 
-def _followed_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
+def _tracked_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
     """Return (K, 2) positions in the scene ``then`` of the tracked points of ``scene``; NaN behind the camera."""
     c = scene.camera
     u, v = np.meshgrid(np.linspace(0, c.width_px - 1, 5), np.linspace(0, c.height_px - 1, 5))
@@ -126,12 +126,12 @@ def background_px(scene: SceneState, then: SceneState, pixels: FloatArray) -> Fl
     centers = [np.asarray(s.r_eci_m) for s in states]
     r = np.asarray(scene.r_camera_eci_m) - centers[0]
     along = -d @ r
-    left = along**2 - (r @ r - body.radius_m**2)
-    ground = (left > 0) & (along > 0) & scene.environment.draws(body)
-    place = r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d
+    discriminant = along**2 - (r @ r - body.radius_m**2)
+    ground = (discriminant > 0) & (along > 0) & scene.environment.draws(body)
+    place = r + (along - np.sqrt(np.maximum(discriminant, 0)))[:, None] * d
     place = place @ (there @ here.T).T + centers[1] - np.asarray(then.r_camera_eci_m)
-    seen = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
-    return np.asarray(then.camera.project(seen))
+    in_camera = np.where(ground[:, None], place, d) @ matrix_from_quat(then.q_camera_from_eci_wxyz).T
+    return np.asarray(then.camera.project(in_camera))
 
 
 def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> FloatArray:
@@ -139,7 +139,7 @@ def target_corners_px(scene: SceneState, then: SceneState, target: Target) -> Fl
     corners, c = box_3d_m(target), scene.camera
     craft = then.camera.project(then.camera_from_target.apply(corners))
     at = scene.camera.project(scene.camera_from_target.apply(corners))
-    # a craft far outside the image smears nothing
+    # a craft far outside the image needs no smear
     size = np.array([c.width_px, c.height_px])
     if not np.all(np.isfinite(at)) or np.any(at.max(axis=0) < 0) or np.any(at.min(axis=0) > size):
         craft = np.zeros_like(craft)

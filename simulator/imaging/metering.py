@@ -1,7 +1,7 @@
-"""An exposure meter without an image: the radiance predicted from the geometry.
+"""An exposure meter without an image: radiance predicted from the geometry.
 
-Lambert's law on a few hundred points of the craft and on the ground that the image shows. It leaves out highlights,
-shadows, clouds and light thrown from one thing on another: a meter sets an exposure, it does not measure light.
+Lambert's law on a few hundred points of the craft and on the visible ground. It ignores highlights, shadows, clouds and
+interreflection, because a meter only sets an exposure.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-POINTS = 600
-GRID = (16, 12)
+POINTS = 600  # surface points that are metered
+GRID = (16, 12)  # columns and rows of metered background
 LOWEST_W_M2_SR = 1e-4
-"""Radiance that counts as dark: sunlit Earth or paint are five orders of magnitude above [W m-2 sr-1]."""
+"""Radiance that counts as dark: sunlit Earth or paint is five orders of magnitude brighter [W m-2 sr-1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ def meter_points(target: Target) -> MeterPoints:
     for part in target.parts:
         material = base[part.material]
         corners.append(part.positions_m[part.triangles].astype(float))
-        # a metal reflects like a mirror and mostly misses the camera
+        # a metal is specular, and mostly misses the camera
         diffuse = float(reflectance("mono", np.asarray(material.base_color))[0]) * (
             1 - 0.7 * material.metallic
         )
@@ -56,9 +56,9 @@ def meter_points(target: Target) -> MeterPoints:
     normal = face_vectors(c)
     area = np.linalg.norm(normal, axis=1) / 2
     total = np.cumsum(area)
-    chosen = np.searchsorted(total, (np.arange(POINTS) + 0.5) / POINTS * total[-1])
-    unit = normal[chosen] / np.linalg.norm(normal[chosen], axis=1, keepdims=True)
-    return MeterPoints(c[chosen].mean(axis=1), unit, a[chosen], float(total[-1] / POINTS))
+    triangle = np.searchsorted(total, (np.arange(POINTS) + 0.5) / POINTS * total[-1])
+    unit = normal[triangle] / np.linalg.norm(normal[triangle], axis=1, keepdims=True)
+    return MeterPoints(c[triangle].mean(axis=1), unit, a[triangle], float(total[-1] / POINTS))
 
 
 def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) -> float:
@@ -66,21 +66,21 @@ def metered_radiance_w_m2_sr(scene: SceneState, target: Target, share: float) ->
 
     Parameters
     ----------
-    share : 0..1, by area on the image: 0.9 lets the brightest tenth go above.
+    share : share of the image's area, 0..1: 0.9 lets the brightest tenth exceed it.
     """
     radiance, area = (
         np.concatenate(pair) for pair in zip(_craft(scene, target), _ground(scene), strict=True)
     )
-    lit = radiance > LOWEST_W_M2_SR
-    if not lit.any() or area[lit].sum() <= 0:
+    is_lit = radiance > LOWEST_W_M2_SR
+    if not is_lit.any() or area[is_lit].sum() <= 0:
         return 0.0
-    order = np.argsort(radiance[lit])
-    below = np.cumsum(area[lit][order])
-    return float(radiance[lit][order][np.searchsorted(below, share * below[-1])])
+    order = np.argsort(radiance[is_lit])
+    below = np.cumsum(area[is_lit][order])
+    return float(radiance[is_lit][order][np.searchsorted(below, share * below[-1])])
 
 
 def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
-    """Return the radiance of the craft's points and the pixels that each represents (0 if hidden)."""
+    """Return the radiance of the craft's points, and the pixels that each represents (0 if hidden)."""
     points = meter_points(target)
     pose, c = scene.camera_from_target, scene.camera
     p, n = pose.apply(points.positions_m), points.normals @ pose.R.T
@@ -95,14 +95,14 @@ def _craft(scene: SceneState, target: Target) -> tuple[FloatArray, FloatArray]:
     light = sunlight * incidence
     if scene.lamp is not None:
         light = light + scene.lamp.irradiance_w_m2(p, n, "mono")[:, 0]
-    for lit in scene.area_lights:
-        factor = lit.placed(pose).irradiance_factor(p, n)
-        light = light + factor * lit.radiance_w_m2_sr
+    for lamp in scene.area_lights:
+        factor = lamp.placed(pose).irradiance_factor(p, n)
+        light = light + factor * lamp.radiance_w_m2_sr
     return points.albedo / np.pi * light, area
 
 
 def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
-    """Return the radiance of the central body's ground on a grid over the image, and each point's pixels."""
+    """Return the radiance of the central body's ground on a grid over the image, and the pixels per point."""
     c, central, body = scene.camera, scene.central, scene.central.body
     u = (np.arange(GRID[0]) + 0.5) / GRID[0] * c.width_px - 0.5
     v = (np.arange(GRID[1]) + 0.5) / GRID[1] * c.height_px - 0.5
@@ -114,9 +114,9 @@ def _ground(scene: SceneState) -> tuple[FloatArray, FloatArray]:
     center = np.asarray(central.r_eci_m)
     r = np.asarray(scene.r_camera_eci_m) - center
     along = -d @ r
-    left = along**2 - (r @ r - body.radius_m**2)
-    hit = (left > 0) & (along > 0)
-    zenith = (r + (along - np.sqrt(np.maximum(left, 0)))[:, None] * d) / body.radius_m
+    discriminant = along**2 - (r @ r - body.radius_m**2)
+    hit = (discriminant > 0) & (along > 0)
+    zenith = (r + (along - np.sqrt(np.maximum(discriminant, 0)))[:, None] * d) / body.radius_m
     sun = np.asarray(scene.r_sun_eci_m) - center
     cosine = np.clip(zenith @ sun / np.linalg.norm(sun), 0, None)
     sunlight = sun_irradiance_w_m2("mono", body.sun_distance_m)[0]

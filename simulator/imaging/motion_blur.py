@@ -1,7 +1,7 @@
-"""Smear of an image along its own flow: ground that moves during the exposure.
+"""Smear of an image along its own flow, for ground that moves during the exposure.
 
-The ground's motion across the image is smooth, so that the mean over the exposure of an image drawn once is its
-convolution, tile by tile, with the way that is gone there.
+The ground's flow is smooth, so the mean over the exposure is a convolution of one image, tile by tile, with the
+displacement there.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
 _STEPS_PER_PX = 6
-_CUBIC_REACH = 2
-_SAME_WAY_PX = 0.15  # largest difference of motion across a tile: its ends are then within 0.04 px
+_CUBIC_REACH = 2  # half of the cubic kernel's support [px]
+_SAME_WAY_PX = 0.15  # largest difference of motion across a tile: the error is then within 0.04 px
 _TILE_PX = (32, 256)
 
 
@@ -37,15 +37,15 @@ def _cubic(x: FloatArray) -> FloatArray:
 
 
 def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
-    """Return the mean of shifts along straight displacements, centred in the kernels; the sum of each is one.
+    """Return the mean of shifts along straight displacements as centred kernels of sum one.
 
     Parameters
     ----------
-    ways_px : (K, 2) from the exposure's beginning to its end, along x and y [px].
+    ways_px : (K, 2) displacements during the exposure, along x and y [px].
 
     Returns
     -------
-    (K, rows, columns) of odd sizes, those of the longest way.
+    (K, rows, columns), odd sizes that fit the longest displacement.
     """
     count = max(int(np.ceil(_STEPS_PER_PX * np.hypot(*ways_px.T).max())), 4)
     at = (np.arange(count) + 0.5) / count - 0.5
@@ -62,8 +62,8 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
 
     Parameters
     ----------
-    picture : (H, W[, bands]) at mid-exposure. What comes in over its border is taken to be like the border.
-    ways_px : for (K, 2) pixels gives (K, 2), their ways during the exposure [px].
+    picture : (H, W[, bands]) at mid-exposure; the border is replicated.
+    ways_px : function from (K, 2) pixels to their (K, 2) displacements during the exposure [px].
 
     Returns
     -------
@@ -78,16 +78,16 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
     ry, rx = (side // 2 for side in kernels.shape[2:])
     out = np.empty((height, width, *picture.shape[2:]), np.float32)
 
-    # by one thread: two would wait for Python's lock
+    # in one thread: two would wait for Python's lock
     for j, (y0, y1) in enumerate(itertools.pairwise(rows.tolist())):
         for i, (x0, x1) in enumerate(itertools.pairwise(columns.tolist())):
             top, left = max(y0 - ry, 0), max(x0 - rx, 0)
             around = picture[top : y1 + ry, left : x1 + rx]
-            # the padding beyond the piece's edges is cut off
-            done = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
+            # the padding is cut off again
+            blurred = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
             y, x = y0 - top, x0 - left
-            # a cubic undershoots below zero next to a sharp light
-            np.maximum(done[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
+            # a cubic undershoots below zero next to a bright point
+            np.maximum(blurred[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
     return out
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 BAND_PX = 0.2
-"""Motion between bands of rows [px]; labels and image are within half of it of the true row's."""
+"""Motion between bands of rows [px]; labels and image are within half of it."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def pose_at_rows(scene: SceneState, points_target_m: FloatArray) -> tuple[SceneS
     scenes = []
     for point in points_target_m:
         then = scene
-        for _ in range(8):  # each step leaves the share of the readout that the point moves, squared
+        for _ in range(8):  # fixed-point iteration: quadratic in the motion during the readout
             row = then.camera.project(then.camera_from_target.apply(point[None]))[0, 1]
             if not np.isfinite(row):
                 then = scene

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-NEAREST_M = 1e-3  # points closer to the lens's plane, or behind it, have no projection
+NEAREST_M = 1e-3  # points closer to the camera's plane, or behind it, have no projection
 
 
 def craft_window(mask: ByteArray) -> tuple[slice, slice]:
@@ -37,7 +37,7 @@ def mask_box(mask: ByteArray) -> Box | None:
 def amodal_box(scene: SceneState, target: Target) -> Box | None:
     """Return bounds of all projected vertices, not clipped to the image; None if part is behind the camera."""
     mesh = mesh_of(target)
-    # without a lens that bends it, the outermost of a projection are corners of the convex hull
+    # without lens distortion, the extremes of a projection are corners of the convex hull
     points = mesh.hull_m if scene.camera.distortion.is_none else mesh.positions_m
     in_camera = scene.camera_from_target.apply(points)
     if in_camera[:, 2].min() <= NEAREST_M:

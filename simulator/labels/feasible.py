@@ -32,7 +32,7 @@ def visible_samples(views: Sequence[ProjectedEdge], camera: Camera) -> tuple[Flo
 
     Returns
     -------
-    pixels (S, 2), and the edge's normal in the image at each (S, 2): where a lens bends the edge, at that very place.
+    pixels (S, 2), and the edge's normal in the image at each (S, 2), exact for a distorted edge.
     """
     ends = np.array([view.ends_px for view in views]).reshape(-1, 2, 2)
     lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
@@ -66,8 +66,8 @@ def wireframe_step_share(
 
     Parameters
     ----------
-    views : the target's edges as the camera sees them.
-    signal : (H, W) noise-free signal, 1 at full scale. level : its mean within the scale, as `mean_level` gives it.
+    views : projected edges of the target.
+    signal : (H, W) noise-free signal, 1 at full scale. level : mean of the signal from `mean_level`.
 
     Returns
     -------
@@ -77,13 +77,13 @@ def wireframe_step_share(
     if len(pixels) == 0:
         return 0.0
     reach = STEP_REACH_PX * normals
-    # the signal is needed around the samples only, in their own pixel coordinates
+    # the signal is needed around the samples only, in coordinates of that window
     height, width = signal.shape
     low = np.clip(np.floor(pixels.min(axis=0)) - 4, 0, [width - 1, height - 1]).astype(int)
     high = np.clip(np.ceil(pixels.max(axis=0)) + 5, low + 1, [width, height]).astype(int)
     clipped = np.clip(signal[low[1] : high[1], low[0] : high[0]], 0, 1)
-    left, right = (_sample(clipped, pixels + sign * reach - low) for sign in (-1, 1))
-    step = np.abs(right - left)
+    one_side, other_side = (_sample(clipped, pixels + sign * reach - low) for sign in (-1, 1))
+    step = np.abs(other_side - one_side)
     sigma = noise_sigma(scene.sensor, level, scene.exposure_s)
     return float(np.mean(step >= sigma))
 
@@ -96,13 +96,13 @@ def mono_signal(signal: Float32Array) -> Float32Array:
 
 
 def mean_level(signal: Float32Array) -> float:
-    """Return the mean of a signal (H, W) within the detector's scale.
+    """Return the mean of a signal (H, W), clipped to the detector's scale.
 
-    In few steps that let go of Python's lock: it is worked out next to other things.
+    In few steps that release Python's lock, because it runs beside other threads.
     """
     low, high, _, _ = cv2.minMaxLoc(signal)
-    within = signal if low >= 0 and high <= 1 else np.clip(signal, 0, 1)
-    return float(cv2.mean(within)[0])
+    clipped = signal if low >= 0 and high <= 1 else np.clip(signal, 0, 1)
+    return float(cv2.mean(clipped)[0])
 
 
 def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:
@@ -113,9 +113,7 @@ def _sample(image: Float32Array, pixels: FloatArray) -> FloatArray:
 
 
 def infeasible_reason(silhouette_inside: float, step_share: float, amodal: Box | None) -> InfeasibleReason:
-    """Return why a frame is infeasible, or an empty string: cropped first, then dark or, for a small target, too
-    far.
-    """
+    """Return why a frame is infeasible: cropped first, then dark or, if small, too far; an empty string if feasible."""
     if silhouette_inside < SILHOUETTE_SHARE:
         return "cropped"
     if step_share >= STEP_SHARE:

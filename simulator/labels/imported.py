@@ -23,13 +23,13 @@ from flyaround.simulator.runtime.arrays import Quat, Vec3
 class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
     """Record of an image with a pose; the fields have their meaning in `Truth`.
 
-    Nothing is known of its light. A keypoint's ``state`` is by the geometry alone: out_of_frame, self_occluded or
-    visible. The mask is the model's silhouette at the pose, and a frame is feasible unless it is cropped.
+    Its illumination is unknown: a keypoint's ``state`` is geometric, out_of_frame, self_occluded or visible. The mask
+    is the model's silhouette at the pose, and a frame is feasible unless it is cropped.
 
     Attributes
     ----------
-    source : the image's name in the set that it comes from. t_s : seconds from the first of a sequence; 0 where the
-        set has no times.
+    source : the image's name in the original set. t_s : seconds from the first image of a sequence; 0 if the set has no
+        times.
     """
 
     schema: Literal["flyaround.imported"] = "flyaround.imported"
@@ -78,7 +78,7 @@ def parse_label_record(data: bytes, path: Path) -> LabelRecord:
     Raises
     ------
     UserError
-        As of `read_label_record`.
+        If it is not a record, as in `read_label_record`.
     """
     try:
         if msgspec.json.decode(data, type=_Kind).schema != "flyaround.imported":

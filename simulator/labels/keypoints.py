@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-# Below this share of the Sun's disc the direct light is under the noise of any recipe.
+# Below this share of the Sun's disc, direct light is below the noise of any recipe.
 ECLIPSED_BELOW = 0.02
 CONTRAST_RADIUS_PX = 2
 
@@ -90,11 +90,11 @@ def _by_scene(scenes: Sequence[SceneState]) -> Iterator[tuple[SceneState, IntArr
 def geometric_states(
     scene: SceneState, target: Target, mesh: TriangleMesh, scenes: Sequence[SceneState] | None = None
 ) -> tuple[KeypointState | None, ...]:
-    """Return the state of each keypoint by geometry alone; None if it is lit and unoccluded, so that the image decides.
+    """Return the geometric state of each keypoint; None if it is lit and unoccluded, so that the image decides.
 
     Parameters
     ----------
-    scenes : result of `keypoint_scenes`, if known already.
+    scenes : result of `keypoint_scenes`, if already known.
     """
     scenes = keypoint_scenes(scene, target) if scenes is None else scenes
     pose = scene.camera_from_target
@@ -107,9 +107,9 @@ def geometric_states(
             occluded[on_image] = occluded_from_camera(mesh, points[on_image], seen_from)
     shadowed = np.zeros(len(points), bool)
     if not scene.has_lamps and scene.sunlit_fraction >= ECLIPSED_BELOW:
-        asked = np.flatnonzero(inside & ~occluded)
+        candidates = np.flatnonzero(inside & ~occluded)
         to_sun = pose.R.T @ np.asarray(scene.sun_direction_camera)
-        shadowed[asked] = hidden_from_direction(mesh, points[asked], to_sun)
+        shadowed[candidates] = hidden_from_direction(mesh, points[candidates], to_sun)
     states: list[KeypointState | None] = []
     for k in range(len(points)):
         if not inside[k]:
@@ -130,7 +130,7 @@ def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array
 
     Parameters
     ----------
-    pixel : (2,) its projection. signal : (H, W) noise-free image, 1 at full scale.
+    pixel : (2,) projection. signal : (H, W) noise-free image, 1 at full scale.
     """
     u, v = (int(x) for x in np.rint(pixel))
     r = CONTRAST_RADIUS_PX

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-ROW_POSES = 33
+ROW_POSES = 33  # rows with a pose of their own, under a rolling shutter
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +76,13 @@ def label_picture(
 ) -> Labels:
     """Label an image.
 
-    The geometry is worked out while the driver draws the label raster on threads of its own, and another thread hashes
-    what is ready. It takes few long steps without Python's lock: each hand-over of that costs.
+    The geometry is computed while the driver draws the label raster in its own threads, and another thread hashes
+    finished arrays. It uses few long calls without Python's lock, because each reacquisition costs time.
 
     Parameters
     ----------
-    request : which layers to give beyond truth and mask.
-    signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : the digital numbers made of it.
+    request : layers to draw besides truth and mask.
+    signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : digital numbers of it.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
@@ -103,17 +103,17 @@ def label_picture(
             wireframe="wireframe" in request.layers,
             software=Software(flyaround=_own_version(), gl_renderer=renderer.info.renderer),
         )
-        seen = finish()
-        mask = visible_mask(seen)
+        surfaces = finish()
+        mask = visible_mask(surfaces)
         mask_hash = aside.submit(pixel_hash, mask)
-        layers, origin = draw_layers(renderer, scene, target, request, seen, mask, amodal)
+        layers, origin = draw_layers(renderer, scene, target, request, surfaces, mask, amodal)
         hashes = {
-            # an amodal mask without anything beyond the image is the mask itself
+            # an amodal mask with nothing beyond the image is the mask itself
             name: mask_hash if layer is mask else aside.submit(layer_hash, name, layer, mask)
             for name, layer in layers.items()
         }
         if "flow" in request.layers and request.flow is not None:
-            layers["flow"] = optical_flow(scene, request.flow, seen.depth_m, mask)
+            layers["flow"] = optical_flow(scene, request.flow, surfaces.depth_m, mask)
             hashes["flow"] = aside.submit(layer_hash, "flow", layers["flow"], mask)
         if clean is not None and clean_hash is not None:
             layers["clean"], hashes["clean"] = clean, clean_hash
@@ -129,7 +129,7 @@ def label_picture(
             amodal_origin_px=origin,
             flow=request.flow if "flow" in layers else None,
         )
-    return Labels(truth, mask, seen.depth_m, layers)
+    return Labels(truth, mask, surfaces.depth_m, layers)
 
 
 def truth_record(
@@ -147,8 +147,8 @@ def truth_record(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale. level : gives its mean within the scale.
-    wireframe : list each edge with its visible parts.
+    signal : (H, W) noise-free signal, 1 at full scale. level : function that returns its mean.
+    wireframe : True to list each edge with its visible parts.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
@@ -190,7 +190,8 @@ def truth_record(
 def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
     """Return poses at some rows of a rolling shutter, from first to last; none for a global one.
 
-    Between them rates are constant: a straight line in position and the shortest turn meet every row.
+    Interpolating position linearly and attitude along the shortest rotation is exact for every row, because rates are
+    constant.
     """
     if not scene.shutter.is_rolling:
         return ()

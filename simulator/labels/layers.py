@@ -35,17 +35,17 @@ AMODAL_REACH = 1.0  # extent of the amodal mask beyond the image, in units of it
 
 @dataclass(frozen=True, eq=False)
 class AmodalMask:
-    """The craft's whole silhouette: ``mask`` (H', W') 0 or 255, whose first pixel is at ``origin_px`` of the image."""
+    """The whole silhouette of the craft: (H', W') 0 or 255, whose first pixel is at ``origin_px`` of the image."""
 
     mask: ByteArray
     origin_px: tuple[int, int]
 
 
-def visible_mask(seen: Surfaces) -> ByteArray:
+def visible_mask(surface: Surfaces) -> ByteArray:
     """Return (H, W) 255 where the craft covers a pixel's centre."""
-    mask = np.zeros(seen.depth_m.shape, np.uint8)
-    on = np.isfinite(seen.depth_m[seen.window]).view(np.uint8)
-    mask[seen.window] = np.negative(on, out=on)  # 1 becomes 255
+    mask = np.zeros(surface.depth_m.shape, np.uint8)
+    on = np.isfinite(surface.depth_m[surface.window]).view(np.uint8)
+    mask[surface.window] = np.negative(on, out=on)  # 1 becomes 255
     return mask
 
 
@@ -54,7 +54,7 @@ def draw_layers(
     scene: SceneState,
     target: Target,
     request: LabelRequest,
-    seen: Surfaces,
+    surface: Surfaces,
     mask: ByteArray,
     amodal_box: Box | None,
 ) -> tuple[dict[str, NDArray[Any]], tuple[int, int] | None]:
@@ -62,18 +62,18 @@ def draw_layers(
 
     Parameters
     ----------
-    seen : surface at the pixels' centres. mask : True where that is the craft.
+    surface : surface at the pixels' centres. mask : visible mask.
     amodal_box : bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}
     origin = None
     for name in request.layers:
         if name == "depth":
-            layers[name] = seen.depth_m
-        elif name == "parts" and seen.parts is not None:
-            layers[name] = seen.parts
-        elif name == "normals" and seen.normals is not None:
-            layers[name] = seen.normals
+            layers[name] = surface.depth_m
+        elif name == "parts" and surface.parts is not None:
+            layers[name] = surface.parts
+        elif name == "normals" and surface.normals is not None:
+            layers[name] = surface.normals
         elif name == "amodal":
             amodal = amodal_mask(renderer, scene, target, mask, amodal_box)
             layers[name], origin = amodal.mask, amodal.origin_px
@@ -93,10 +93,11 @@ def pixel_hash(image: NDArray[Any]) -> str:
 def layer_hash(name: str, layer: NDArray[Any], mask: ByteArray) -> str:
     """Return the SHA-256 of a layer's values, row by row, independent of the file.
 
-    Depth, parts, normals and flow are hashed where ``mask`` is set, for they are empty elsewhere; other layers whole.
+    Depth, parts, normals and flow are hashed where ``mask`` is set, because they are empty elsewhere; other layers
+    whole.
     """
     if name in ON_CRAFT and layer.shape[:2] == mask.shape:
-        # a pixel's values as one item: those are picked several times faster
+        # a pixel's values as one item: selecting those is several times faster
         whole = np.ascontiguousarray(layer)
         pixels = whole.view(f"V{whole.itemsize * whole[0, 0].size}").reshape(mask.shape)
         window = craft_window(mask)
@@ -114,12 +115,12 @@ def amodal_mask(
 ) -> AmodalMask:
     """Return the whole silhouette, up to an image's larger side beyond the edges.
 
-    Inside the image it is the visible mask: nothing ever stands before the craft. A lens that distorts is known on the
-    image only, so there the mask ends with it.
+    Inside the image it is the visible mask, because nothing stands in front of the craft. A distorting lens is known in
+    the image only, so there the mask ends with it.
 
     Parameters
     ----------
-    box : bounds of the projected craft; None when part of it is behind the camera, which has no end.
+    box : bounds of the projected craft; None if part of it is behind the camera, where it has no bounds.
     """
     height, width = mask.shape
     reach = int(AMODAL_REACH * max(width, height))
@@ -135,7 +136,7 @@ def amodal_mask(
     right = max(margin + width, int(columns[-1]) + 1)
     canvas = whole[top:bottom, left:right].copy()
     origin = (left - margin, top - margin)
-    # the window's raster may round a pixel on an edge another way: the image's own pixels stand
+    # the window's raster may round a pixel on an edge differently: keep the image's own
     canvas[-origin[1] : -origin[1] + height, -origin[0] : -origin[0] + width] = mask
     return AmodalMask(canvas, origin)
 
@@ -143,7 +144,7 @@ def amodal_mask(
 def optical_flow(scene: SceneState, flow: FlowLabel, depth_m: Float32Array, mask: ByteArray) -> Float32Array:
     """Return the (H, W, 2) displacement of each pixel's surface point to the next frame [px], x right, y down.
 
-    NaN off the craft, and where the next frame has the point behind the camera. For a global shutter.
+    NaN off the craft, and if the point is behind the camera in the next frame. Only for a global shutter.
     """
     here = scene.camera_from_target
     there = Pose.of("camera", "target", flow.q_camera_from_target_wxyz, flow.t_camera_from_target_m)
@@ -175,7 +176,7 @@ def _pinhole_flow(
     """
     v, u = (np.arange(part.start, part.stop, dtype=float) for part in window)
     x, y = (u - camera.cx_px) / camera.fx_px, ((v - camera.cy_px) / camera.fy_px)[:, None]
-    # rows of the projection: pixel x, pixel y, depth. A ray turned by one is a row's share plus a column's
+    # rows of the projection: pixel x, pixel y, depth. A rotated ray is a row's contribution plus a column's
     rows = [
         f * R[k] + c * R[2] for k, f, c in ((0, camera.fx_px, camera.cx_px), (1, camera.fy_px, camera.cy_px))
     ]
@@ -187,9 +188,9 @@ def _pinhole_flow(
         moved_z = ((R[2, 0] * x + R[2, 2]) + R[2, 1] * y[strip]) * z + t[2]
         moved_z[moved_z <= 1e-9] = np.nan
         for k, at in enumerate((u, v[strip, None])):
-            moved = ((rows[k][0] * x + rows[k][2]) + rows[k][1] * y[strip]) * z
-            moved += shifts[k]
-            moved /= moved_z
-            moved -= at
-            flow[strip, :, k] = moved
+            projected = ((rows[k][0] * x + rows[k][2]) + rows[k][1] * y[strip]) * z
+            projected += shifts[k]
+            projected /= moved_z
+            projected -= at
+            flow[strip, :, k] = projected
     return flow

@@ -31,8 +31,8 @@ _FARTHEST_PX = 1e5
 
 def screen_rgb(image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding) -> ByteArray:
     """Return an RGB copy of an image (H, W) or (H, W, 3) as displayed: see `display_picture`."""
-    shown = display_picture(image, sensor, encoding)
-    return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown
+    picture = display_picture(image, sensor, encoding)
+    return np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
 
 
 def draw_truth(
@@ -43,8 +43,8 @@ def draw_truth(
     Parameters
     ----------
     image : (H, W) or (H, W, 3), as the record's camera delivered it.
-    truth, target : the record and the model it names.
-    wireframe : draw the visible parts of the edges.
+    truth, target : the record and its model.
+    wireframe : True to draw the visible parts of the edges.
     """
     pose, camera = truth.scene.camera_from_target, truth.camera
     canvas = screen_rgb(image, truth.scene.sensor, camera.pixel_encoding)
@@ -61,51 +61,51 @@ def draw_wireframe(
     canvas: ByteArray, camera: Camera, pose: Pose, target: Target, colour: tuple[int, int, int] = BLUE
 ) -> ByteArray:
     """Draw the visible edges of a target at a pose over an RGB image."""
-    drawn = canvas.copy()
+    picture = canvas.copy()
     for view in view_edges(camera, pose, target, mesh_of(target)):
         for stretch in view.stretches:
-            _line(drawn, view.at(np.array(stretch)), colour, _weight(camera))
-    return drawn
+            _line(picture, view.at(np.array(stretch)), colour, _weight(camera))
+    return picture
 
 
 def draw_box(canvas: ByteArray, camera: Camera, box_px: Box | None) -> ByteArray:
     """Draw a box, if there is one, over an RGB image."""
-    drawn = canvas.copy()
+    picture = canvas.copy()
     if box_px is not None:
         x0, y0, x1, y1 = (round(v) for v in box_px)
-        cv2.rectangle(drawn, (x0, y0), (x1, y1), GREY, _weight(camera), cv2.LINE_AA)
-    return drawn
+        cv2.rectangle(picture, (x0, y0), (x1, y1), GREY, _weight(camera), cv2.LINE_AA)
+    return picture
 
 
 def draw_keypoints(canvas: ByteArray, camera: Camera, keypoints: tuple[KeypointLabel, ...]) -> ByteArray:
-    """Draw keypoints over an RGB image: green if visible, orange if light fails, grey if hidden."""
-    drawn, weight = canvas.copy(), _weight(camera)
+    """Draw keypoints over an RGB image: green if visible, orange if unlit or saturated, grey if hidden."""
+    picture, weight = canvas.copy(), _weight(camera)
     for k in keypoints:
         if k.pixel_px is None or k.state == "out_of_frame":
             continue
         centre = (round(k.pixel_px[0]), round(k.pixel_px[1]))
-        hidden = k.state == "self_occluded"
-        colour = GREY if hidden else GREEN if k.state == "visible" else ORANGE
-        cv2.circle(drawn, centre, 6 * weight, colour, weight if hidden else 2 * weight, cv2.LINE_AA)
-    return drawn
+        is_hidden = k.state == "self_occluded"
+        colour = GREY if is_hidden else GREEN if k.state == "visible" else ORANGE
+        cv2.circle(picture, centre, 6 * weight, colour, weight if is_hidden else 2 * weight, cv2.LINE_AA)
+    return picture
 
 
 def draw_outline(canvas: ByteArray, camera: Camera, mask: ByteArray) -> ByteArray:
     """Draw the outline of a mask over an RGB image."""
-    drawn = canvas.copy()
+    picture = canvas.copy()
     outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(drawn, outlines, -1, ORANGE, _weight(camera))
-    return drawn
+    cv2.drawContours(picture, outlines, -1, ORANGE, _weight(camera))
+    return picture
 
 
 def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) -> ByteArray:
-    """Draw the model's axes as arrows over an RGB image: x red, y green, z blue; none that reach behind the camera.
+    """Draw the model's axes as arrows over an RGB image: x red, y green, z blue; axes behind the camera are omitted.
 
     Parameters
     ----------
-    canvas : (H, W, 3), 8 bits. pose : of the target in the camera. length_m : of each arrow.
+    canvas : (H, W, 3), 8 bits. pose : camera-from-target pose. length_m : length of each arrow.
     """
-    drawn = canvas.copy()
+    picture = canvas.copy()
     weight = max(1, round(camera.width_px / 640))
     for axis, colour in zip(np.eye(3) * length_m, AXES, strict=True):
         ends_m = pose.apply(np.stack([np.zeros(3), axis]))
@@ -115,8 +115,8 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
         if not np.all(np.isfinite(ends)) or np.abs(ends).max() > _FARTHEST_PX:
             continue
         a, b = ((round(float(x)), round(float(y))) for x, y in ends)
-        cv2.arrowedLine(drawn, a, b, colour, weight, cv2.LINE_AA, tipLength=0.15)
-    return drawn
+        cv2.arrowedLine(picture, a, b, colour, weight, cv2.LINE_AA, tipLength=0.15)
+    return picture
 
 
 def draw_pose(

@@ -1,6 +1,6 @@
-"""Seven classes of parts, by the names of the parts.
+"""Seven classes of parts, derived from the parts' names.
 
-First that applies: solar_array, antenna, propulsion, docking, sensor, radiator, else body.
+The first that matches: solar_array, antenna, propulsion, docking, sensor, radiator, else body.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def known_class(part: str) -> PartClass | None:
     Words are separated by changes of case, digits and any other sign: ``SolarPanel``, ``solar-panel.001``.
     """
     name = "_".join(_WORD.findall(part)).lower()
-    found = (c for rules in (_RULES, _STEM_RULES) for c, rule in rules if rule.search(name))
-    return next(found, None)
+    matches = (c for rules in (_RULES, _STEM_RULES) for c, rule in rules if rule.search(name))
+    return next(matches, None)
 
 
 def part_class(part: str) -> PartClass:
@@ -79,12 +79,12 @@ def class_lines(target: Target) -> list[str]:
     """Return lines for the user: the classes of the parts, and the parts whose names imply none."""
     of_class: dict[str, list[str]] = {}
     unknown = []
-    for part, chosen in zip(target.parts, target_classes(target), strict=True):
-        of_class.setdefault(chosen, []).append(part.name)
+    for part, part_class_ in zip(target.parts, target_classes(target), strict=True):
+        of_class.setdefault(part_class_, []).append(part.name)
         if part.name not in target.part_classes and known_class(part.name) is None:
             unknown.append(part.name)
-    taken = "; ".join(f"{c} {_named(of_class[c])}" for c in PART_CLASSES if c in of_class)
-    lines = [f"classes of parts by their names (--classes FILE sets them): {taken}"]
+    listing = "; ".join(f"{c} {_named(of_class[c])}" for c in PART_CLASSES if c in of_class)
+    lines = [f"classes of parts by their names (--classes FILE sets them): {listing}"]
     if unknown:
         lines.append(f"class not known from the name, body taken: {_named(unknown)}")
     return lines
@@ -96,7 +96,7 @@ def _named(parts: list[str]) -> str:
 
 
 class PartClassFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file that sets classes by part name, or by a pattern with ``*`` and ``?``; the last match counts."""
+    """A file that sets classes by part name or pattern (``*`` and ``?``); the last match wins."""
 
     schema: Literal["flyaround.part_classes"]
     version: Literal[1]
@@ -110,7 +110,7 @@ def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> 
     ----------
     document : the parsed file.
     where : str
-        Name of the file, for messages.
+        Name of the file in messages.
     parts : names of the target's parts.
 
     Raises
@@ -125,13 +125,13 @@ def classes_from(document: dict[str, Any], where: str, parts: Sequence[str]) -> 
             f'{where}: {error}; it has schema = "flyaround.part_classes", version = 1, and under [classes] a line '
             f'"PART" = "CLASS" for each part, CLASS one of {", ".join(PART_CLASSES)}'
         ) from error
-    found: dict[str, PartClass] = {}
-    for pattern, chosen in file.classes.items():
+    classes: dict[str, PartClass] = {}
+    for pattern, class_name in file.classes.items():
         matching = [p for p in parts if p == pattern or fnmatchcase(p, pattern)]
         if not matching:
             near = near_names(pattern, parts, 3) or list(parts[:3])
             raise UserError(
                 f"{where}: key classes.{pattern!r} is no part; name one, such as {', '.join(near)}"
             )
-        found |= dict.fromkeys(matching, chosen)
-    return found
+        classes |= dict.fromkeys(matching, class_name)
+    return classes

@@ -32,37 +32,37 @@ def start_surfaces(
 def surfaces(
     renderer: Renderer, scene: SceneState, target: Target, *, layers: bool, margin_px: int = 0
 ) -> Surfaces:
-    """Return the surface at each pixel's centre at mid-exposure, rows at their own; ``margin_px`` beyond the edges."""
+    """Return the surface at each pixel's centre at its row's mid-exposure, with ``margin_px`` beyond the edges."""
     height, m = scene.camera.height_px, margin_px
     bands = row_bands(scene, target)
-    found: Surfaces | None = None
+    joined: Surfaces | None = None
     for k in reversed(range(len(bands))):
         band = bands[k]
         # rows beyond the image are exposed with its edge
         top, bottom = band.y0 - (m if k == 0 else 0), band.y1 + (m if k == len(bands) - 1 else 0)
         camera = crop(scene.camera, -m, top, scene.camera.width_px + 2 * m, bottom - top)
-        seen = renderer.surfaces(
+        band_surfaces = renderer.surfaces(
             replace(propagated_scene(scene, band.dt_s), camera=camera), target, layers=layers
         )
         if len(bands) == 1:
-            return seen
-        if found is None:
-            found = _empty_like(seen, height + 2 * m)
+            return band_surfaces
+        if joined is None:
+            joined = _empty_like(band_surfaces, height + 2 * m)
         rows = slice(top + m, bottom + m)
-        found.depth_m[rows] = seen.depth_m
-        for ours, theirs in ((found.normals, seen.normals), (found.parts, seen.parts)):
+        joined.depth_m[rows] = band_surfaces.depth_m
+        for ours, theirs in ((joined.normals, band_surfaces.normals), (joined.parts, band_surfaces.parts)):
             if ours is not None and theirs is not None:
                 ours[rows] = theirs
-    if found is None:
+    if joined is None:
         raise RuntimeError("an image without rows has no labels")
-    return found
+    return joined
 
 
-def _empty_like(seen: Surfaces, height: int) -> Surfaces:
+def _empty_like(band: Surfaces, height: int) -> Surfaces:
     return replace(
-        seen,
-        depth_m=np.full((height, seen.depth_m.shape[1]), np.nan, np.float32),
-        normals=None if seen.normals is None else np.zeros((height, *seen.normals.shape[1:]), np.float16),
-        parts=None if seen.parts is None else np.zeros((height, seen.parts.shape[1]), np.uint16),
+        band,
+        depth_m=np.full((height, band.depth_m.shape[1]), np.nan, np.float32),
+        normals=None if band.normals is None else np.zeros((height, *band.normals.shape[1:]), np.float16),
+        parts=None if band.parts is None else np.zeros((height, band.parts.shape[1]), np.uint16),
         window=(slice(None), slice(None)),
     )

@@ -18,7 +18,7 @@ from flyaround.simulator.scene.record import SceneRecord
 if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
-MAX_BYTES = 64_000_000  # largest record: its wireframe and row poses take the most
+MAX_BYTES = 64_000_000  # size limit of a record; wireframe and row poses take the most
 
 KeypointState = Literal[
     "out_of_frame", "self_occluded", "eclipsed", "shadowed", "saturated", "below_noise", "visible"
@@ -47,8 +47,8 @@ class FlowLabel(msgspec.Struct, frozen=True, kw_only=True):
 class WireLabel(msgspec.Struct, frozen=True, kw_only=True):
     """One edge of the wireframe: projected ends, and visible shares 0..1.
 
-    The ends are not clipped to the image; an edge that reaches behind the camera is left out. Where the lens bends the
-    edge, shares are of its straight projection without the lens.
+    The ends are not clipped to the image; an edge that reaches behind the camera is omitted. With lens distortion,
+    shares are of the undistorted projection.
     """
 
     name: str
@@ -75,8 +75,8 @@ class Software(msgspec.Struct, frozen=True, kw_only=True):
 class Truth(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """The ground truth of one frame, at mid-exposure.
 
-    ``scene`` holds every SceneState field and is all that is needed to draw the same bytes again. The hashes are
-    of the pixels, row by row, as written (RGB order, little-endian), not of the PNG files.
+    ``scene`` holds every SceneState field, which suffices to draw the same bytes again. The hashes are of the pixels,
+    row by row, as written (RGB order, little-endian), not of the PNG files.
     """
 
     schema: Literal["flyaround.truth"] = "flyaround.truth"
@@ -142,7 +142,7 @@ def read_truth(path: str | Path) -> Truth:
 
 
 def parse_truth(data: bytes, path: Path) -> Truth:
-    """Parse a truth record from its text; ``path`` names it in errors.
+    """Parse a truth record from its text; ``path`` names it in messages.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def read_record_bytes(path: Path) -> bytes:
     Raises
     ------
     UserError
-        If it cannot be read or is no record's text.
+        If it cannot be read or is not a record.
     """
     try:
         data = without_mark(read_regular(path, MAX_BYTES), str(path))

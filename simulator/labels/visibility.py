@@ -27,7 +27,7 @@ SURFACE_TOLERANCE_M = 2e-3
 
 @lru_cache(maxsize=2)
 def seen_from_camera(mesh: TriangleMesh, camera_from_target: Pose) -> ProjectedMesh:
-    """Return a mesh projected by a pinhole camera, cached: keypoints and wireframe of a frame share it."""
+    """Return a mesh projected by a pinhole camera, cached for the keypoints and wireframe of a frame."""
     return project_to_pinhole(mesh, camera_from_target.R, np.asarray(camera_from_target.t_m))
 
 
@@ -35,11 +35,11 @@ _seen_along = lru_cache(maxsize=2)(project_along)
 
 
 def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_target: Pose) -> BoolArray:
-    """Return whether the mesh hides each point from a pinhole at the camera's origin.
+    """Return (K,) True where the mesh hides a point from a pinhole at the camera's origin.
 
     Parameters
     ----------
-    points_m : (K, 3) points on the surface, before the camera, target frame [m].
+    points_m : (K, 3) points on the surface, in front of the camera, target frame [m].
     """
     points = camera_from_target.apply(points_m)
     distance = np.linalg.norm(points, axis=1)
@@ -50,7 +50,7 @@ def occluded_from_camera(mesh: TriangleMesh, points_m: ArrayLike, camera_from_ta
 
 
 def hidden_from_direction(mesh: TriangleMesh, points_m: ArrayLike, direction: ArrayLike) -> BoolArray:
-    """Return whether the mesh stands between each point and a source at infinity (the Sun).
+    """Return (K,) True where the mesh hides a point from a source at infinity (the Sun).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Visible stretches of each model edge: analytic hidden-line removal against the mesh.
 
-Both an edge and a triangle have an inverse depth that is linear on the screen. So each triangle whose
-projection an edge crosses hides it over one interval: the part of the edge inside the triangle, cut where the
-two inverse depths are equal. The union of these intervals is the hidden part.
+The inverse depth of an edge and of a triangle is linear in the image. So each triangle that an edge crosses hides it
+over one interval: the part inside the triangle, cut where the two inverse depths are equal. The union of these
+intervals is the hidden part.
 
 References
 ----------
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Edge, Target
     from flyaround.simulator.world.frames.pose import Pose
 
-NEAR_M = 0.05
+NEAR_M = 0.05  # least depth of an edge in front of the camera
 ROD = 1.2
-"""Radii around a rod's axis within which a surface counts as the rod's own; rods taper, and their radius is a mean."""
+"""Radii around a rod's axis within which a surface counts as the rod's own: rods taper, and the radius is a mean."""
 END_ON = 0.1
 """Sine of the angle between a rod and the line of sight below which the rod is seen end-on."""
 
@@ -42,10 +42,10 @@ class ProjectedEdge:
     Parameters
     ----------
     edge : the model's edge.
-    ends_px : (2, 2) where its ends project, not clipped to the image.
-    inverse_depth : (2,) of its ends, linear along the projected edge [m-1].
-    stretches : visible parts, as shares 0..1 of the edge's projection by a lens that does not bend it.
-    straight_px, lens : ends (2, 2) in that projection and the camera, where the lens bends; else None.
+    ends_px : (2, 2) projected ends, not clipped to the image.
+    inverse_depth : (2,) inverse depth of the ends, linear along the projected edge [m-1].
+    stretches : visible intervals, as shares 0..1 of the edge's undistorted projection.
+    straight_px, lens : undistorted ends (2, 2) and the camera, if the lens distorts; else None.
     """
 
     edge: Edge
@@ -78,9 +78,9 @@ def view_edges(
 ) -> tuple[ProjectedEdge, ...]:
     """Return all edges of a target in front of the camera, with their visible stretches.
 
-    An edge whose faces all look away has no visible stretch. A rod's edge is its axis, which its own surface hides:
-    it is tested against what lies nearer than the rod, whose surface a slanting line of sight meets the longer before
-    the axis.
+    An edge whose faces all face away has no visible interval. A rod's edge is its axis, which its own surface hides, so
+    it is tested against surfaces nearer than the rod; an oblique line of sight meets that surface farther before the
+    axis.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def view_edges(
     in_camera = camera_from_target.apply(wires.ends_m)
     ahead = np.flatnonzero(in_camera[..., 2].min(axis=1) >= NEAR_M)
     in_camera = in_camera[ahead]
-    # occlusion depends on rays only, so distortion does not change it, and lines stay straight without a lens
+    # occlusion depends on rays only, so it is computed without distortion, where lines are straight
     bends = not camera.distortion.is_none
     straight = replace(camera, distortion=Distortion()) if bends else camera
     pixels = straight.project(in_camera)
@@ -103,8 +103,8 @@ def view_edges(
     stretches: list[tuple[tuple[float, float], ...]] = [()] * len(ahead)
     projected = seen_from_camera(mesh, camera_from_target)
     on_screen = in_camera[facing, :, :2] * inverse[facing, :, None]
-    for k, seen in zip(facing, projected.seen(on_screen, nearer[facing]), strict=True):
-        stretches[k] = seen
+    for k, visible in zip(facing, projected.seen(on_screen, nearer[facing]), strict=True):
+        stretches[k] = visible
     edges = target.wireframe
     return tuple(
         ProjectedEdge(edges[n], ends_px[k], inverse[k], stretches[k], *((pixels[k], camera) if bends else ()))
@@ -128,8 +128,9 @@ class _Wires:
 
     Parameters
     ----------
-    ends_m : (E, 2, 3). radius_m : (E,) of rods, else 0. planes : (P, 4) of the faces that meet at the edges: outward
-        normal, and its distance from the origin with the sign turned [m]. owner : (P,) the edge of each.
+    ends_m : (E, 2, 3) ends. radius_m : (E,) radius of rods, else 0.
+    planes : (P, 4) faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
+    owner : (P,) edge of each plane.
     """
 
     ends_m: FloatArray
@@ -138,11 +139,11 @@ class _Wires:
     owner: IntArray
 
     def facing(self, eye_m: FloatArray) -> BoolArray:
-        """Return (E,) whether a face of each edge faces the eye; true for an edge without faces."""
-        seen = np.ones(len(self.ends_m), bool)
-        seen[self.owner] = False
-        seen[self.owner[self.planes @ np.append(eye_m, 1.0) > 0]] = True
-        return seen
+        """Return (E,) True where a face of an edge faces the eye; True for an edge without faces."""
+        faces_eye = np.ones(len(self.ends_m), bool)
+        faces_eye[self.owner] = False
+        faces_eye[self.owner[self.planes @ np.append(eye_m, 1.0) > 0]] = True
+        return faces_eye
 
 
 @cached_per_object
@@ -151,7 +152,7 @@ def _wires(target: Target) -> _Wires:
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
     normals = np.array([normal for edge in edges for normal in edge.normals], float).reshape(-1, 3)
     ends = np.array([(edge.a_m, edge.b_m) for edge in edges], float).reshape(-1, 2, 3)
-    # any point of the edge, since it is in both faces' planes
+    # any point of the edge, because it lies in both faces' planes
     distance = (normals * ends[owner, 0]).sum(axis=1)
     radius = np.array([edge.radius_m for edge in edges], float)
     return _Wires(ends, radius, np.column_stack([normals, -distance]), owner)

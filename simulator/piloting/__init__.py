@@ -1,6 +1,5 @@
-"""Piloted flight: a session stepped by commands, with clock, manual control, guidance, autopilot, docking, burns,
-recording.
+"""Piloted flight: a session stepped by commands, with clock, manual control, guidance, autopilot and docking.
 
-Commands and states are values. Names of keys, devices, windows and drawn images do not belong here; laws of motion
-that a planned flight uses too stand in `flyaround.simulator.world.guidance`.
+Commands and states are values. Keys, devices, windows and images do not belong here; control laws shared with planned
+flights are in `flyaround.simulator.world.guidance`.
 """

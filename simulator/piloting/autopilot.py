@@ -1,4 +1,4 @@
-"""A docking autopilot that uses the translation switches alone, on the docking figures."""
+"""A docking autopilot that uses only the translation switches and the docking figures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUND_ABOVE_DEG = 25.0
 """Angle off the axis above which the chaser first flies around the target [deg]."""
 ROUND_M_S = 0.25
 CLEAR_M = 3.0
-"""Clearance between the target's sphere and the chaser's docking point on the way around [m]."""
+"""Clearance between the target's sphere and the chaser's docking point while flying around [m]."""
 CONTACT_M_S = 0.08
 SLOW_WITHIN_M = 4.0
 """Distance to the port within which the chaser closes at `CONTACT_M_S` [m]."""
@@ -42,13 +42,13 @@ COARSE_ABOVE_M_S = 0.3
 class Autopilot:
     """Flies the docking point to a distance from the port, or into it.
 
-    It sees what the pilot sees, the docking figures, and closes the switches that a pilot closes. Attitude is left to
+    Its inputs are the docking figures, as for a pilot, and its outputs are the pilot's switches. Attitude is left to
     the mode that keeps the docked one.
 
     Parameters
     ----------
-    port : of the target. target_radius_m : of the sphere about its centre of mass.
-    limits : whose figures it keeps.
+    port : docking port of the target. target_radius_m : radius of the sphere about its centre of mass.
+    limits : docking limits to keep within.
     """
 
     def __init__(self, port: DockingPort, target_radius_m: float, limits: DockingLimits) -> None:
@@ -58,14 +58,14 @@ class Autopilot:
         self._limits = limits
 
     def demand(self, figures: DockingFigures, goal_m: float | None, held_s: float) -> Demand:
-        """Return the demand for the next ``held_s``.
+        """Return the demand for the next ``held_s`` seconds.
 
         Parameters
         ----------
         figures : DockingFigures
-            Now.
+            Present figures.
         goal_m : float or None
-            Distance before the port to come to rest at, or None to dock [m].
+            Distance in front of the port at which to come to rest, or None to dock [m].
         held_s : float
             Period of control [s].
         """
@@ -101,26 +101,28 @@ class Autopilot:
 
     def _closing(self, f: DockingFigures, goal_m: float | None) -> float:
         limits = self._limits
-        left = f.axial_m - (goal_m or 0.0)
-        allowed = LIMIT_SHARE * max(limits.closing_m_s, limits.closing_per_m * f.axial_m)
+        remaining_m = f.axial_m - (goal_m or 0.0)
+        allowed_m_s = LIMIT_SHARE * max(limits.closing_m_s, limits.closing_per_m * f.axial_m)
         if goal_m is None and f.axial_m < SLOW_WITHIN_M:
             speed = CONTACT_M_S if self._ready(f) else 0.0
-            # too far in to wait for the attitude and the offset: a little back
+            # too close for the error in attitude and offset: back off slowly
             return speed if speed or f.axial_m > SLOW_WITHIN_M / 4 else -CONTACT_M_S / 2
-        braking = float(np.sqrt(2 * BRAKE_M_S2 * abs(left)))
+        braking = float(np.sqrt(2 * BRAKE_M_S2 * abs(remaining_m)))
         if goal_m is None:
-            braking = float(np.hypot(CONTACT_M_S, np.sqrt(2 * BRAKE_M_S2 * max(left - SLOW_WITHIN_M, 0.0))))
-            speed = min(allowed, braking)
+            braking = float(
+                np.hypot(CONTACT_M_S, np.sqrt(2 * BRAKE_M_S2 * max(remaining_m - SLOW_WITHIN_M, 0.0)))
+            )
+            speed = min(allowed_m_s, braking)
         else:
-            speed = float(np.sign(left)) * min(allowed, braking, ALONG_GAIN_1_S * abs(left))
-        # straight at the port only as far as the offset lets it: a funnel about the axis
+            speed = float(np.sign(remaining_m)) * min(allowed_m_s, braking, ALONG_GAIN_1_S * abs(remaining_m))
+        # converge on the port as fast as the offset allows: a funnel about the axis
         funnel = limits.lateral_m + 0.1 * max(f.axial_m, 0.0)
         return speed * float(np.clip(2.0 - f.lateral_m / funnel, 0.0, 1.0)) if speed > 0 else speed
 
     def _ready(self, f: DockingFigures) -> bool:
         limits = self._limits
-        turned = max(abs(f.roll_deg), abs(f.pitch_deg), abs(f.yaw_deg))
-        return f.lateral_m < 0.5 * limits.lateral_m and turned < 0.7 * limits.attitude_deg
+        attitude_error_deg = max(abs(f.roll_deg), abs(f.pitch_deg), abs(f.yaw_deg))
+        return f.lateral_m < 0.5 * limits.lateral_m and attitude_error_deg < 0.7 * limits.attitude_deg
 
     def _round(self, f: DockingFigures) -> FloatArray:
         """Return the velocity along a sphere around the target towards the axis."""
@@ -131,7 +133,7 @@ class Autopilot:
         if np.linalg.norm(towards) < 1e-3:
             towards = np.cross(out, [0.0, 1.0, 0.0])
         towards /= np.linalg.norm(towards)
-        # not inward on the way round, and outward first from too near
+        # never inward while flying around, and outward first if too near
         rise = self._round_m - away
         outward = float(np.clip(ALONG_GAIN_1_S * rise, 0.0, ROUND_M_S))
         sideways = ROUND_M_S * float(np.clip(1.5 - max(rise, 0.0), 0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Chaser control: thrust and rotation at each step, from manual demands, modes, planned burns and autopilot."""
+"""Chaser control: thrust and rotation at each step, from manual demand, modes, planned burns and autopilot."""
 
 from __future__ import annotations
 
@@ -43,12 +43,13 @@ COAST_STEP_S = 20.0
 ABORT_M_S2 = 0.25
 """Acceleration of an abort [m s-2]."""
 PLUME_AGAIN_S = 300.0
-"""Least time between two cautions about the plume [s]."""
-# radial, along-track, cross-track of thrust to the right, down, forward: up is radial, forward along the flight
+"""Least time between two cautions about plume impingement [s]."""
+# LVLH components (radial, along-track, cross-track) of thrust right, down, forward: up is radial, forward is
+# along-track
 LVLH_FROM_DEMAND = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
 NOT_KEPT = frozenset({"docking", "keep_out", "news", "_demand"})
-"""Attributes that a seek does not restore: the rest of the world, news, and the manual demand."""
+"""Attributes that a seek does not restore: other objects, news, and the manual demand."""
 
 
 class Steering:
@@ -56,8 +57,8 @@ class Steering:
 
     Parameters
     ----------
-    docking : watch whose values the autopilot uses. thrusters : thrusters, for the propellant used.
-    keep_out : sphere that the pilot must not enter.
+    docking : source of the docking figures. thrusters : thrusters, for the propellant used.
+    keep_out : sphere that manual control must not enter.
     """
 
     def __init__(self, docking: Docking, thrusters: Thrusters, keep_out: KeepOut | None) -> None:
@@ -72,7 +73,7 @@ class Steering:
         self.let_go()
 
     def let_go(self) -> None:
-        """Stop thrust and rotation; planned burns and the propellant used stay."""
+        """Stop thrust and rotation; planned burns and the propellant used are kept."""
         self.attitude: AttitudeMode = "hold"
         self.aim: Vec3 = BORESIGHT
         self.braking = False
@@ -94,14 +95,14 @@ class Steering:
         """Return the state that a seek must restore, without the manual demand."""
         return {name: value for name, value in vars(self).items() if name not in NOT_KEPT}
 
-    def bring_back(self, kept: dict[str, Any]) -> None:
+    def bring_back(self, state: dict[str, Any]) -> None:
         """Restore a state that `kept` returned."""
-        vars(self).update(kept)
+        vars(self).update(state)
 
     # --- the pilot's demand
 
     def hold(self, demand: Demand) -> None:
-        """Hold a demand from now on; in pulse mode each switch that closes gives one pulse."""
+        """Hold a demand from now on; in pulse mode each switch that is newly closed gives one pulse."""
         if self.thrust == "pulse":
             closed = demand.switches - self._demand.switches
             self._add_pulse(closed, demand.gain)
@@ -132,7 +133,7 @@ class Steering:
 
     @property
     def takes_over(self) -> bool:
-        """True if the demand needs a take-over from the scenario's guidance."""
+        """True if the demand requires taking over from the scenario's guidance."""
         return not self._demand.idle
 
     def brake(self) -> None:
@@ -191,7 +192,7 @@ class Steering:
 
         Parameters
         ----------
-        chaser : state now. wanted_s : step by the clock's rate.
+        chaser : present state. wanted_s : step given by the clock's rate.
         """
         longest = min(wanted_s, self._longest_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s
@@ -202,15 +203,15 @@ class Steering:
         if self.guided is not None:
             if t_s >= self.guided.coasts_from_s:
                 return COAST_STEP_S
-            left = self._guided_until_s - t_s
-            return left if left > 1e-9 else CONTROL_S
+            remaining_s = self._guided_until_s - t_s
+            return remaining_s if remaining_s > 1e-9 else CONTROL_S
         if self.autopilot:
-            left = self._pilot_until_s - t_s
-            return left if left > 1e-9 else PILOT_S
+            remaining_s = self._pilot_until_s - t_s
+            return remaining_s if remaining_s > 1e-9 else PILOT_S
         busy = self.takes_over or self.braking or self.aborting
         if busy or self._pulse_m_s.any() or self._pulse_rad.any():
             return ACTIVE_STEP_S
-        # half of the time that a straight way to the target takes
+        # half of the straight-line time to the target
         speed = max(float(np.linalg.norm(chaser.velocity_eci_m_s)), 1e-3)
         arrives = 0.5 * max(self.docking.gap_m(chaser), 0.0) / speed
         return max(ACTIVE_STEP_S, min(COAST_STEP_S, arrives))
@@ -220,19 +221,19 @@ class Steering:
         frame = flight.orbit.frame(chaser.t_s)
         R_camera_from_lvlh = matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ frame.R_eci_from_lvlh
         in_camera, in_lvlh = self._push(chaser, flight, frame, h)
-        asked = laws.slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
-        command = replace(asked, acceleration_lvlh_m_s2=vec3(in_lvlh))
+        rate = laws.slewed_command(in_camera, self._turn(chaser, flight, frame, h), chaser, h)
+        command = replace(rate, acceleration_lvlh_m_s2=vec3(in_lvlh))
         if self.keep_out is not None:
             command, self.guarded = guarded_command(chaser, command, h, frame, self.keep_out, laws.BRAKE_M_S2)
-        given = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
+        thrust = np.array(command.acceleration_camera_m_s2) + R_camera_from_lvlh @ np.array(
             command.acceleration_lvlh_m_s2
         )
-        self.propellant = self.propellant.after(given, h)
-        self._watch_plume(chaser.t_s, plume_strikes(chaser, given, self.docking.radius_m))
+        self.propellant = self.propellant.after(thrust, h)
+        self._watch_plume(chaser.t_s, plume_strikes(chaser, thrust, self.docking.radius_m))
         self.burns = self.burns.after(chaser.t_s + h)
         return command
 
-    def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - what was found
+    def _watch_plume(self, t_s: float, strikes: bool) -> None:  # noqa: FBT001 - result of a check
         if strikes and t_s >= self._plume_told_s + PLUME_AGAIN_S:
             self._plume_told_s = t_s
             self.news.append(("caution", "the plume strikes the target: push sideways, or from farther away"))
@@ -270,21 +271,21 @@ class Steering:
             push = push + demand.switched_thrust_m_s2()
         if self._pulse_m_s.any():
             most = laws.ACCELERATION_M_S2 * h
-            given = np.clip(self._pulse_m_s, -most, most)
-            self._pulse_m_s = self._pulse_m_s - given
+            pulse = np.clip(self._pulse_m_s, -most, most)
+            self._pulse_m_s = self._pulse_m_s - pulse
             self._pulse_m_s[np.abs(self._pulse_m_s) < 1e-12] = 0.0
-            push = push + given / h
+            push = push + pulse / h
         return push
 
     def _retreat(self, chaser: ChaserState, frame: Lvlh, h: float) -> FloatArray:
         p, v = frame.from_eci(np.array(chaser.position_eci_m), np.array(chaser.velocity_eci_m_s))
         sphere = self.keep_out or KeepOut(radius_m=2 * self.docking.radius_m + 5.0)
-        wanted = retreat_impulse(p, v, sphere)
-        size = float(np.linalg.norm(wanted))
+        impulse = retreat_impulse(p, v, sphere)
+        size = float(np.linalg.norm(impulse))
         if float(np.linalg.norm(p)) > 2 * sphere.radius_m:
             self.aborting = False
             self.news.append(("note", "the abort is done: the chaser drifts"))
-        return wanted / max(size, 1e-12) * min(ABORT_M_S2, size / h)
+        return impulse / max(size, 1e-12) * min(ABORT_M_S2, size / h)
 
     def _guidance(self, guided: Guided, chaser: ChaserState, frame: Lvlh) -> FloatArray:
         if chaser.t_s >= self._guided_until_s - 1e-9:
@@ -309,28 +310,28 @@ class Steering:
     def _turn(self, chaser: ChaserState, flight: Flight, frame: Lvlh, h: float) -> FloatArray:
         """Return the (3,) wanted rate relative to ECI, camera axes [rad s-1]."""
         demand = self._demand
-        asked = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
+        demanded_rate = laws.RATE_RAD_S * demand.gain * np.array(demand.turn)
         if self.thrust == "continuous":
-            asked = asked + demand.switched_turn_rad_s()
+            demanded_rate = demanded_rate + demand.switched_turn_rad_s()
         if self._pulse_rad.any():
             most = laws.PULSE_RAD_S * h
-            given = np.clip(self._pulse_rad, -most, most)
-            self._pulse_rad = self._pulse_rad - given
+            pulse = np.clip(self._pulse_rad, -most, most)
+            self._pulse_rad = self._pulse_rad - pulse
             self._pulse_rad[np.abs(self._pulse_rad) < 1e-12] = 0.0
-            asked = asked + given / h
+            demanded_rate = demanded_rate + pulse / h
         match self.attitude:
             case "rate":
-                # as a joystick commands a wheel: the rate stays until it is pushed back
-                return np.array(chaser.omega_camera_rad_s) + asked * (h / laws.RATE_TIME_S)
+                # integrate, so that a released key leaves the rate
+                return np.array(chaser.omega_camera_rad_s) + demanded_rate * (h / laws.RATE_TIME_S)
             case "target":
-                self.aim = laws.turned_aim(self.aim, asked, h)
-                return asked + laws.tracking_rate_rad_s(chaser, self.aim, h)
+                self.aim = laws.turned_aim(self.aim, demanded_rate, h)
+                return demanded_rate + laws.tracking_rate_rad_s(chaser, self.aim, h)
             case "dock":
-                return asked + laws.docked_rate_rad_s(
+                return demanded_rate + laws.docked_rate_rad_s(
                     chaser, flight.attitude(chaser.t_s), self.docking.port, h
                 )
             case "hold":
                 if self.axes == "lvlh":
                     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
-                    asked = asked + R_camera_from_eci @ frame.omega_eci_rad_s
-                return asked
+                    demanded_rate = demanded_rate + R_camera_from_eci @ frame.omega_eci_rad_s
+                return demanded_rate

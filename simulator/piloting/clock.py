@@ -9,7 +9,7 @@ JUMP_RATE = 1000.0
 STEP_S = 0.02
 """Integration step at 1x [s]; it grows with the rate as far as `Steering.step_s` allows."""
 MAX_STEPS_PER_S = 1000.0
-"""Most steps per second of the pilot's time; if steps must be short, time runs slower than its rate."""
+"""Largest number of steps per second of real time; if steps must be shorter, simulated time falls behind its rate."""
 _ROUNDING = 1e-9
 """Relative tolerance for sums of equal parts."""
 
@@ -17,17 +17,17 @@ Jump = Literal["", "event", "hold-point"]
 
 
 class FlightClock:
-    """Converts the pilot's time to steps of simulated time.
+    """Converts real time to steps of simulated time.
 
     Attributes
     ----------
     paused : bool
     rate : float
-        Simulated seconds per second of the pilot's time, one of ``RATES``.
+        Simulated seconds per second of real time, one of ``RATES``.
     jump : str
-        Kind of moment that time is hurried to; empty if it is not.
+        Kind of event that a jump runs to; empty without a jump.
     jump_until_s : float
-        Simulated time at which a jump ends at the latest [s].
+        Latest simulated time at which a jump ends [s].
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class FlightClock:
         self.reset()
 
     def reset(self) -> None:
-        """End a jump without changing the rate, and discard time that is not flown yet."""
+        """End a jump without changing the rate, and discard time that has not been flown."""
         self._owed_s = 0.0
         self.jump: Jump = ""
         self.jump_until_s = 0.0
@@ -58,7 +58,7 @@ class FlightClock:
         self.jump, self.rate = "", rate
 
     def shift_rate(self, places: int) -> None:
-        """Change to a rate some places up or down in ``RATES``; a jump first ends at 1x."""
+        """Change to a rate some places up or down in ``RATES``; during a jump, return to 1x."""
         self.end_jump()
         self.rate = RATES[min(max(RATES.index(self.rate) + places, 0), len(RATES) - 1)]
 
@@ -67,12 +67,12 @@ class FlightClock:
         self.jump, self.jump_until_s, self.paused = jump, until_s, False
 
     def end_jump(self) -> None:
-        """Return to 1x if a jump is under way."""
+        """Return to 1x if a jump is active."""
         if self.jump:
             self.jump, self.rate = "", 1.0
 
     def slow_down(self) -> None:
-        """Run, at no more than 1x."""
+        """Resume, at no more than 1x."""
         self.jump, self.rate, self.paused = "", min(self.rate, 1.0), False
 
     # --- steps
@@ -87,11 +87,11 @@ class FlightClock:
         return STEP_S * self._current_rate
 
     def add(self, dt_s: float) -> None:
-        """Add pilot's time to be flown [s]."""
+        """Add real time to be flown [s]."""
         self._owed_s += dt_s
 
     def pay(self, step_s: float) -> bool:
-        """Consume the pilot's time of a step. Return False if too little is left."""
+        """Consume the real time of a step; return False if too little is left."""
         costs = max(step_s / self._current_rate, 1 / MAX_STEPS_PER_S)
         if self._owed_s < costs * (1 - _ROUNDING):
             return False

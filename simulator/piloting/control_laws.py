@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Switch = str
 """Name of an on-off controller, one of `SWITCHES`."""
-# Directions along camera axes: x right, y down, z forward.
+# Thrust directions in camera axes: x right, y down, z forward.
 THRUST: dict[Switch, Vec3] = {
     "forward": (0.0, 0.0, 1.0),
     "back": (0.0, 0.0, -1.0),
@@ -34,7 +34,7 @@ THRUST: dict[Switch, Vec3] = {
     "up": (0.0, -1.0, 0.0),
     "down": (0.0, 1.0, 0.0),
 }
-# Right-handed turns of the camera about its axes: about +x the nose goes up, about +y it goes right.
+# Right-handed camera rotations: about +x the boresight moves up, about +y it moves right.
 TURN: dict[Switch, Vec3] = {
     "pitch-up": (1.0, 0.0, 0.0),
     "pitch-down": (-1.0, 0.0, 0.0),
@@ -47,10 +47,10 @@ SWITCHES: tuple[Switch, ...] = (*THRUST, *TURN)
 STILL: Vec3 = (0.0, 0.0, 0.0)
 
 ACCELERATION_M_S2 = 0.05
-"""Full thrust per mass: two seconds of it make 0.1 m/s, the pace of an inspection [m s-2]."""
+"""Full thrust per mass: two seconds of it give 0.1 m/s, the speed of an inspection [m s-2]."""
 RATE_RAD_S = np.radians(2.0)
 SLEW_RAD_S2 = np.radians(10.0)
-"""Slew acceleration of the attitude control [rad s-2]; it keeps the image from jerking."""
+"""Slew acceleration of the attitude control [rad s-2], which keeps images from jerking."""
 BRAKE_M_S2 = 0.1
 TRACK_GAIN_1_S = 1.0
 COARSE_GAIN, FINE_GAIN = 5.0, 0.2
@@ -59,7 +59,7 @@ PULSE_M_S = 0.01
 PULSE_RAD = np.radians(0.2)
 """Rotation of one pulse [rad]."""
 PULSE_RAD_S = np.radians(0.2)
-"""Rate of a rotation by pulses, which the slew reaches in one step [rad s-1]."""
+"""Rate of a rotation by pulses, reached in one step [rad s-1]."""
 RATE_TIME_S = 1.0
 """Time in which a rotation reaches the demanded rate in rate-hold mode [s]."""
 ALIGN_RAD_S = np.radians(5.0)
@@ -76,19 +76,19 @@ class Demand:
     Parameters
     ----------
     thrust : tuple of float
-        Thrust to the right, down and forward, each -1 to 1 of `ACCELERATION_M_S2`.
+        Thrust right, down and forward, each -1 to 1 of `ACCELERATION_M_S2`.
     turn : tuple of float
-        Turn up, right and clockwise, each -1 to 1 of `RATE_RAD_S`.
+        Rotation up, right and clockwise, each -1 to 1 of `RATE_RAD_S`.
     switches : frozenset of str
-        On-off controllers that are closed, each for the whole thrust or turn of its direction. While thrust is given in
-        pulses, each gives one pulse when it closes.
+        Closed on-off controllers, each for full thrust or rotation in its direction. In pulse mode each gives one pulse
+        when it closes.
     gain : float
-        Factor of all of them, at most `COARSE_GAIN`.
+        Factor of all of these, at most `COARSE_GAIN`.
 
     Raises
     ------
     ValueError
-        If a value is out of its range, or a switch does not exist.
+        If a value is out of range, or a switch does not exist.
     """
 
     thrust: Vec3 = STILL
@@ -129,35 +129,40 @@ def tracking_rate_rad_s(chaser: ChaserState, aim_camera: Vec3, dt_s: float) -> F
 
     Parameters
     ----------
-    chaser : the state now.
-    aim_camera : unit vector at which the target shall appear. dt_s : duration of the rate.
+    chaser : present state.
+    aim_camera : unit vector, camera frame, at which the target should appear. dt_s : duration of the rate.
     """
     R_camera_from_eci = matrix_from_quat(chaser.q_camera_from_eci_wxyz)
     los = -R_camera_from_eci @ np.array(chaser.position_eci_m)
     los_rate = -R_camera_from_eci @ np.array(chaser.velocity_eci_m_s)
     distance = float(np.linalg.norm(los))
-    seen = los / distance
-    # in a long step at most the error itself
+    direction_eci = los / distance
+    # in a long step, correct at most the error itself
     gain_1_s = min(TRACK_GAIN_1_S, 1 / dt_s)
-    return np.cross(seen, los_rate) / distance + gain_1_s * np.cross(np.array(aim_camera), seen)
+    return np.cross(direction_eci, los_rate) / distance + gain_1_s * np.cross(
+        np.array(aim_camera), direction_eci
+    )
 
 
 def docked_rate_rad_s(
     chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort, dt_s: float
 ) -> FloatArray:
-    """Return the rate that takes up and keeps the attitude of a docked chaser [rad s-1].
+    """Return the rate that reaches and keeps the attitude of a docked chaser [rad s-1].
 
     Parameters
     ----------
-    chaser : the state now. attitude : of the target, ``q_eci_from_target_wxyz`` and its rate in its axes.
-    port : port of the target. dt_s : duration of the rate.
+    chaser : present state.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes.
+    port : docking port of the target. dt_s : duration of the rate.
     """
     q_target, omega = attitude
     q_camera_from_target = quat_multiply(chaser.q_camera_from_eci_wxyz, q_target)
-    turned = quat_multiply(quat_conjugate(port.q_target_from_port_wxyz), quat_conjugate(q_camera_from_target))
-    sine, cosine = float(np.linalg.norm(turned[1:])), float(turned[0])
+    error_wxyz = quat_multiply(
+        quat_conjugate(port.q_target_from_port_wxyz), quat_conjugate(q_camera_from_target)
+    )
+    sine, cosine = float(np.linalg.norm(error_wxyz[1:])), float(error_wxyz[0])
     angle = 2 * np.arctan2(sine, abs(cosine))
-    axis = turned[1:] / max(sine, 1e-12) * (1.0 if cosine >= 0 else -1.0)
+    axis = error_wxyz[1:] / max(sine, 1e-12) * (1.0 if cosine >= 0 else -1.0)
     back = min(min(TRACK_GAIN_1_S, 1 / dt_s) * angle, ALIGN_RAD_S)
     return matrix_from_quat(q_camera_from_target) @ omega - back * axis
 
@@ -181,7 +186,7 @@ def brake_camera_m_s2(chaser: ChaserState, frame: Lvlh, dt_s: float) -> tuple[Fl
 def slewed_command(
     acceleration: FloatArray, wanted_rate: FloatArray, chaser: ChaserState, dt_s: float
 ) -> SteeringCommand:
-    """Return the command of one step, with the rate slewed towards the wanted one."""
+    """Return the command of one step, with the rate slewed towards ``wanted_rate``."""
     change = wanted_rate - np.array(chaser.omega_camera_rad_s)
     size = float(np.linalg.norm(change))
     most = SLEW_RAD_S2 * dt_s

@@ -1,4 +1,4 @@
-"""Docking figures: the chaser's state relative to the port, compared with limits; contact judged."""
+"""Docking figures: the chaser's state relative to the port, comparison with limits, judgement of contacts."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ class DockingFigures:
 
     Parameters
     ----------
-    axial_m : distance before the plane of the port; negative behind it. closing_m_s : rate at which it shrinks.
-    right_m, down_m : offset across the axis, as a docked camera sees right and down.
-    right_m_s, down_m_s : its rate; all velocities are those that the turning target sees.
-    roll_deg, pitch_deg, yaw_deg : attitude against the docked one: clockwise, up, right.
-    roll_deg_s, pitch_deg_s, yaw_deg_s : rate of the chaser against the target, camera axes z, x, y.
+    axial_m : distance in front of the port's plane; negative behind it.
+    closing_m_s : rate at which the distance decreases.
+    right_m, down_m : lateral offset, as a docked camera sees right and down.
+    right_m_s, down_m_s : rate of the offset; all velocities are in the rotating target frame.
+    roll_deg, pitch_deg, yaw_deg : attitude relative to the docked one: clockwise, up, right.
+    roll_deg_s, pitch_deg_s, yaw_deg_s : angular velocity relative to the target, camera axes z, x, y.
     """
 
     t_s: float
@@ -72,7 +73,7 @@ class DockingFigures:
 
     @property
     def speed_m_s(self) -> float:
-        """Size of the velocity."""
+        """Magnitude of the velocity."""
         return float(np.hypot(self.closing_m_s, self.lateral_m_s))
 
     @property
@@ -93,9 +94,7 @@ class DockingFigures:
 
     @property
     def aimed_at_m(self) -> tuple[float, float] | None:
-        """Predicted position of the docking point in the plane of the port, right and down; None if it does not
-        close in.
-        """
+        """Predicted position of the docking point in the port's plane, right and down; None if it does not approach."""
         if self.closing_m_s < 1e-3 or self.axial_m <= 0:
             return None
         left_s = self.axial_m / self.closing_m_s
@@ -110,12 +109,12 @@ class DockingFigures:
 def docking_figures(
     chaser: ChaserState, attitude: tuple[FloatArray, FloatArray], port: DockingPort
 ) -> DockingFigures:
-    """Compute the docking figures of a moment.
+    """Compute the docking figures at one time.
 
     Parameters
     ----------
-    chaser : its state. port : of the target.
-    attitude : of the target at that time: ``q_eci_from_target_wxyz`` and its rate, target axes [rad s-1].
+    chaser : state of the chaser. port : docking port of the target.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
     """
     q_target, omega = attitude
     R_target_from_eci = matrix_from_quat(q_target).T
@@ -160,11 +159,11 @@ class DockingLimits:
 
     Parameters
     ----------
-    name, title : for commands and for people. source : whose they are.
-    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : largest at contact; the last two for each axis.
-    slowest_m_s : closing at contact must not be slower.
-    closing_per_m : closing speed allowed for a metre of distance [s-1]; the larger counts.
-    lateral_per_m : offset and its rate may grow by this share of the distance.
+    name, title : names for commands and for people. source : origin of the limits.
+    closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : limits at contact; the last two for each axis.
+    slowest_m_s : least closing speed at contact.
+    closing_per_m : allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
+    lateral_per_m : growth of the allowed offset and its rate with distance.
     """
 
     name: str
@@ -214,7 +213,7 @@ class Judged:
 
     Parameters
     ----------
-    name, unit : for people. value : signed where it has a sign. limit : of its size, now.
+    name, unit : texts for people. value : figure, signed if applicable. limit : limit of its magnitude at present.
     """
 
     name: str
@@ -229,12 +228,12 @@ class Judged:
 
     @property
     def share(self) -> float:
-        """Size over limit."""
+        """Magnitude over limit."""
         return abs(self.value) / self.limit
 
     @property
     def state(self) -> State:
-        """Within the limit, near it (up to twice as large), or outside."""
+        """Within the limit, near it, or outside."""
         return "within" if self.share <= 1.0 else "near" if self.share <= NEAR else "outside"
 
 
@@ -246,7 +245,7 @@ def judge(
     closing = max(limits.closing_m_s, limits.closing_per_m * away)
     across = limits.lateral_at_m(away)
     across_rate = limits.lateral_m_s * (1 + limits.lateral_per_m * away)
-    # within the offset allowed at the port the angle at it says nothing
+    # inside the offset allowed at the port, the angle there is meaningless
     off_axis = 0.0 if f.lateral_m <= limits.lateral_m and f.axial_m > -limits.lateral_m else f.off_axis_deg
     rows = (
         ("closing", "m/s", f.closing_m_s, closing),
@@ -271,8 +270,8 @@ class Contact:
 
     Parameters
     ----------
-    t_s : when. figures : right before it. at_port : True if the docking point met the port, not the body elsewhere.
-    misses : violated limits, in words; none for a docking. score : 0 to 100.
+    t_s : time. figures : figures just before it. at_port : True if the docking point met the port rather than the body.
+    misses : violated limits, as text; none for a docking. score : 0 to 100.
     """
 
     t_s: float
@@ -300,8 +299,8 @@ class Contact:
 def judge_contact(figures: DockingFigures, limits: DockingLimits, *, at_port: bool) -> Contact:
     """Judge a contact.
 
-    Each figure gives 100 points at zero, 50 at its limit, none from twice that on; the score is their mean, and 0 for
-    a touch elsewhere than at the port. The corridor has no part in it.
+    Each figure scores 100 points at zero, 50 at its limit, none from twice the limit on; the score is their mean, and 0
+    for a contact outside the port. The corridor is not scored.
     """
     rows = judge(figures, limits)[:-1]
     misses = [f"{r.name} {abs(r.value):.3g} {r.unit} (limit {r.limit:g})" for r in rows if r.share > 1.0]
@@ -323,7 +322,7 @@ def touches_port(before: DockingFigures, after: DockingFigures) -> bool:
     """Return True if the docking point crossed the plane of the port from outside, near its centre."""
     if not before.axial_m > 0.0 >= after.axial_m:
         return False
-    # the intersection of the line between the two with the plane
+    # intersection of the line between the two with the plane
     share = before.axial_m / (before.axial_m - after.axial_m)
     right = before.right_m + share * (after.right_m - before.right_m)
     down = before.down_m + share * (after.down_m - before.down_m)
@@ -337,7 +336,8 @@ def docked_state(
 
     Parameters
     ----------
-    attitude : of the target: ``q_eci_from_target_wxyz`` and its rate, target axes [rad s-1]. port : of the target.
+    attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
+    port : docking port of the target.
     """
     q_target, omega = attitude
     R_eci_from_target = matrix_from_quat(q_target)

@@ -1,4 +1,4 @@
-"""The target's docking port: the one named in its model, or the approach axis through its body."""
+"""The target's docking port: the one in its model, or the point where the approach axis leaves its body."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class DockingPort:
 
     Parameters
     ----------
-    name : for people.
-    origin_m : middle of the port from the target's centre of mass, target axes [m].
-    q_target_from_port_wxyz : its axes.
+    name : name for people.
+    origin_m : centre of the port relative to the target's centre of mass, target axes [m].
+    q_target_from_port_wxyz : orientation of its axes.
     """
 
     name: str
@@ -53,20 +53,21 @@ class DockingPort:
 def docking_port(target: Target, flight: Flight) -> DockingPort:
     """Return the port of a target at the start of a flight.
 
-    It is the frame ``docking`` of the model, or the tip of the probe that stands out of it. A target without one is
-    docked with where the axis of approach, which goes through its centre of mass, leaves the body: the corridor's axis
-    of the scenario, the axis of its hold point, or else the velocity axis. From then on it turns with the target.
+    It is the frame ``docking`` of the model, or the tip of the probe that protrudes from it. Otherwise it is where the
+    approach axis through the centre of mass leaves the body: the axis of the scenario's corridor or of its hold point,
+    or else the velocity axis. From then on it rotates with the target.
 
     Parameters
     ----------
-    target : the model. flight : its start gives the attitude and the side of the port that is down.
+    target : model of the target.
+    flight : flight whose start defines the attitude, and the side of the port that is down.
     """
     R_target_from_lvlh = target_from_lvlh(flight, 0.0)
     com = np.array(target.mass.com_m)
     if FRAME in target.frames:
         origin, axis = (np.array(x, float) for x in target.frames[FRAME])
         axis /= np.linalg.norm(axis)
-        # a probe protrudes from its port, so its tip is met first
+        # a probe protrudes from its port, so its tip makes contact first
         reach = 2 * radius_m(target)
         way = way_to_surface_m(target, origin + reach * axis, -axis)
         tip = 0.0 if way is None else max(reach - way, 0.0)
@@ -82,35 +83,36 @@ def port_along(
 
     Parameters
     ----------
-    axis_target : (3,) outward, any length. R_target_from_lvlh : (3, 3) attitude whose nadir is the port's down side.
+    axis_target : (3,) outward axis, not normalised. R_target_from_lvlh : (3, 3) attitude; nadir is the port's down
+        side.
     """
     axis = axis_target / np.linalg.norm(axis_target)
     com = np.array(target.mass.com_m)
     reach = 2 * radius_m(target)
     way = way_to_surface_m(target, com + reach * axis, -axis)
-    # a body of which the axis meets nothing, a ring for one, ends where its farthest corner is
+    # if the axis misses the mesh, as of a ring, the body ends at its farthest corner
     out = float(((mesh_of(target).hull_m - com) @ axis).max()) if way is None else reach - way
     return _with_axes("approach axis", out * axis, axis, R_target_from_lvlh, flight)
 
 
 def approach_axis_lvlh(chaser: Chaser) -> Vec3:
-    """Return the unit vector from the target outward to the direction of approach, LVLH."""
+    """Return the unit vector from the target along the direction of approach, LVLH."""
     keep_out = chaser.keep_out
-    given: Vec3 | None = None if keep_out is None else keep_out.corridor_axis_lvlh
-    if given is None:
+    axis: Vec3 | None = None if keep_out is None else keep_out.corridor_axis_lvlh
+    if axis is None:
         match chaser:
             case Hold():
-                given = chaser.position_lvlh_m
+                axis = chaser.position_lvlh_m
             case VbarApproach() | RbarApproach():
-                given = vec3(chaser.hold_m * np.array(chaser.axis_lvlh))
+                axis = vec3(chaser.hold_m * np.array(chaser.axis_lvlh))
             case Glideslope():
-                given = chaser.end_lvlh_m
+                axis = chaser.end_lvlh_m
             case Waypoints():
-                given = chaser.points_lvlh_m[-1]
+                axis = chaser.points_lvlh_m[-1]
             case _:
-                given = VBAR
-    length = float(np.linalg.norm(given))
-    return VBAR if length == 0.0 else vec3(np.array(given) / length)
+                axis = VBAR
+    length = float(np.linalg.norm(axis))
+    return VBAR if length == 0.0 else vec3(np.array(axis) / length)
 
 
 def target_from_lvlh(flight: Flight, t_s: float) -> FloatArray:

@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 WATCHED_M = 1.5
 """Distance from the target's sphere within which contact is checked [m]."""
 REBOUND = 0.3
-"""Restitution: share of the closing speed after a contact that is no docking."""
+"""Coefficient of restitution for a contact that is not a docking."""
 JUDGED_AGAIN_M = 0.5
-"""Distance from the port that the docking point must reach before another contact counts [m]."""
+"""Distance from the port that the docking point must reach before another contact is counted [m]."""
 
 KEPT = frozenset({"limits", "contacts", "docked", "_armed", "_port", "hold_points"})
-"""Attributes that a seek restores; hold points only once they exist."""
+"""Attributes that a seek restores; hold points only if they exist."""
 
 
 class Docking:
@@ -58,8 +58,8 @@ class Docking:
 
     Parameters
     ----------
-    target : the model. flight : its start says where the port looks.
-    keep_out : whose corridor bounds the approach, if it has one.
+    target : model of the target. flight : flight whose start defines the direction of the port.
+    keep_out : sphere whose corridor, if any, bounds the approach.
     """
 
     def __init__(self, target: Target, flight: Flight, keep_out: KeepOut | None) -> None:
@@ -117,11 +117,11 @@ class Docking:
         """Return the state that a seek must restore."""
         return {name: copy(value) for name, value in vars(self).items() if name in KEPT}
 
-    def bring_back(self, kept: dict[str, Any]) -> None:
+    def bring_back(self, state: dict[str, Any]) -> None:
         """Restore a state that `kept` returned."""
-        vars(self).update(kept)
+        vars(self).update(state)
 
-    # --- touch
+    # --- contact
 
     def is_near(self, chaser: ChaserState) -> bool:
         """Return True if contact is possible soon."""
@@ -159,7 +159,7 @@ class Docking:
         return self._rebound(before, after, flight), news
 
     def held_at(self, t_s: float, flight: Flight) -> ChaserState:
-        """Return the docked chaser."""
+        """Return the docked chaser at a time."""
         p, v, R_camera_from_eci, turn = docked_state(flight.attitude(t_s), self.port)
         q = quat(quat_from_matrix(R_camera_from_eci))
         return replace(

@@ -1,7 +1,7 @@
-"""Compact history of a flight's states, from which any time can be restored and flown on.
+"""Compact history of a flight's states; any time of it can be restored and flown on.
 
-A sample is the clock, the steered chaser's 13 numbers and what steered it (one packed text, shared by neighbours that
-are alike): an hour in tenths of a second takes a few megabytes.
+A sample is the time, the manually controlled chaser's 13 numbers and its controls (compressed, shared by equal
+neighbours): an hour at 0.1 s takes a few megabytes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EVERY_S = 0.1
 WIDTH = 15
 """Values of a sample: time, the chaser's 13 (NaN while guided), index of the controls."""
 MAX_SAMPLES = 400_000
-"""Largest number of samples: eleven hours in tenths of a second; beyond it every second sample is dropped."""
+"""Largest number of samples, eleven hours at 0.1 s; beyond it every second sample is dropped."""
 MAX_CONTROLS_BYTES = 40_000_000
 LONGEST_NOTE = 200
 MAX_BOOKMARKS = 500
@@ -42,8 +42,8 @@ class FlownPlace:
 
     Parameters
     ----------
-    steered : the chaser where it is steered, None while the scenario's guidance flies it.
-    controls : its controls, as passed to `Timeline.add`.
+    steered : the chaser under manual control, None under guidance.
+    controls : state of the controls, as passed to `Timeline.add`.
     """
 
     t_s: float
@@ -60,19 +60,19 @@ class Bookmark:
 
 
 class FlownRows:
-    """Rows of numbers ordered by time, the first of each, and the future discarded last.
+    """Rows of numbers in order of time, the first number of each, and the last discarded future.
 
     Parameters
     ----------
     width : int
-        Numbers of a row.
+        Numbers per row.
 
     Attributes
     ----------
     numbers : array
-        Row after row.
+        Values, row after row.
     left : tuple or None
-        How many rows that future shares with these, and the rest of it.
+        Number of rows that the discarded future shares with these, and its further rows.
     """
 
     def __init__(self, width: int) -> None:
@@ -109,7 +109,7 @@ class FlownRows:
         self.left = k + 1, self._cut(k + 1)
 
     def swap_future(self) -> int:
-        """Exchange the future with the discarded one. Return the number of rows that both share."""
+        """Exchange the future with the discarded one; return the number of shared rows."""
         if self.left is None:
             return len(self)
         shared, future = self.left
@@ -118,16 +118,16 @@ class FlownRows:
         return shared
 
     def _cut(self, k: int) -> array[float]:
-        gone = self.numbers[self._width * k :]
+        removed = self.numbers[self._width * k :]
         del self.numbers[self._width * k :]
-        return gone
+        return removed
 
 
 class Timeline:
-    """Samples of a flight ordered by time, its bookmarks, and the future discarded last.
+    """Samples of a flight in order of time, its bookmarks, and the last discarded future.
 
-    To fly on from an earlier place leaves what came after it. That is kept until another future is left, and
-    `swap_future` brings it back.
+    Flying on from an earlier time discards the later samples. They are kept until another future is discarded, and
+    `swap_future` restores them.
     """
 
     def __init__(self) -> None:
@@ -154,20 +154,20 @@ class Timeline:
 
     def _pack(self, controls: object) -> int:
         plain = pickle.dumps(controls, protocol=5)
-        # states are much alike: store the difference from the first
+        # controls are similar: compress relative to the first
         self._first = self._first or plain
         packer = zlib.compressobj(1, zdict=self._first)
-        packed = packer.compress(plain) + packer.flush()
-        if not self._packed or self._packed[-1] != packed:
-            self._packed.append(packed)
-            self._packed_bytes += len(packed)
+        compressed = packer.compress(plain) + packer.flush()
+        if not self._packed or self._packed[-1] != compressed:
+            self._packed.append(compressed)
+            self._packed_bytes += len(compressed)
         return len(self._packed) - 1
 
     def _thin(self) -> None:
-        """Halve the density over the whole flight; a discarded future is dropped."""
+        """Drop every second sample of the whole flight, and the discarded future."""
         table = np.array(self._rows.numbers).reshape(-1, WIDTH)[::2]
-        kept, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
-        self._packed = [self._packed[int(k)] for k in kept]
+        unique_controls, table[:, -1] = np.unique(table[:, -1], return_inverse=True)
+        self._packed = [self._packed[int(k)] for k in unique_controls]
         self._packed_bytes = sum(map(len, self._packed))
         self._rows.numbers, self._rows.left = array("d", table.tobytes()), None
         self._every_s *= 2
@@ -199,7 +199,7 @@ class Timeline:
         """Return a sample."""
         t_s, *numbers, packed = self._rows.rows(k)
         plain = zlib.decompressobj(zdict=self._first).decompress(self._packed[int(packed)])
-        # only data packed here, none from outside
+        # only data that this class packed
         controls = pickle.loads(plain)  # noqa: S301
         return FlownPlace(t_s, _chaser(t_s, numbers), controls)
 
@@ -232,12 +232,12 @@ class Timeline:
         return self.time_of(shared - 1) if shared else 0.0, future[-WIDTH]
 
     def swap_future(self) -> int:
-        """Restore the discarded future in exchange for the present one. Return the last common sample.
+        """Restore the discarded future in exchange for the present one; return the last common sample.
 
         Raises
         ------
         UserError
-            If none was left.
+            If there is none.
         """
         if self._rows.left is None:
             raise UserError("no future was left: go back with timeline.seek and fly on from there first")
@@ -259,14 +259,14 @@ class Timeline:
         if len(self.bookmarks) >= MAX_BOOKMARKS:
             raise UserError(f"there are {MAX_BOOKMARKS} bookmarks; take one away first (timeline.unbookmark)")
         mark = Bookmark(t_s, " ".join(note.split())[:LONGEST_NOTE])
-        others = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
-        self.bookmarks = tuple(sorted((*others, mark), key=lambda b: b.t_s))
+        other_bookmarks = (b for b in self.bookmarks if abs(b.t_s - t_s) > ROUNDING_S)
+        self.bookmarks = tuple(sorted((*other_bookmarks, mark), key=lambda b: b.t_s))
         return mark
 
     def unbookmark(self, t_s: float) -> None:
         """Remove the bookmark nearest to a time."""
-        gone = min(self.bookmarks, key=lambda b: abs(b.t_s - t_s), default=None)
-        self.bookmarks = tuple(b for b in self.bookmarks if b is not gone)
+        nearest = min(self.bookmarks, key=lambda b: abs(b.t_s - t_s), default=None)
+        self.bookmarks = tuple(b for b in self.bookmarks if b is not nearest)
 
 
 def _numbers(steered: ChaserState | None) -> Sequence[float]:

@@ -24,12 +24,12 @@ class FlownFiles:
 
     Parameters
     ----------
-    session : whose flight. folder : empty or to be made.
+    session : session to export. folder : empty or new folder.
 
     Raises
     ------
     UserError
-        If nothing was flown yet, or the folder is not empty or cannot be written.
+        If nothing was flown, or the folder is not empty or cannot be written.
     """
 
     def __init__(self, session: FlightSession, folder: Path) -> None:
@@ -45,11 +45,11 @@ class FlownFiles:
 
     @property
     def share(self) -> float:
-        """Share that is done."""
+        """Completed share of the work."""
         return self._next / self._count
 
     def go_on(self, longest_s: float) -> Path | None:
-        """Continue for about ``longest_s``. Return the scenario's path once it is complete.
+        """Continue for about ``longest_s``; return the scenario's path once it is complete.
 
         Raises
         ------

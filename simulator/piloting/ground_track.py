@@ -24,24 +24,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.flight.flight import Flight
 
 SAMPLES = 181
-"""Points of the track an orbit."""
+"""Points of the track per orbit."""
 AHEAD = 1.7
-"""Orbits that are looked ahead for shadow; one of them is drawn."""
+"""Orbits searched for eclipses; one of them is drawn."""
 _EXACT_S = 0.05
-_WHOLE = 1.0 - 1e-9
+_WHOLE = 1.0 - 1e-9  # visible share of the Sun that counts as full sunlight
 
 
 @dataclass(frozen=True, eq=False)
 class GroundTrack:
-    """The orbit about a moment, on the ground.
+    """The ground track around a time.
 
     Parameters
     ----------
-    t_s : the moment.
-    times_s : (n,) from one orbit before it to one after it.
-    latitude_deg, longitude_deg : (n,) geodetic places below the target.
-    sunlit : (n,) share of the Sun's disc that the target sees.
-    enters_s, leaves_s : when shadow next begins and ends; None where it does not within an orbit and a half.
+    t_s : time of the flight.
+    times_s : (n,) times from one orbit before to one after it.
+    latitude_deg, longitude_deg : (n,) geodetic coordinates below the target.
+    sunlit : (n,) share of the Sun's disc visible from the target.
+    enters_s, leaves_s : start and end of the next eclipse; None if there is none within an orbit and a half.
     """
 
     t_s: float
@@ -54,28 +54,28 @@ class GroundTrack:
 
 
 def ground_track(flight: Flight, t_s: float) -> GroundTrack:
-    """Compute the last orbit and the next about a moment, under central gravity and J2, to about a kilometre.
+    """Compute the last and the next orbit around a time, with central gravity and J2, to about a kilometre.
 
-    Neither burns nor what the flight has not reached yet matter to it, and it takes milliseconds.
+    Burns are ignored, and the flight need not be propagated so far.
 
     Parameters
     ----------
-    flight : whose target it is. t_s : the moment, inside the flight.
+    flight : flight of the target. t_s : time within it.
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2
     period = 2 * math.pi * math.sqrt(elements_from_state(r, v, mu).semi_major_axis_m ** 3 / mu)
     now = flight.epoch.plus(t_s)
     gravity = Gravity.of(body, now)
-    past, coming = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
+    before, after = (_arc(r, v, span, gravity) for span in (-period, AHEAD * period))
     steps = np.linspace(0.0, period, SAMPLES)
     offsets = np.concatenate([-steps[:0:-1], steps])
-    r_eci = np.vstack([past(-steps[:0:-1]), coming(steps)])
+    r_eci = np.vstack([before(-steps[:0:-1]), after(steps)])
     fixed = r_eci @ matrix_from_quat(body.q_fixed_from_eci(now)).T
     latitude, longitude = geodetic_deg(fixed, body)
     longitude = longitude - np.degrees(body.turn_rad_s * offsets)
     sunlit = _sunlight(flight, t_s, AHEAD * period)
-    enters, leaves = _shadow(lambda dt: float(sunlit(coming(dt)[None], np.array([dt]))[0]), AHEAD * period)
+    enters, leaves = _shadow(lambda dt: float(sunlit(after(dt)[None], np.array([dt]))[0]), AHEAD * period)
     return GroundTrack(
         t_s,
         t_s + offsets,
@@ -90,7 +90,7 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 def _arc(
     r: FloatArray, v: FloatArray, span_s: float, gravity: Gravity
 ) -> Callable[[float | FloatArray], FloatArray]:
-    """Positions (3,) or (n, 3) at times from now, forward or backward."""
+    """Return a function of positions (3,) or (n, 3) at times from now, forward or backward."""
 
     def rate(_: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[3:], gravity.acceleration(y[:3])])
@@ -103,7 +103,7 @@ def _arc(
 
 
 def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Share of the Sun's disc seen at positions (n, 3) from the body at times (n,) from now."""
+    """Return a function for the share of the Sun visible from positions (n, 3) at times (n,) from now."""
     now, then = flight.epoch.plus(t_s), flight.epoch.plus(t_s + span_s)
     sun, sun_then = sun_eci_m(now.tt1, now.tt2), sun_eci_m(then.tt1, then.tt2)
     bodies = bodies_at(now, flight.body)
@@ -117,12 +117,12 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
         share = (offset_s / span_s)[:, None]
         suns = sun + share * (sun_then - sun)
         geocentric = r + bodies[centre].r_eci_m + share * ways[centre]
-        # each body moves: the places are shifted by its way instead
-        past = [
+        # bodies move: shift the positions instead
+        shares = [
             past_body(state, geocentric - share * way, suns - share * way)
             for state, way in zip(bodies, ways, strict=True)
         ]
-        return np.maximum(add_shares(past), 0.0)
+        return np.maximum(add_shares(shares), 0.0)
 
     return seen
 
@@ -130,17 +130,17 @@ def _sunlight(flight: Flight, t_s: float, span_s: float) -> Callable[[FloatArray
 def _shadow(sunlit: Callable[[float], float], span_s: float) -> tuple[float | None, float | None]:
     """Return the times from now at which the next shadow begins and ends."""
     times = np.linspace(0.0, span_s, int(AHEAD * 150))
-    lit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
-    found: dict[bool, float | None] = {False: None, True: None}
-    for k in np.flatnonzero(lit[1:] != lit[:-1]):
-        becomes_lit = bool(lit[k + 1])
-        if found[becomes_lit] is None:
+    is_sunlit = np.array([sunlit(float(t)) >= _WHOLE for t in times])
+    crossings: dict[bool, float | None] = {False: None, True: None}
+    for k in np.flatnonzero(is_sunlit[1:] != is_sunlit[:-1]):
+        becomes_lit = bool(is_sunlit[k + 1])
+        if crossings[becomes_lit] is None:
             low, high = float(times[k]), float(times[k + 1])
             while high - low > _EXACT_S:
                 middle = (low + high) / 2
                 low, high = (low, middle) if (sunlit(middle) >= _WHOLE) == becomes_lit else (middle, high)
-            found[becomes_lit] = high
-    return found[False], found[True]
+            crossings[becomes_lit] = high
+    return crossings[False], crossings[True]
 
 
 def geodetic_deg(r_fixed_m: FloatArray, body: Body) -> tuple[FloatArray, FloatArray]:
@@ -167,11 +167,11 @@ def unbroken(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[Float
 
 
 def subsolar_deg(r_sun_eci_m: FloatArray, R_fixed_from_eci: FloatArray) -> tuple[float, float]:
-    """Latitude and longitude [deg] below the Sun, on a sphere.
+    """Return latitude and longitude [deg] of the subsolar point, on a sphere.
 
     Parameters
     ----------
-    r_sun_eci_m : (3,) from the body's centre.
+    r_sun_eci_m : (3,) position of the Sun from the body's centre.
     """
     x, y, z = R_fixed_from_eci @ r_sun_eci_m
     return math.degrees(math.atan2(z, math.hypot(x, y))), math.degrees(math.atan2(y, x))

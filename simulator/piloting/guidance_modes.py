@@ -1,4 +1,4 @@
-"""Guidance modes flown from the present state: a path to the mode's start, then the mode's own."""
+"""Guidance modes flown from the present state: a joining path, then the mode's own."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ CONTROL_S = 1.0
 LARGEST_M_S2 = 0.05
 """Largest thrust per mass along each LVLH axis [m s-2]."""
 JOIN_M_S = 0.2
-"""Mean speed on the way to a mode's start [m s-1]."""
+"""Mean speed on the joining path [m s-1]."""
 MIN_JOIN_S = 10.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Guided:
-    """A guidance mode under way.
+    """An active guidance mode.
 
     Parameters
     ----------
-    title : for people. mode : of the world. n_rad_s : mean motion. start_s : when it was begun.
-    join : states of the chaser then and of the mode's start. join_s : duration of the way between them.
+    title : name for people. mode : mode of `flyaround.simulator.world`. n_rad_s : mean motion. start_s : start time.
+    join : states at the start and end of the joining path. join_s : duration of the transfer to the path.
     """
 
     title: str
@@ -56,7 +56,7 @@ class Guided:
         if since >= self.join_s:
             if not self.mode.ballistic:
                 return self.mode.state_lvlh(since - self.join_s, self.n_rad_s)
-            # a step of control that reaches beyond the end of the way aims along the free flight
+            # a control period that extends beyond the joining path aims at the free flight
             p, v = self.join[1]
             later = transition_matrix(self.n_rad_s, since - self.join_s) @ np.concatenate([p, v])
             return later[:3], later[3:]
@@ -72,17 +72,17 @@ class Guided:
 
         Parameters
         ----------
-        state : position [m] and velocity [m s-1] of the chaser now, LVLH.
+        state : present position [m] and velocity [m s-1] of the chaser, LVLH.
         """
         if t_s >= self.coasts_from_s:
             return np.zeros(3)
         decide = getattr(self.mode, "impulse_lvlh", None)
         if decide is not None and t_s - self.start_s >= self.join_s:
-            wanted = decide(*state, self.n_rad_s)
+            impulse = decide(*state, self.n_rad_s)
         else:
             Phi = transition_matrix(self.n_rad_s, CONTROL_S)
-            wanted = path_impulse(state, self.aim(t_s + CONTROL_S), Phi, CONTROL_S)
-        return np.asarray(np.clip(wanted / CONTROL_S, -LARGEST_M_S2, LARGEST_M_S2))
+            impulse = path_impulse(state, self.aim(t_s + CONTROL_S), Phi, CONTROL_S)
+        return np.asarray(np.clip(impulse / CONTROL_S, -LARGEST_M_S2, LARGEST_M_S2))
 
 
 def begin_mode(
@@ -92,7 +92,7 @@ def begin_mode(
 
     Parameters
     ----------
-    orbit : of the target, to whose eccentricity free flight is fitted; a circular one unless given.
+    orbit : orbit of the target, to whose eccentricity free flight is adapted; by default circular.
     """
     end = mode.state_lvlh(0.0, n_rad_s)
     join_s = _join_s(state, end)
@@ -104,7 +104,7 @@ def begin_mode(
 
 
 def _join_s(start: LvlhState, end: LvlhState) -> float:
-    """Return a duration that suits the speed and half of the available thrust."""
+    """Return a duration suited to the speed and to half of the available thrust."""
     way = float(np.linalg.norm(end[0] - start[0]))
     speeds = float(np.linalg.norm(start[1]) + np.linalg.norm(end[1]))
     most = LARGEST_M_S2 / 2
@@ -116,7 +116,7 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
 
     Parameters
     ----------
-    duration_s : between them. t_s : since the first.
+    duration_s : time between them. t_s : time since the first.
     """
     (p0, v0), (p1, v1) = start, end
     x, T = t_s / duration_s, duration_s

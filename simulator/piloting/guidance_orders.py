@@ -56,12 +56,12 @@ class GuidanceOrder(Order):
 
     @abstractmethod
     def mode(self, state: LvlhState, radius_m: float) -> Chaser:
-        """Return the mode for a state of the chaser and a target's radius.
+        """Return the mode for a chaser state and a target's radius.
 
         Raises
         ------
         UserError
-            If it leads into the target, or nowhere.
+            If it leads into the target, or has no valid parameters.
         """
 
 
@@ -164,7 +164,7 @@ class FlyAround(GuidanceOrder):
         circle_m = float((p @ p) ** 0.5) if self.circle_m is None else self.circle_m
         _check_clear(circle_m, radius_m, "the circle")
         in_plane = float(np.hypot(p[0], p[1]))
-        # the node where the chaser is, and the plane raised until it holds the chaser a quarter turn before
+        # the node is at the chaser, and the plane is rotated until it contains the chaser
         phase = float(np.degrees(np.arctan2(p[1], p[0])))
         tilt = float(np.degrees(np.arctan2(abs(p[2]), in_plane)))
         node = phase - 90.0 if p[2] >= 0 else phase + 90.0
@@ -211,7 +211,7 @@ class FlySafeEllipse(Circumnavigate):
 
 @dataclass(frozen=True)
 class KeepRange(GuidanceOrder):
-    """Drift, reversed at two distances."""
+    """Drift between two distances, reversing at each."""
 
     title = "range keeping"
     near_m: float | None = None

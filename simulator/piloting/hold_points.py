@@ -13,12 +13,11 @@ if TYPE_CHECKING:
 Decision = Literal["open", "go", "no-go", "passed"]
 
 DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
-"""Distances from the port [m]; those beyond the chaser's start are left out."""
+"""Distances from the port [m]; those beyond the chaser's start are omitted."""
 AT_SHARE, AT_LEAST_M = 0.03, 0.2
-"""Tolerance of being at a hold point: a share of its distance, or this distance [m]."""
+"""Tolerance of a hold point's position: a share of its distance, at least this distance [m]."""
 RESTS_BELOW_M_S = 0.02
-"""Speed below which the chaser rests at a hold point [m s-1]; a thousandth of the distance per second is added for
-orbital acceleration."""
+"""Speed below which the chaser is at rest at a hold point [m s-1]; a thousandth of the distance per second is added."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +26,8 @@ class HoldPoint:
 
     Parameters
     ----------
-    axial_m : distance of the docking point before the port. decision : open until the operator decides or it is passed.
+    axial_m : distance of the docking point in front of the port. decision : open until the operator decides or it is
+        passed.
     """
 
     name: str
@@ -41,7 +41,7 @@ class HoldPoint:
 
 
 class HoldPoints:
-    """The hold points from far to near, with the decision at each.
+    """The hold points from far to near, with the decision for each.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class HoldPoints:
         return next((p for p in self.points if p.decision in ("open", "no-go")), None)
 
     def watch(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> HoldPoint | None:
-        """Mark the next point as passed if the chaser is in the corridor beyond it without a go. Return it then."""
+        """Mark the next point as passed, and return it, if the chaser is in the corridor beyond it without a go."""
         point = self.next
         beyond = point is not None and figures.axial_m < point.axial_m - 2 * point.within_m
         if point is None or not beyond or figures.off_axis_deg > corridor_deg:
@@ -80,7 +80,7 @@ class HoldPoints:
     def go(
         self, figures: DockingFigures, limits: DockingLimits, corridor_deg: float = CORRIDOR_DEG
     ) -> tuple[str, ...]:
-        """Let the chaser pass the next point. Return the reasons against it, in which case it stays."""
+        """Give a go for the next point; if there are reasons against it, return them instead."""
         point = self.next
         if point is None:
             return ("there is no hold point left",)
@@ -90,7 +90,7 @@ class HoldPoints:
         return against
 
     def no_go(self) -> HoldPoint | None:
-        """Keep the chaser at the next point. Return the point, if there is one."""
+        """Give a no-go for the next point, and return it, if there is one."""
         point = self.next
         if point is not None:
             self._decide(point, "no-go")

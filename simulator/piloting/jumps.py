@@ -27,9 +27,9 @@ EVENTS: dict[Event, str] = {
 }
 EXACT_S = 0.01
 NEAR_S = 300.0
-"""Largest delay of an event after its time on a simpler orbit [s]."""
+"""Largest delay of an event relative to its time on a simplified orbit [s]."""
 _STEPS_AN_ORBIT = 200
-"""Steps per orbit: a shadow lasts a third of a low orbit, and a twentieth of a geostationary one."""
+"""Steps per orbit: an eclipse lasts a third of a low orbit, and a twentieth of a geostationary one."""
 
 
 def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> float:
@@ -38,13 +38,13 @@ def event_ahead_s(plan: Plan, flight: Flight, event: Event, now_s: float) -> flo
     Raises
     ------
     UserError
-        If it does not within two orbits.
+        If there is none within two orbits.
     """
     end_s = now_s + search_s(flight)
     if end_s <= flight.duration_s:
         when = next_event_s(flight, event, now_s)
     else:
-        # two days of all forces take a quarter of a minute: first about when, then when
+        # two days with all forces take 15 s: search first with a simplified orbit, then precisely
         when = next_event_s(orbit_ahead(plan, end_s + 1.0, quick=True), event, now_s)
         if when is not None:
             near_s = when + NEAR_S
@@ -70,7 +70,7 @@ def next_event_s(flight: Flight, event: Event, after_s: float, until_s: float | 
     margin = margin_of(flight, event)
     end_s = after_s + search_s(flight) if until_s is None else until_s
     step = search_s(flight) / (2 * _STEPS_AN_ORBIT)
-    # a moment that was jumped to must not be found again
+    # do not find the event again that was jumped to
     low_s = after_s + 2 * EXACT_S
     low = margin(low_s)
     while low_s < end_s:

@@ -1,7 +1,7 @@
-"""The flown past of a flight: seek, replay, and fly on from there.
+"""The recorded past of a flight: seek, replay, and fly on from there.
 
-Looking back loses nothing: playing shows what was flown, up to its end. Steering, or any order that changes what flies
-the chaser, takes the flight up from the place that is shown, and leaves what came after it.
+Looking back loses nothing: replay shows the recorded flight up to its end. Steering, or any order that changes the
+control, continues the flight from the time shown and discards the later part.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class LookBack:
     Parameters
     ----------
     craft : PilotedCraft
-        Put back to states of its past.
+        The craft, restored to past states.
     clock : FlightClock
-        Reset whenever the time changes.
+        The clock, reset whenever the time changes.
     recorder : FlightRecorder, optional
         Records the flight without discarded parts.
     """
@@ -76,12 +76,12 @@ class LookBack:
     # --- earlier times
 
     def seek(self, t_s: float) -> float:
-        """Seek to the recorded state at or before a time. Return its time [s].
+        """Seek to the recorded state at or before a time; return its time [s].
 
         Raises
         ------
         UserError
-            If nothing was flown yet.
+            If nothing has been flown.
         """
         self.keep(always=True)
         if len(self.timeline) < 2:
@@ -89,7 +89,7 @@ class LookBack:
         return self._go(self.timeline.at(t_s))
 
     def step(self, samples: int) -> float:
-        """Move some samples forwards or back. Return the time [s]."""
+        """Move some samples forwards or back; return the time [s]."""
         self.keep(always=True)
         here = self.timeline.at(self._craft.t_s)
         return self._go(min(max(here + samples, 0), len(self.timeline) - 1))
@@ -110,11 +110,11 @@ class LookBack:
 
     @property
     def changed(self) -> bool:
-        """True if an order has changed the control since the time was shown."""
+        """True if an order has changed the control since the seek."""
         return self.active and self._packed() != self._restored
 
     def play(self, dt_s: float) -> bool:
-        """Advance the replay by ``dt_s``. Return True at its end."""
+        """Advance the replay by ``dt_s``; return True at its end."""
         t_s = self._craft.t_s + dt_s
         if t_s >= self.timeline.end_s:
             self._go(len(self.timeline) - 1)
@@ -131,12 +131,12 @@ class LookBack:
             return
         k = self.timeline.at(self._craft.t_s)
         if self._craft.t_s > self.timeline.time_of(k) and not self.changed:
-            # the sample itself, to the last bit, and not what was interpolated
+            # restore the sample exactly, not the interpolated state
             self._go(k)
         self._leave_after(k)
 
     def restart(self) -> None:
-        """Restart the flight; what was flown becomes the discarded future."""
+        """Restart the flight; the flown part becomes the discarded future."""
         self.keep(always=True)
         self._leave_after(-1)
 
@@ -150,18 +150,18 @@ class LookBack:
             self.timeline.leave_after(k)
 
     def swap_future(self) -> float:
-        """Exchange the future with the discarded one, and seek to where they part. Return that time [s].
+        """Exchange the future with the discarded one, and seek to their common end; return that time [s].
 
         Raises
         ------
         UserError
-            If none was left.
+            If there is none.
         """
         self.keep(always=True)
         k = self.timeline.swap_future()
         flight, times = self._craft.flight, np.linspace(0.0, self.timeline.end_s, SWAPPED_TRAIL_POINTS)
-        flown = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
-        self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in flown)
+        trail = [(float(t), self.timeline.chaser_between(float(t))) for t in times]
+        self.trail.replace((t, lvlh_position(flight, c or flight.chaser(t))) for t, c in trail)
         if self.recorder is not None:
             self.recorder.swap_future()
         return self._go(k)
@@ -189,15 +189,15 @@ class Trail:
 
     def cut(self, t_s: float) -> None:
         """Remove all later positions; an empty trail starts at full density."""
-        kept = sum(t <= t_s for t in self._times_s)
-        del self.points[kept:], self._times_s[kept:]
-        if not kept:
+        n_kept = sum(t <= t_s for t in self._times_s)
+        del self.points[n_kept:], self._times_s[n_kept:]
+        if not n_kept:
             self._every_s = TRAIL_EVERY_S
 
     def replace(self, places: Iterable[tuple[float, Vec3]]) -> None:
         """Replace all positions, in order of time."""
-        flown = list(places)
-        self._times_s, self.points = [t for t, _ in flown], [p for _, p in flown]
+        points = list(places)
+        self._times_s, self.points = [t for t, _ in points], [p for _, p in points]
 
 
 def lvlh_position(flight: Flight, chaser: ChaserState) -> Vec3:

@@ -1,4 +1,4 @@
-"""Open-ended flight: extends the propagated span on demand."""
+"""Open-ended flight: the propagated span is extended on demand."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ STILL = Hold(position_lvlh_m=(0.0, 100.0, 0.0))
 
 
 def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
-    """Propagate the target's orbit alone over a span, for events in the sky; attitudes are not the scenario's.
+    """Propagate only the target's orbit over a span, for sky events; attitudes differ from the scenario's.
 
     Parameters
     ----------
-    quick : by a point mass with J2, whatever forces the scenario asks for: seconds off after some orbits.
+    quick : True for a point mass with J2 instead of the scenario's forces: seconds off after some orbits.
     """
     plain = msgspec.structs.replace(plan.scenario, chaser=STILL, attitude=Attitude(motion="fixed"))
     if quick:
@@ -37,20 +37,20 @@ def orbit_ahead(plan: Plan, span_s: float, *, quick: bool) -> Flight:
 
 
 def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, guided: bool) -> Flight:
-    """Return the flight over a longer span, with its camera's reference unchanged.
+    """Return the flight over a longer span; the camera's reference does not change.
 
-    A chaser that flies by thrusters is decided for once a second, which takes a minute for two days. While it is
-    steered nobody asks where the scenario's guidance would have it later, so its track is left as long as it was.
+    Guidance by thrusters decides once a second, which takes a minute for two days. Under manual control its track is
+    not needed, and is not extended.
 
     Parameters
     ----------
-    plan : of the scenario. flight : as it is. guided : True if guidance flies to its end.
-    spans_s : from the start, the one that is wished for first; another one where that far nothing can fly.
+    plan : plan of the scenario. flight : present flight. guided : True if guidance flies to its end.
+    spans_s : spans from the start in order of preference; a later one is used if an earlier one is impossible.
 
     Raises
     ------
     UserError
-        If nothing can fly over the last one either.
+        If the last one is impossible too.
     """
     for span_s in spans_s[:-1]:
         with contextlib.suppress(UserError):
@@ -61,7 +61,7 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
 def _longer(plan: Plan, flight: Flight, span_s: float, *, guided: bool) -> Flight:
     scenario = plan.scenario
     costly = flight.controlled is not None or flight.scripted is not None or flight.wheels is not None
-    # a target that points may point at the chaser
+    # a target with a pointing attitude may point at the chaser
     if guided or not costly or scenario.attitude.motion == "point":
         return replace(fly(scenario, plan.target, span_s), pointing=flight.pointing)
     longer = fly(msgspec.structs.replace(scenario, chaser=STILL), plan.target, span_s)

@@ -24,7 +24,7 @@ class Order(ABC):
 
     @abstractmethod
     def carry_out(self, craft: PilotedCraft) -> News | None:
-        """Carry out the order. Return the answer to the pilot.
+        """Carry out the order; return the answer to the pilot.
 
         Raises
         ------
@@ -40,13 +40,13 @@ class PilotCommand(Demand):
     Parameters
     ----------
     orders : tuple of Order
-        In the order in which they are carried out.
+        Orders in the sequence in which they are carried out.
     """
 
     orders: tuple[Order, ...] = ()
 
 
-# --- who flies
+# --- control
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class FollowGuidance(Order):
     Parameters
     ----------
     steered : bool
-        Go on steering from there.
+        True to continue under manual control from there.
     """
 
     steered: bool = False
@@ -78,7 +78,7 @@ class FollowGuidance(Order):
                 craft.take_over()
 
 
-# --- manual
+# --- manual control
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Pulse(Order):
 
 @dataclass(frozen=True)
 class Stop(Order):
-    """Brake to rest relative to the target's LVLH frame; a rotation stops at once."""
+    """Brake to rest relative to the target in LVLH; rotation stops at once."""
 
     def carry_out(self, craft: PilotedCraft) -> None:
         """Take over, and brake."""

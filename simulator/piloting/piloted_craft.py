@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 Mode = Literal["guidance", "steer"]
 
 HOLD_POINTS_EVERY_S = 0.5
-"""Period of the check whether a hold point was passed."""
+"""Period of the check for passed hold points."""
 FIRST_SPAN_S = 1800.0
 MARGIN_S = 60.0
-"""The flight is propagated at least this far ahead."""
+"""Least span for which the flight is propagated ahead."""
 PREDICTION_S = 600.0
 """Span of the prediction after the last burn."""
 
@@ -40,7 +40,7 @@ class PilotedCraft:
     Parameters
     ----------
     plan : Plan
-        Of the scenario; its guidance flies until `take_over`.
+        Plan of the scenario; its guidance flies until `take_over`.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -104,16 +104,16 @@ class PilotedCraft:
         Parameters
         ----------
         plan : BurnPlan, optional
-            Instead of the burns that are planned.
+            Replaces the planned burns.
         after_s : float
             Span after the last burn [s].
         samples : int
-            Points of each leg between burns.
+            Points per leg between burns.
         """
         burns = self.steering.burns if plan is None else plan
         return predicted_path(self.flight.orbit, self.chaser, burns, after_s, samples)
 
-    # --- who flies
+    # --- control
 
     def take_over(self) -> None:
         """Take over manual control from the chaser's state; the attitude continues to track the target."""
@@ -151,7 +151,7 @@ class PilotedCraft:
         Raises
         ------
         UserError
-            If nothing can fly that long.
+            If the flight cannot be propagated so long.
         """
         guided, end_s = self.steered is None, t_s + MARGIN_S
         reached_s = self._guided_until_s if guided else self.flight.duration_s
@@ -174,7 +174,7 @@ class PilotedCraft:
             self.t_s = self.steered.t_s
 
     def _pushed(self, before: ChaserState, h: float) -> ChaserState:
-        """Return the chaser a step later, rebounding if it touched the target."""
+        """Return the chaser a step later, after a rebound if it touched the target."""
         command = self.steering.command(before, self.flight, h)
         moved = step(before, command, h, self.flight.orbit)
         after, news = self.docking.after_step(before, moved, self.flight)

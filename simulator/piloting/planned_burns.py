@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
 BURN_M_S2 = 0.05
-"""Acceleration of a burn, centred on its time [m s-2]."""
+"""Acceleration of a burn, which is centred on its time [m s-2]."""
 MAX_BURNS = 8
 LARGEST_M_S = 50.0
 LONGEST_AHEAD_S = 200_000.0
@@ -34,7 +34,7 @@ class PlannedBurn:
 
     Parameters
     ----------
-    t_s : of its middle, since the scenario's start. delta_v_lvlh_m_s : radial, along-track, cross-track.
+    t_s : time of its centre, since the scenario's start. delta_v_lvlh_m_s : radial, along-track, cross-track.
     """
 
     t_s: float
@@ -63,17 +63,17 @@ class PlannedBurn:
 
 @dataclass(frozen=True)
 class BurnPlan:
-    """The burns ahead, in order of time."""
+    """Future burns, in order of time."""
 
     burns: tuple[PlannedBurn, ...] = ()
 
     def with_burn(self, burn: PlannedBurn, now_s: float) -> BurnPlan:
-        """Return the plan with one more burn; one at the same time is replaced.
+        """Return the plan with one more burn; it replaces one at the same time.
 
         Raises
         ------
         UserError
-            If it would have begun already, is too large, meets another, or there are too many.
+            If it would already have begun, is too large, overlaps another, or there are too many.
         """
         if not np.isfinite([burn.t_s, *burn.delta_v_lvlh_m_s]).all():
             raise UserError("a burn's time and its three parts of delta-v must be finite numbers")
@@ -87,10 +87,10 @@ class BurnPlan:
             )
         if burn.t_s > now_s + LONGEST_AHEAD_S:
             raise UserError(f"the burn is more than {LONGEST_AHEAD_S:g} s ahead; plan it sooner")
-        others = tuple(b for b in self.burns if b.t_s != burn.t_s)
-        if len(others) >= MAX_BURNS:
+        other_burns = tuple(b for b in self.burns if b.t_s != burn.t_s)
+        if len(other_burns) >= MAX_BURNS:
             raise UserError(f"{MAX_BURNS} burns are planned already; cancel one first")
-        burns = tuple(sorted((*others, burn), key=lambda b: b.t_s))
+        burns = tuple(sorted((*other_burns, burn), key=lambda b: b.t_s))
         for a, b in pairwise(burns):
             if a.end_s > b.start_s:
                 raise UserError(f"the burns at T+{a.t_s:.1f} s and T+{b.t_s:.1f} s overlap; move one")
@@ -100,11 +100,11 @@ class BurnPlan:
         """Return the plan without the burn nearest to a time, or without all burns."""
         if t_s is None or not self.burns:
             return BurnPlan()
-        gone = min(self.burns, key=lambda b: abs(b.t_s - t_s))
-        return BurnPlan(tuple(b for b in self.burns if b is not gone))
+        nearest = min(self.burns, key=lambda b: abs(b.t_s - t_s))
+        return BurnPlan(tuple(b for b in self.burns if b is not nearest))
 
     def acceleration_lvlh_m_s2(self, start_s: float, end_s: float) -> FloatArray:
-        """Return the (3,) acceleration throughout a step that no start or end of a burn divides."""
+        """Return the (3,) acceleration during a step that contains no start or end of a burn."""
         middle = (start_s + end_s) / 2
         for burn in self.burns:
             if burn.start_s <= middle < burn.end_s:
@@ -129,7 +129,7 @@ class PredictedPath:
 
     Parameters
     ----------
-    times_s : (n,). points_lvlh_m : (n, 3). nodes_lvlh_m : (burns, 3) where each burn is.
+    times_s : (n,) times. points_lvlh_m : (n, 3) positions. nodes_lvlh_m : (burns, 3) position of each burn.
     """
 
     times_s: FloatArray
@@ -144,8 +144,8 @@ def predicted_path(
 
     Parameters
     ----------
-    orbit : orbit of the target. chaser : state now. after_s : time after the last burn.
-    samples : of each leg between burns.
+    orbit : orbit of the target. chaser : present state. after_s : time after the last burn.
+    samples : points per leg between burns.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)
@@ -170,7 +170,7 @@ def predicted_path(
 
 
 def burn_of(t_s: float, radial_m_s: float, along_m_s: float, cross_m_s: float) -> PlannedBurn:
-    """Return a burn from the four numbers of the command."""
+    """Return a burn from the command's four numbers."""
     return PlannedBurn(
         t_s=float(t_s), delta_v_lvlh_m_s=vec3(np.array([radial_m_s, along_m_s, cross_m_s], float))
     )

@@ -22,7 +22,7 @@ PLUME_RANGE_M = 20.0
 
 @dataclass(frozen=True)
 class Propellant:
-    """Delta-v given and propellant used.
+    """Applied delta-v and used propellant.
 
     Parameters
     ----------
@@ -39,39 +39,39 @@ class Propellant:
         return self.thrusters.mass_kg - self.used_kg
 
     def after(self, acceleration_camera_m_s2: FloatArray, dt_s: float) -> Propellant:
-        """Return the totals after a thrust.
+        """Return the totals after an acceleration.
 
-        Thrusters sit on the six sides of the chaser, along camera axes: a push between the axes burns what each side
-        gives, while its delta-v is that of the sum.
+        Thrusters are on the six sides of the chaser, along camera axes: an oblique acceleration uses propellant on each
+        axis, while its delta-v is that of the vector sum.
 
         Parameters
         ----------
-        acceleration_camera_m_s2 : (3,) held for ``dt_s``.
+        acceleration_camera_m_s2 : (3,) applied for ``dt_s``.
         """
         if not acceleration_camera_m_s2.any():
             return self
         force_n = self.mass_kg * float(np.abs(acceleration_camera_m_s2).sum())
         burnt = force_n * dt_s / (self.thrusters.specific_impulse_s * G0_M_S2)
-        given = float(np.linalg.norm(acceleration_camera_m_s2)) * dt_s
-        return Propellant(self.thrusters, self.delta_v_m_s + given, self.used_kg + burnt)
+        delta_v_m_s = float(np.linalg.norm(acceleration_camera_m_s2)) * dt_s
+        return Propellant(self.thrusters, self.delta_v_m_s + delta_v_m_s, self.used_kg + burnt)
 
 
 def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, target_radius_m: float) -> bool:
     """Return True if the exhaust of a thrust hits the target from nearby.
 
-    Exhaust leaves against the push of each axis by itself, as the thrusters do.
+    Exhaust leaves opposite to the acceleration along each axis separately, as the thrusters do.
 
     Parameters
     ----------
-    acceleration_camera_m_s2 : (3,) the push. target_radius_m : of the sphere about the target.
+    acceleration_camera_m_s2 : (3,) acceleration. target_radius_m : radius of the sphere about the target.
     """
     los = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
     distance = float(np.linalg.norm(los))
     if distance - target_radius_m > PLUME_RANGE_M:
         return False
-    # the part of the sphere inside the cone
-    seen = np.arcsin(min(target_radius_m / distance, 1.0))
-    widest = min(np.radians(PLUME_HALF_ANGLE_DEG) + seen, np.pi)
+    # part of the sphere inside the cone
+    half_angle = np.arcsin(min(target_radius_m / distance, 1.0))
+    widest = min(np.radians(PLUME_HALF_ANGLE_DEG) + half_angle, np.pi)
     pushed = np.abs(acceleration_camera_m_s2) > 0
     towards = -np.sign(acceleration_camera_m_s2) * los / distance
     return bool(np.any(pushed & (towards >= np.cos(widest))))

@@ -1,7 +1,7 @@
-"""Recording of a piloted flight from its start: states at regular times, and the scenario that replays them.
+"""Recording of a piloted flight: states at regular times, and the scenario that replays them.
 
-While it is flown each state is a line of ``flight.csv`` at once, and ``replay.toml`` follows once a second: a console
-that is killed loses at most that. A flight that ends leaves ``flight.npz`` in place of the lines.
+During the flight each state is appended to ``flight.csv``, and ``replay.toml`` is written once a second, so that a
+killed console loses at most that. At the end ``flight.npz`` replaces the lines.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class FlightRecorder:
 
     Parameters
     ----------
-    clock : seconds, monotonic.
+    clock : monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -54,7 +54,7 @@ class FlightRecorder:
         self._replay_due_s = 0.0
 
     def keep_in(self, folder: Path, scenario: Scenario) -> None:
-        """Record the flight in a folder while it is flown, including what is recorded already.
+        """Write the flight to a folder during the flight, including the states recorded so far.
 
         Raises
         ------
@@ -105,18 +105,18 @@ class FlightRecorder:
             self._begin()
 
     def close(self) -> Path | None:
-        """Finish `keep_in`: write the whole flight in place of its lines. Return the replay's path, if there is one.
+        """Finish `keep_in`: replace the lines by the complete flight, and return the replay's path, if there is one.
 
         Raises
         ------
         UserError
-            If it cannot be written; its lines stay.
+            If it cannot be written; the lines stay.
         """
         if self._kept is None:
             return None
         (folder, scenario), self._kept = self._kept, None
         self._stop()
-        # the folder may be gone meanwhile
+        # the folder may be gone
         with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
         replay = write_flight(folder, scenario, self.recording) if self.long_enough else None
@@ -157,7 +157,7 @@ class FlightRecorder:
         folder, scenario = self._kept
         try:
             self._lines.write(csv_line(row))
-            # to the system, which keeps it when this program is killed
+            # flush to the system, which keeps the data if this program is killed
             self._lines.flush()
             if self.long_enough and self._clock() >= self._replay_due_s:
                 self._replay_due_s = self._clock() + REPLAY_EVERY_S

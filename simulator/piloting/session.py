@@ -34,9 +34,9 @@ LONGEST_JUMP_S = 7200.0
 FRAME_STEP_S = 0.1
 """Simulated time of a single frame at 1x [s]."""
 QUIET_S = 5.0
-"""Least time without an overrule before the keep-out guard counts as released [s]."""
+"""Least time without an intervention after which the keep-out guard counts as released [s]."""
 FUEL_SHARE = 0.04
-"""Propellant as a share of the chaser's mass at the start; the tanks of small craft hold some 5 %."""
+"""Propellant as a share of the chaser's initial mass; the tanks of small craft hold some 5 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,17 +52,17 @@ class FlightState:
     chaser : ChaserState
         The chaser relative to its target.
     mode : str
-        ``guidance`` while the scenario's guidance flies, ``steer`` once the pilot has taken over.
+        ``guidance`` under the scenario's guidance, ``steer`` once the pilot has taken over.
     attitude : str
         Attitude mode while steering.
     doing : str
-        Automatic mode that flies the steered chaser; empty if it coasts by hand.
+        Automatic mode that flies the chaser under ``steer``; empty if it coasts.
     propellant : Propellant
-        Delta-v and propellant that steering has used.
+        Delta-v and propellant used under ``steer``.
     contact : Contact or None
-        The last touch, judged.
+        The last contact, judged.
     docked, braking, guarded, plume : bool
-        True while the port holds the chaser; while the brake works; while the keep-out sphere overrules the pilot;
+        True while the port holds the chaser; while the brake is active; while the keep-out guard overrides the pilot;
         while the plume strikes the target.
     news : tuple of (level, text)
         Notes, cautions and warnings that began in the last step.
@@ -84,27 +84,27 @@ class FlightState:
 
 
 class FlightSession:
-    """A flight that a pilot watches, slows down, speeds up and takes over.
+    """A flight that a pilot can watch, slow down, speed up and take over.
 
-    The scenario's guidance flies until the first thrust or turn is commanded; from then on the chaser is integrated
-    from the state it had. Time goes in fixed steps, so the result depends on the commands and the simulated time alone
-    and not on how often `step` is called.
+    The scenario's guidance flies until the first thrust or rotation is commanded; from then on the chaser is integrated
+    from its state. Steps are fixed, so the result depends on the commands and the simulated time alone, not on how
+    often `step` is called.
 
     Parameters
     ----------
     plan : Plan
-        Of the scenario, from `flyaround.simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
+        Plan from `flyaround.simulator.scenario.plan.plan_flight`; its camera, sensor and seed are used.
     recorder : FlightRecorder, optional
-        Keeps the states for a replay.
+        Records the states for a replay.
 
     Attributes
     ----------
     clock : FlightClock
         Pause, rate and jumps.
     craft : PilotedCraft
-        The chaser with its steering, docking and guidance.
+        The chaser with its control, docking and guidance.
     look_back : LookBack
-        The recorded flight, with seek to any time of it.
+        The recorded flight, for seeking.
     """
 
     def __init__(self, plan: Plan, recorder: FlightRecorder | None = None) -> None:
@@ -151,9 +151,9 @@ class FlightSession:
         )
 
     def scene(self) -> SceneState:
-        """Return the scene to draw now, for the scenario's own camera.
+        """Return the present scene, for the scenario's own camera.
 
-        The frame number is the simulated time in hundredths of a second, so that a moment has one noise.
+        The frame number is the simulated time in hundredths of a second, so that each time has one noise.
         """
         return self.plan.scene_of(self.craft.world, round(self.t_s * 100))
 
@@ -165,11 +165,10 @@ class FlightSession:
         Parameters
         ----------
         command : PilotCommand
-            Held over the whole span.
+            Command that is held over the whole span.
         dt_s : float
-            The pilot's time [s]: the flight advances by this times the clock's rate, which is 1 unless changed, in
-            whole steps of `STEP_S`; a remainder is added to the next call. While the clock is paused, only orders
-            are carried out.
+            Real time [s]: the flight advances by this times the clock's rate (by default 1), in whole steps of
+            `STEP_S`; a remainder is added to the next call. While the clock is paused, only orders are carried out.
 
         Returns
         -------
@@ -179,7 +178,7 @@ class FlightSession:
         Raises
         ------
         UserError
-            If an order is refused, or the flight cannot go on.
+            If an order is refused, or the flight cannot continue.
         """
         news = tuple(said for order in command.orders if (said := self.order(order)) is not None)
         steering = self.craft.steering
@@ -194,11 +193,11 @@ class FlightSession:
         if not self.clock.paused:
             self.clock.add(dt_s)
             self._run()
-        begun = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
-        return replace(self.state, news=(*news, *steering.take_news(), *begun))
+        new_cautions = self._cautions.news(self.craft.world, steering.propellant, guarded=steering.guarded)
+        return replace(self.state, news=(*news, *steering.take_news(), *new_cautions))
 
     def order(self, order: Order) -> News | None:
-        """Carry out one order now. Return the answer to the pilot.
+        """Carry out one order now; return the answer to the pilot.
 
         Raises
         ------
@@ -224,7 +223,7 @@ class FlightSession:
             self.look_back.leave_trail()
 
     def restart(self) -> None:
-        """Return to the start, under guidance; pause and rate stay."""
+        """Return to the start, under guidance; pause and rate are kept."""
         self.look_back.restart()
         self.clock.reset()
         self.craft.restart()
@@ -238,7 +237,7 @@ class FlightSession:
                 self._fly(h)
                 stepped = True
         finally:
-            # also where the flight cannot go on: it is shown where it got to
+            # also if the flight cannot continue, so that its last state is shown
             if stepped:
                 self.look_back.leave_trail()
 
@@ -256,7 +255,7 @@ class FlightSession:
     # --- jumps
 
     def jump_to_event(self, event: Event) -> float:
-        """Jump to the next event in the sky. Return its time [s].
+        """Jump to the next event in the sky; return its time [s].
 
         Raises
         ------
@@ -304,19 +303,19 @@ class CautionWatch:
     def news(self, world: WorldState, propellant: Propellant, *, guarded: bool) -> list[News]:
         """Return the cautions that began since the last call; none at the first."""
         t_s = world.t_s
-        lit = world.sun_visible_fraction > 0.0
+        is_sunlit = world.sun_visible_fraction > 0.0
         fuel_low = propellant.used_kg >= FUEL_SHARE * propellant.thrusters.mass_kg
-        was_lit, was_low = self._before or (lit, fuel_low)
+        was_lit, was_low = self._before or (is_sunlit, fuel_low)
         news: list[News] = []
         if guarded and not self._guarded_s <= t_s < self._guarded_s + QUIET_S:
             news.append(("caution", "keep-out sphere: the steering is overruled, the chaser turned away"))
-        if lit and not was_lit:
+        if is_sunlit and not was_lit:
             news.append(("note", "the target is in sunlight again"))
-        if was_lit and not lit:
+        if was_lit and not is_sunlit:
             news.append(("caution", "eclipse: the target has lost the Sun"))
         if fuel_low and not was_low:
             news.append(("caution", f"fuel is low: {propellant.used_kg:.1f} kg of propellant are burnt"))
         if guarded:
             self._guarded_s = t_s
-        self._before = lit, fuel_low
+        self._before = is_sunlit, fuel_low
         return news

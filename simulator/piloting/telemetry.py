@@ -1,4 +1,4 @@
-"""The figures an operator reads: range, closing speed, rates, LVLH state, phase angle, light."""
+"""The figures for an operator: range, closing speed, rates, LVLH state, phase angle, light."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Telemetry:
-    """Figures of the moment that a picture shows.
+    """Telemetry at the time of an image.
 
     Parameters
     ----------
-    range_m : camera to the target's centre of mass.
-    closing_m_s : how fast the range shrinks.
+    range_m : distance from the camera to the target's centre of mass.
+    closing_m_s : rate of decrease of the range.
     lateral_m_s : speed across the line of sight, in LVLH.
     off_boresight_deg : angle between the boresight and the target's centre of mass.
-    relative_rate_deg_s : rate of the target as the camera sees it, camera axes.
-    camera_rate_deg_s : rate of the camera relative to the stars, camera axes.
-    position_lvlh_m, velocity_lvlh_m_s : chaser beside the target: radial, along-track, cross-track.
-    phase_deg : angle Sun - target - camera; 0 has the Sun behind the camera.
-    sun_visible_fraction : share of the Sun's disc that the target sees past the Earth.
-    altitude_km : of the target above a sphere of the central body's (equatorial) radius.
+    relative_rate_deg_s : angular velocity of the target relative to the camera, camera axes.
+    camera_rate_deg_s : angular velocity of the camera relative to the stars, camera axes.
+    position_lvlh_m, velocity_lvlh_m_s : chaser relative to the target: radial, along-track, cross-track.
+    phase_deg : angle Sun - target - camera; 0 if the Sun is behind the camera.
+    sun_visible_fraction : share of the Sun's disc visible from the target past the Earth.
+    altitude_km : altitude of the target above a sphere of the central body's (equatorial) radius.
     """
 
     epoch_utc: str
@@ -48,7 +48,7 @@ class Telemetry:
     altitude_km: float
 
     def document(self) -> dict[str, Any]:
-        """Return them as a JSON-able object."""
+        """Return the figures as a JSON-able object."""
         return asdict(self)
 
 
@@ -57,7 +57,7 @@ def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
 
     Parameters
     ----------
-    world : the state. scene : the picture made of it.
+    world : state of the world. scene : scene of the image.
     """
     p, v = np.array(world.position_lvlh_m), np.array(world.velocity_lvlh_m_s)
     distance = float(np.linalg.norm(p))

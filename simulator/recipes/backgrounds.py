@@ -1,7 +1,7 @@
 """Background libraries: views of a body from random places in orbit, with random camera attitudes.
 
-View i depends on (library's seed, i) alone. A craft is drawn before the view itself, in its light, not over an image
-of it; `flyaround backgrounds` draws the images of a library.
+View i depends on (library's seed, i) alone. In training, a craft is rendered in front of the scene of a view, with its
+light, rather than pasted over an image; `flyaround backgrounds` draws the images.
 
 References
 ----------
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 MAX_DRAWS = 1000
 _MIN_SUN_SHARE, _MIN_SUN_SINE = 0.999, 0.05
-"""Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, that count as lit."""
+"""Least share of the Sun's disc at the craft, and least sine of its elevation on the ground, for a lit view."""
 _OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
 
 
@@ -43,7 +43,7 @@ class DrawnView:
 
     Parameters
     ----------
-    euler_deg : of the camera, left-handed axes. redraws : of place and turn, until both were lit.
+    euler_deg : Euler angles of the camera, left-handed axes. redraws : number of draws rejected as unlit.
     """
 
     reference: BackgroundView
@@ -57,12 +57,12 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
     Parameters
     ----------
-    camera : whose image must show the body's day side.
+    camera : camera whose image must show the body's day side.
 
     Raises
     ------
     UserError
-        If a thousand draws give no view that is as it must be.
+        If a thousand draws give no acceptable view.
     """
     rng = numbered_generator(library.seed, number, 0xBAC6)
     body = body_named(library.body)
@@ -99,7 +99,7 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
 
 def without_target(scene: SceneState) -> SceneState:
-    """Return the scene with the craft out of sight, for a library's image."""
+    """Return the scene with the craft out of view, for a library's image."""
     return replace(scene, t_camera_from_target_m=_OUT_OF_SIGHT_M)
 
 
@@ -110,12 +110,12 @@ def _sunlit_share(
 
     Parameters
     ----------
-    r_m : (3,) camera from the body's centre. to_sun : (3,) unit vector.
+    r_m : (3,) camera position from the body's centre. to_sun : (3,) unit vector to the Sun.
     """
     u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 13), np.linspace(0, camera.height_px - 1, 10))
     rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)) @ R_eci_from_camera.T
     along = rays @ r_m
     inside = along**2 - r_m @ r_m + radius_m**2
-    met = (inside > 0) & (along < 0)
+    hits = (inside > 0) & (along < 0)
     ground = r_m + (-along - np.sqrt(np.maximum(inside, 0)))[:, None] * rays
-    return float(np.mean(met & (ground @ to_sun > _MIN_SUN_SINE * radius_m)))
+    return float(np.mean(hits & (ground @ to_sun > _MIN_SUN_SINE * radius_m)))

@@ -1,4 +1,4 @@
-"""Poses of a flat board for calibration: all over the image, tilted, whole."""
+"""Poses of a flat board for calibration: spread over the image, tilted, entirely visible."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-_PLACES = 80
-_STEPS_BACK, _STEP_BACK = 12, 1.15
-MARGIN_PX = 6.0
+_PLACES = 80  # directions that are tried for each pose
+_STEPS_BACK, _STEP_BACK = 12, 1.15  # number and factor of the steps to larger distances
+MARGIN_PX = 6.0  # least distance of the board from the image's edge
 
 
 def board_pose(
@@ -32,7 +32,7 @@ def board_pose(
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)
-    # the middles of its sides too: through a fisheye they bulge
+    # midpoints of its sides too, which bulge through a fish-eye
     across, up = ((a, (a + b) / 2, b) for a, b in zip(low[:2], high[:2], strict=True))
     rim = np.array([[x, y, high[2]] for x in across for y in up])
     size = np.array([camera.width_px, camera.height_px])
@@ -41,17 +41,17 @@ def board_pose(
     towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
     axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
     roll = np.radians(rng.uniform(-20, 20))
-    tilted = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
-    turned = tilted @ _rotation(np.array([0.0, 0.0, roll])) @ facing
+    tilt_rotation = _rotation(tilt * np.array([np.cos(axis_turn), np.sin(axis_turn), 0.0]))
+    orientation = tilt_rotation @ _rotation(np.array([0.0, 0.0, roll])) @ facing
     share = rng.uniform(0.55, 0.8)
-    near = _distance_for_span(camera, rim @ turned.T, share * size)
+    near = _distance_for_span(camera, rim @ orientation.T, share * size)
     rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
-    # turned to face a wide-angle camera's corner it may not fit at the size drawn: then farther away
+    # a board rotated towards the corner of a wide-angle camera may not fit: then it is moved farther away
     for step in range(_STEPS_BACK):
-        found = _farthest_place(camera, rim @ turned.T, near * _STEP_BACK**step, rays, towards_cell)
-        if found is not None:
-            R, t = found
-            return quat_from_matrix(R @ turned), t
+        fit = _farthest_place(camera, rim @ orientation.T, near * _STEP_BACK**step, rays, towards_cell)
+        if fit is not None:
+            R, t = fit
+            return quat_from_matrix(R @ orientation), t
     raise UserError(
         f"no pose of {target.name} fits the image of {camera.width_px} x {camera.height_px} pixels: "
         "give a camera with more of them"
@@ -61,13 +61,11 @@ def board_pose(
 def _farthest_place(
     camera: Camera, rim_m: FloatArray, distance_m: float, rays: FloatArray, towards_cell: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the rotation from the boresight and the position at which a board fits and lies farthest towards its
-    cell.
-    """
+    """Return the rotation from the boresight and the position at which a board fits and lies closest to its cell."""
     size = np.array([camera.width_px, camera.height_px])
-    best, found = -np.inf, None
+    best, best_place = -np.inf, None
     for ray in rays:
-        # seen along its own ray the board faces the camera, wherever it is in a wide image
+        # the board faces the camera along its own ray, anywhere in a wide image
         R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
         outline = camera.project(rim_m @ R.T + distance_m * ray)
         if (
@@ -77,17 +75,15 @@ def _farthest_place(
         ):
             continue
         off = (outline.mean(axis=0) - size / 2) / size
-        # as far towards its cell as fits; the middle cell's as near to the middle as can be
+        # as far towards its cell as it fits; for the central cell, as near to the centre as possible
         merit = float(off @ towards_cell) - float(np.abs(off) @ (towards_cell == 0))
         if merit > best:
-            best, found = merit, (R, np.asarray(distance_m * ray))
-    return found
+            best, best_place = merit, (R, np.asarray(distance_m * ray))
+    return best_place
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
-    """Return the distance on the boresight at which rotated corners span less than a number of pixels in width and
-    height.
-    """
+    """Return the distance on the boresight at which rotated corners span less than a number of pixels each way."""
     distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
     for distance in distances:
         if corners_m[:, 2].min() + distance <= 0:
@@ -103,7 +99,7 @@ def _rotation(rotvec_rad: FloatArray) -> FloatArray:
 
 
 def _turn_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the rotation that carries one unit vector to another the short way."""
+    """Return the smallest rotation that carries one unit vector to another."""
     axis = np.cross(a, b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
-    """Return True if the camera is outside the mesh and farther from it than the clearance."""
+    """Return True if the camera is outside the mesh by more than the clearance."""
     camera_m = pose.R.T @ -np.asarray(pose.t_m, float)
     if np.linalg.norm(camera_m) - radius_m(target) > clearance_m:
         return True
@@ -27,7 +27,7 @@ def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
     from_corner = np.linalg.norm(corners[:, 0], axis=1)
     if from_corner.min() <= clearance_m:
         return False
-    # a triangle reaches no nearer than its first corner less its longer side from there
+    # lower bound of a triangle's distance: that of its first corner minus its longer side there
     near = corners[from_corner - _reach_m(target) <= clearance_m]
     if len(near) and distance_to_triangles(np.zeros((len(near), 3)), near).min() <= clearance_m:
         return False
@@ -36,7 +36,7 @@ def is_clear(pose: Pose, target: Target, clearance_m: float) -> bool:
 
 
 def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
-    """Return the share of the projected mesh's box inside the image; 0 if the mesh reaches behind the camera."""
+    """Return the share of the bounding box of the projected mesh inside the image; 0 if part is behind the camera."""
     points = pose.apply(box_3d_m(target))
     if points[:, 2].min() <= 0:
         return 0.0
@@ -45,8 +45,8 @@ def share_inside(pose: Pose, target: Target, camera: Camera) -> float:
     if not np.all(np.isfinite([low, high])):
         return 0.0
     size = np.array([camera.width_px, camera.height_px])
-    held = np.clip(np.minimum(high, size - 0.5) - np.maximum(low, -0.5), 0, None)
-    return float(np.prod(held / np.maximum(high - low, 1e-9)))
+    inside = np.clip(np.minimum(high, size - 0.5) - np.maximum(low, -0.5), 0, None)
+    return float(np.prod(inside / np.maximum(high - low, 1e-9)))
 
 
 @lru_cache(maxsize=4)

@@ -1,8 +1,8 @@
-"""Poses by Euler angles in left-handed axes, as in the data-set paper.
+"""Poses by Euler angles in left-handed axes, as in a published data set.
 
-Its axes are those of the engine it draws with: x right, y up, z forward, left-handed. Ours have y down and are
-right-handed: the mirror y -> -y of both the camera's axes and the model's takes a position (x, y, z) to (x, -y, z) and
-a rotation (w, x, y, z) to (w, -x, y, -z).
+Its axes are those of its rendering engine: x right, y up, z forward, left-handed. Ours have y down and are
+right-handed: mirroring y -> -y in both the camera's and the model's axes takes a position (x, y, z) to (x, -y, z) and a
+rotation (w, x, y, z) to (w, -x, y, -z).
 
 References
 ----------
@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
 
 def quat_from_euler(euler_deg: ArrayLike) -> FloatArray:
-    """Return the (4,) quaternion, scalar first, of rotations by rx about x, then ry about y, then rz about z, axes
-    fixed.
+    """Return the (4,) quaternion, scalar first, of rotations by rx about x, then ry about y, then rz about fixed z.
 
-    Equations 3 to 6; the text of the paper has lost the minus signs of the second and the fourth.
+    Equations 3 to 6; the paper as printed lacks the minus signs of the second and the fourth.
     """
     half = np.radians(np.asarray(euler_deg, float)) / 2
     (sx, sy, sz), (cx, cy, cz) = np.sin(half), np.cos(half)
@@ -41,10 +40,10 @@ def quat_from_euler(euler_deg: ArrayLike) -> FloatArray:
 
 
 def from_left_handed(q_wxyz: ArrayLike) -> FloatArray:
-    """Return the (4,) rotation with both axes mirrored by y -> -y; its own inverse."""
+    """Return the (4,) rotation with both axes mirrored by y -> -y, which is an involution."""
     return np.asarray(q_wxyz, float) * (1.0, -1.0, 1.0, -1.0)
 
 
 def to_left_handed(position_m: ArrayLike) -> FloatArray:
-    """Return the (3,) point with y upwards instead of downwards, or the reverse."""
+    """Return the (3,) point with y negated."""
     return np.asarray(position_m, float) * (1.0, -1.0, 1.0)

@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-_SEQUENCES = 0x5E0
-_MAX_STARTS = 30
-_LIT_SHARE = 0.5
+_SEQUENCES = 0x5E0  # key of the random numbers of sequences
+_MAX_STARTS = 30  # starts that are tried for a sunlit sequence
+_LIT_SHARE = 0.5  # least visible share of the Sun in a sunlit frame
 
 
 def flown_scene(
     rng: Generator, recipe: Recipe, target: Target, seed: int, k: int, n_frames: int
 ) -> SceneState:
-    """Return sample k of a recipe whose poses are flown, with the light and the sky of its moment."""
+    """Return sample k of a recipe whose poses come from flights, with light and sky of that time."""
     poses, document = recipe.poses, msgspec.json.encode(recipe)
     if isinstance(poses, Sequences):
         number, step = divmod(k, poses.frames)
@@ -66,7 +66,7 @@ def _flight(document: bytes, target: str, seed: int, number: int) -> Plan:
     """Return flight ``number`` of a recipe, encoded as JSON, with the recipe's target, camera and light."""
     recipe = msgspec.json.decode(document, type=Recipe)
     poses = recipe.poses
-    assert isinstance(poses, AboutTrajectory | Sequences)  # noqa: S101 - callers have seen to it
+    assert isinstance(poses, AboutTrajectory | Sequences)  # noqa: S101 - callers check this
     try:
         scenario = load_scenario(poses.scenario)
     except UserError as error:
@@ -102,8 +102,8 @@ def _sequence(scenario: Scenario, poses: Sequences, seed: int, number: int, wher
                 scenario, orbit=msgspec.structs.replace(scenario.orbit, true_anomaly_deg=place)
             )
         plan = plan_flight(scenario, times=(0.0,), seed=seed)
-        lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
-        if lit or not poses.sunlit:
+        is_lit = all(plan.shifted((t,)).scene(0).sun_visible_fraction > _LIT_SHARE for t in (0.0, duration))
+        if is_lit or not poses.sunlit:
             return plan
     raise UserError(
         f"{where}: no start of scenario {poses.scenario} leaves {duration:g} s of sunlight: take fewer frames, or set "

@@ -58,7 +58,7 @@ class RecipePlan(DocumentPlan):
 
     Parameters
     ----------
-    n_frames : number of samples. environment : layers of the world instead of the recipe's.
+    n_frames : number of samples. environment : replaces the recipe's layers of the world.
     """
 
     recipe: Recipe
@@ -71,7 +71,7 @@ class RecipePlan(DocumentPlan):
         return self.recipe
 
     def planned_scene(self, k: int) -> SceneState:
-        """Return the scene of sample k before it is varied."""
+        """Return the scene of sample k before variation."""
         pairs = self.recipe.pairs
         if pairs is None:
             return self._sample(k, k)
@@ -83,7 +83,7 @@ class RecipePlan(DocumentPlan):
         )
 
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene after sample k's in its sequence; None for independent samples."""
+        """Return the next scene in sample k's sequence; None for independent samples."""
         poses = self.recipe.poses
         if not isinstance(poses, Sequences) or self.recipe.pairs is not None:
             return None
@@ -95,7 +95,7 @@ class RecipePlan(DocumentPlan):
         Raises
         ------
         UserError
-            If it has none, or fewer.
+            If it has none, or too few views.
         """
         library = self.recipe.background
         if library is None:
@@ -109,11 +109,11 @@ class RecipePlan(DocumentPlan):
 
     def scene_before(self, library: Background, number: int) -> SceneState:
         """Return a scene in front of one view of a library, with the target on the axis."""
-        drawn = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
-        return self._placed(number, drawn, draw_view(library, self.camera, number).place)
+        pose = DrawnPose(np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1000.0]))
+        return self._placed(number, pose, draw_view(library, self.camera, number).place)
 
     def _sample(self, k: int, frame_index: int) -> SceneState:
-        """Return sample k as the frame of another number."""
+        """Return sample k, with another frame number."""
         rng = numbered_generator(self.seed, k, _SAMPLES)
         recipe = self.recipe
         if isinstance(recipe.poses, AboutTrajectory | Sequences):
@@ -233,8 +233,9 @@ def plan_recipe(
 
     Parameters
     ----------
-    name : of a built-in recipe, a file, or the recipe itself. n : the recipe's own number unless given.
-    target, camera : name or file of one to use instead of the recipe's. environment : layers of the world, likewise.
+    name : name of a built-in recipe, file, or the recipe itself. n : number of samples, by default the recipe's.
+    target, camera : name or file to use instead of the recipe's. environment : replaces the recipe's layers of the
+        world.
 
     Raises
     ------
@@ -251,7 +252,7 @@ def plan_recipe(
     if camera is not None:
         recipe = msgspec.structs.replace(recipe, camera=read_camera_file(camera))
     craft = load_target(target or recipe.target)
-    # the data set's card records the range and target that were drawn
+    # the data set's card records the actual range and target
     recipe = msgspec.structs.replace(
         recipe, target=craft.name if target is None else target, range=resolved_range(recipe.range, craft)
     )
@@ -277,7 +278,7 @@ def _check_range(recipe: Recipe, target: Target) -> None:
     Raises
     ------
     UserError
-        With the range and the target's size.
+        If it does; the message states the range and the target's size.
     """
     if recipe.poses is not None or isinstance(recipe.attitude, FacingAttitude):
         return

@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 MAX_DRAWS = 10_000
 TANGO_SIZE_M = 0.80320
-"""Half the diagonal of the box about Tango."""
+"""Half the diagonal of Tango's bounding box."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnPose:
-    """A pose of the target in the camera, with its Euler angles if it was drawn from them."""
+    """A pose of the target in the camera, with Euler angles if it was drawn by them."""
 
     q_camera_from_target_wxyz: FloatArray
     t_camera_from_target_m: FloatArray
@@ -52,12 +52,12 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
     Parameters
     ----------
-    k : number of the sample, by which boards go all over the image.
+    k : number of the sample, which selects the cell of a board.
 
     Raises
     ------
     UserError
-        If the recipe's bounds leave nothing to draw.
+        If the recipe's bounds are empty.
     """
     attitude = recipe.attitude
     if isinstance(attitude, FacingAttitude):
@@ -76,7 +76,7 @@ def draw_pose(rng: Generator, recipe: Recipe, camera: Camera, target: Target, k:
 
 
 def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
-    """Return the range with a scaled one resolved for the target."""
+    """Return the range, with a ``scaled`` one resolved for the target."""
     if not isinstance(kind, ScaledRange):
         return kind
     near, far = scaled_range_m(target, (kind.near_m, kind.far_m))
@@ -84,7 +84,7 @@ def resolved_range(kind: AnyRange, target: Target) -> AnyRange:
 
 
 def scaled_range_m(target: Target, tango_m: tuple[float, float] = (3.0, 18.0)) -> tuple[float, float]:
-    """Return the ranges at which a target appears as large as Tango at two ranges [m], from the size of its mesh."""
+    """Return the ranges at which a target appears as large as Tango at two ranges [m], by the extent of its mesh."""
     corners = np.concatenate([(p.positions_m.min(axis=0), p.positions_m.max(axis=0)) for p in target.parts])
     size_m = float(np.linalg.norm(np.ptp(corners.astype(float), axis=0))) / 2
     near, far = (round(r * size_m / TANGO_SIZE_M, 3) for r in tango_m)
@@ -116,9 +116,9 @@ def _depth_m(rng: Generator, kind: AnyRange, target: Target) -> float:
 def _translation_m(
     rng: Generator, kind: AnyPlacement, camera: Camera, target: Target, z: float
 ) -> FloatArray:
-    """Draw the model's origin at depth z, camera axes."""
+    """Draw the position of the model's origin at depth z, camera axes."""
     if isinstance(kind, BoundsPlacement):
-        # equation 1 of the data-set paper: the field of view grows in proportion to the depth
+        # equation 1 of Hematulin et al. (2025): the field of view grows in proportion to the depth
         x_max, y_max = kind.x_m / kind.at_m * z, kind.y_m / kind.at_m * z
         x, y_up = rng.uniform(-x_max, x_max), rng.uniform(-y_max, y_max)
         return np.asarray(to_left_handed(np.array([x, y_up, z])), float)

@@ -1,7 +1,7 @@
-"""The sky of a sample: Sun and nadir drawn in camera axes, then a date and a place that match.
+"""The sky of a sample: Sun and nadir drawn in camera axes, then a matching date and position.
 
-The moment is a random one of the year, the Sun stands where it is, and the target above the point of the body that
-gives the drawn angle between Sun and nadir.
+The time is a random one of the year, which fixes the Sun; the target is placed where the angle between Sun and nadir is
+the drawn one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ YEAR_START_UTC = "2026-01-01T00:00:00Z"
 YEAR_S = 365.0 * 86400.0
 MAX_DRAWS = 1000
 LIT_DIP_SHARE = 0.9
-"""Share of the horizon's dip by which the Sun may be below the horizontal with the target still lit."""
+"""Share of the horizon's dip by which the Sun may be below the horizontal while the target is still lit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,10 +38,11 @@ class PlaceInSky:
 
     Parameters
     ----------
-    R_eci_from_camera : (3, 3). camera_eci_m : (3,). origin_eci_m : (3,) of the model, where that was placed.
-    along_eci : (3,) direction of flight about the body, any length.
-    body : that is circled. centre_m_s : (3,) its own velocity.
-    r_sun_eci_m : (3,) apparent. bodies : as of `SceneState`.
+    R_eci_from_camera : (3, 3) attitude of the camera. camera_eci_m : (3,) camera position.
+    origin_eci_m : (3,) origin of the model, if placed.
+    along_eci : (3,) direction of motion about the body, not normalised.
+    body : central body. centre_m_s : (3,) its velocity.
+    r_sun_eci_m : (3,) apparent position of the Sun. bodies : states of the bodies, see `SceneState`.
     """
 
     now: Instant
@@ -55,7 +56,7 @@ class PlaceInSky:
     origin_eci_m: FloatArray | None = None
 
     def velocity_m_s(self, r_eci_m: FloatArray) -> FloatArray:
-        """Return the velocity of a craft on a circular orbit through a place (3,) [m s-1]."""
+        """Return the velocity of a circular orbit through a position (3,) [m s-1]."""
         centre = next(np.asarray(b.r_eci_m) for b in self.bodies if b.name == self.body.name)
         speed = np.sqrt(self.body.mu_m3_s2 / np.linalg.norm(r_eci_m - centre))
         return np.asarray(self.centre_m_s + speed * self.along_eci / np.linalg.norm(self.along_eci))
@@ -72,7 +73,7 @@ def random_moment(rng: Generator) -> Instant:
 
 
 def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
-    """Choose one of the skies by its share; nothing is drawn if there is only one."""
+    """Draw one of the skies by its share; with a single one no random number is used."""
     if len(skies) == 1:
         return skies[0]
     shares = np.array([s.share for s in skies])
@@ -82,12 +83,13 @@ def choose_sky(rng: Generator, skies: list[Sky]) -> Sky:
 def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
     """Draw directions to the Sun and to nadir in camera axes, each (3,); the target is always sunlit.
 
-    The phase angle is measured at the target from the boresight reversed; the nadir's angle from the boresight.
+    The phase angle is between the camera and the Sun, seen from the target; nadir is given by its angle from the
+    boresight.
 
     Raises
     ------
     UserError
-        If no draw has the target sunlit above the ground that was drawn, dark or lit.
+        If no draw has a sunlit target above ground as dark or lit as drawn.
     """
     night = rng.random() < sky.night_share
     radius = body_named(sky.body).radius_m
@@ -107,11 +109,11 @@ def sun_and_nadir(rng: Generator, sky: Sky) -> tuple[FloatArray, FloatArray]:
 
 
 def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nadir: FloatArray) -> PlaceInSky:
-    """Draw a date and a place at which Sun and nadir have the given directions.
+    """Draw a date and a position at which Sun and nadir have the given directions.
 
     Parameters
     ----------
-    t_m : (3,) model's origin, camera axes; it is at the sky's altitude. sun, nadir : (3,) directions, camera axes.
+    t_m : (3,) model's origin, camera axes, at the sky's altitude. sun, nadir : (3,) directions, camera axes.
     """
     body = body_named(sky.body)
     now = random_moment(rng)
@@ -119,7 +121,7 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
     centre, v_centre = body.geocentric_state(now)
     to_sun = r_sun - centre
     to_sun /= np.linalg.norm(to_sun)
-    # the target's zenith is at the drawn angle from the Sun, at a random azimuth about it
+    # the target's zenith is at the drawn angle from the Sun, at a random azimuth
     side = np.cross(to_sun, uniform_direction(rng))
     side /= np.linalg.norm(side)
     cosine = float(-nadir @ sun)
@@ -140,7 +142,7 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
 
 def _triad(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return right-handed axes (columns): the first direction, and the second made normal to it."""
+    """Return right-handed axes (columns): the first direction, then the part of the second normal to it."""
     b = second - (second @ first) * first
     b /= np.linalg.norm(b)
     return np.stack([first, b, np.cross(first, b)], axis=1)

@@ -1,4 +1,4 @@
-"""One OpenGL context with what all passes share: uniform blocks, programs, the lens's rays, the frame's images."""
+"""One OpenGL context with the state that all passes share: uniform blocks, programs, lens rays, the frame's images."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ PHYSICAL_CONSTANTS = {
     "LIMB_DARKENING": LIMB_DARKENING,
     "FLAT_EDGE": FLAT_EDGE,
 }
-"""Numbers that shaders share with their twins on the CPU, as preprocessor constants."""
+"""Constants shared by shaders and their CPU twins, as preprocessor definitions."""
 
 
 class Device:
-    """The driver, and what belongs to no single pass.
+    """The driver and the state that belongs to no single pass.
 
     Parameters
     ----------
-    device_index, context : as of `flyaround.simulator.render.renderer.Renderer`.
+    device_index, context : parameters of `flyaround.simulator.render.renderer.Renderer`.
     """
 
     def __init__(self, device_index: int | None = None, context: moderngl.Context | None = None) -> None:
@@ -54,12 +54,12 @@ class Device:
         self._images: FrameImages | None = None
 
     def make_current(self) -> None:
-        """Take the thread's OpenGL for this own context: another may have been made since."""
+        """Make this context current in the thread, if it is the device's own: another may have been created since."""
         if self._owns_context:
             self.context.__enter__()  # type: ignore[no-untyped-call]
 
     def check(self, what: str) -> None:
-        """Raise when OpenGL recorded an error: moderngl itself stays silent about most of them."""
+        """Raise if OpenGL recorded an error: moderngl ignores most of them."""
         error = self.context.error
         if error == "GL_OUT_OF_MEMORY":
             raise MemoryError(f"OpenGL, after {what} on {self.info.renderer}")
@@ -67,7 +67,7 @@ class Device:
             raise RuntimeError(f"OpenGL reports {error} after {what} on {self.info.renderer}")
 
     def prepare(self, scene: SceneState) -> None:
-        """Bind what every pass reads, and choose programs for the scene's lens."""
+        """Bind the resources that every pass reads, and choose programs for the scene's lens."""
         self.make_current()
         for block in self.blocks.all():
             block.bind()
@@ -76,7 +76,7 @@ class Device:
             self._rays.of(scene.camera).use(RAYS_UNIT)
 
     def images_for(self, scene: SceneState) -> FrameImages:
-        """The images of a scene's size and bands; what is in them is the last frame's."""
+        """Return the images of a scene's size and bands; they still hold the last frame."""
         size, bands = (scene.camera.width_px, scene.camera.height_px), len(bands_of(scene.bands))
         if self._images is None or (self._images.size, self._images.bands) != (size, bands):
             if self._images is not None:
@@ -92,6 +92,6 @@ class Device:
             self._images = None
         self._rays.release()
         if self._owns_context:
-            # EGL keeps a context, and all its textures, for as long as it is a thread's current one
+            # EGL keeps a context and all its textures while it is a thread's current one
             self.context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
             self.context.release()

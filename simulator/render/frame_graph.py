@@ -1,8 +1,8 @@
-"""A frame as a graph of passes: each declares what it reads and writes, and their order is checked before they run.
+"""A frame as a graph of passes: each declares its inputs and outputs, and their order is checked before they run.
 
-After filament's ``fg`` and O'Donnell (2017), FrameGraph: Extensible Rendering Architecture in Frostbite, GDC. Theirs
-also allocates textures and drops passes that nobody reads; here passes are few, keep their textures, and are dropped
-where what they read is missing from the frame.
+After filament's ``fg`` and O'Donnell (2017), FrameGraph: Extensible Rendering Architecture in Frostbite, GDC. Those
+also allocate textures and drop unused passes; here passes keep their textures, and are skipped if an input is missing
+from the frame.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 class FrameGraphError(RuntimeError):
-    """A pass reads what no pass before it writes, or touches what it did not declare."""
+    """A pass reads a resource that no earlier pass writes, or uses one that it did not declare."""
 
 
 @dataclass(frozen=True, eq=False)
 class Resource(Generic[T_co]):
-    """A name for what passes hand on to each other: a texture, a view, a list of tiles. It carries its type."""
+    """A typed name of a resource that passes share: a texture, a view, a list of tiles."""
 
     name: str
 
@@ -43,7 +43,7 @@ class FrameResources:
         return isinstance(resource, Resource) and resource.name in self._values
 
     def __getitem__(self, resource: Resource[T]) -> T:
-        """The resource's value; `KeyError` if it was never written."""
+        """Return the resource's value; `KeyError` if it was never written."""
         value: T = self._values[resource.name]
         return value
 
@@ -51,12 +51,12 @@ class FrameResources:
         self._values[resource.name] = value
 
     def find(self, resource: Resource[T]) -> T | None:
-        """The resource's value, or `None` if it is missing from this frame."""
+        """Return the resource's value, or `None` if it is missing from this frame."""
         value: T | None = self._values.get(resource.name)
         return value
 
     def of(self, one: Pass) -> PassResources:
-        """Return the resources as a pass may use them."""
+        """Return the resources that a pass may use."""
         return PassResources(self._values, one)
 
     def has_all(self, resources: Iterable[Resource[object]]) -> bool:
@@ -67,7 +67,7 @@ class FrameResources:
         return True
 
     def fill(self, resources: Iterable[Resource[object]]) -> None:
-        """Mark those of the resources that nobody wrote as missing from this frame."""
+        """Mark resources that no pass wrote as missing from this frame."""
         values = self._values
         for resource in resources:
             if resource.name not in values:
@@ -75,20 +75,20 @@ class FrameResources:
 
 
 class PassResources:
-    """A frame's resources as one pass may use them: reading and writing what it declared."""
+    """A frame's resources, restricted to those that one pass declared."""
 
-    def __init__(self, values: dict[str, Any], of: Pass) -> None:
-        self._values, self._pass = values, of
+    def __init__(self, values: dict[str, Any], current: Pass) -> None:
+        self._values, self._pass = values, current
 
     def __getitem__(self, resource: Resource[T]) -> T:
-        """A resource that the pass declared among its ``reads``."""
+        """Return a resource that the pass declared in its ``reads``."""
         if resource not in self._pass.reads:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
         value: T = self._values[resource.name]
         return value
 
     def find(self, resource: Resource[T]) -> T | None:
-        """A resource that the pass declared among its ``optional`` ones, or `None` if the frame has none."""
+        """Return a resource that the pass declared as ``optional``, or `None` if it is missing from the frame."""
         if resource not in self._pass.optional:
             raise FrameGraphError(f"pass {self._pass.name} reads {resource.name}, which it did not declare")
         value: T | None = self._values.get(resource.name)
@@ -106,11 +106,11 @@ class Pass:
     Attributes
     ----------
     name : key in the frame's timings.
-    reads : required resources; the pass is skipped when the frame lacks one of them.
-    optional : resources that it uses when they are present.
-    writes : resources that it makes or draws into.
-    submits : flush the driver's commands after the pass. A software driver's threads then draw while the next pass is
-        prepared.
+    reads : required resources; the pass is skipped if one is missing from the frame.
+    optional : resources that it uses if they are present.
+    writes : resources that it creates or draws into.
+    submits : True to flush the driver's commands after the pass. A software driver's threads then draw while the next
+        pass is prepared.
     """
 
     name: str
@@ -120,11 +120,11 @@ class Pass:
     submits: bool = False
 
     def run(self, r: PassResources) -> None:
-        """Do it, with the resources that the pass declared."""
+        """Run the pass with the resources that it declared."""
         raise NotImplementedError
 
     def release(self) -> None:
-        """Free what the pass keeps on the GPU."""
+        """Free the pass's resources on the GPU."""
 
 
 class FrameGraph:
@@ -132,25 +132,25 @@ class FrameGraph:
 
     Parameters
     ----------
-    given : resources that are there before the first pass.
+    given : resources available to the first pass.
 
     Raises
     ------
     FrameGraphError
-        If a pass reads what is neither given nor written by a pass before it.
+        If a pass reads a resource that is neither given nor written by an earlier pass.
     """
 
     def __init__(self, passes: Iterable[Pass], given: Container[Resource[object]] = ()) -> None:
         self._passes = tuple(passes)
-        written: set[Resource[object]] = set()
+        available: set[Resource[object]] = set()
         for one in self._passes:
-            reads = (resource for resource in (*one.reads, *one.optional) if resource not in written)
+            reads = (resource for resource in (*one.reads, *one.optional) if resource not in available)
             missing = [resource.name for resource in reads if resource not in given]
             if missing:
                 raise FrameGraphError(
                     f"pass {one.name} reads {', '.join(missing)}, which no pass before it writes"
                 )
-            written.update(one.writes)
+            available.update(one.writes)
 
     def __iter__(self) -> Iterator[Pass]:
         return iter(self._passes)
@@ -158,11 +158,11 @@ class FrameGraph:
     def run(
         self, context: moderngl.Context, resources: FrameResources, *, timed: bool = False
     ) -> dict[str, float]:
-        """Run the passes that have all they read.
+        """Run the passes whose required resources are present.
 
         Parameters
         ----------
-        timed : wait for the driver after each pass, so that its time is its own.
+        timed : True to wait for the driver after each pass, so that times are per pass.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""The frame's images: radiance of all layers and the target's coverage; the passes that clear and read them."""
+"""The frame's images: radiance of all layers and the target's coverage; passes that clear and read them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, IntArray
     from flyaround.simulator.scene.state import SceneState
 
-_WORTH_TWO = 3 << 19  # values of a picture that two threads put in order sooner than one
+_WORTH_TWO = 3 << 19  # values of an image from which on two threads reorder faster than one
 
 
 class FrameImages:
-    """Radiance in 32-bit floats (the Sun's disc, 2e7, overflows 16), one channel per band.
+    """Radiance in 32-bit floats (16-bit ones overflow in the Sun's disc, 2e7), one channel per band.
 
-    The target is drawn first, into both images; the sky's passes then *add* their light times one minus the
-    coverage, so that what the target hides is never shaded.
+    The target is drawn first, into both images; the sky's passes then add their light times one minus the coverage, so
+    that pixels hidden by the target are never shaded.
 
     Parameters
     ----------
@@ -49,19 +49,19 @@ class FrameImages:
         self.sky_framebuffer = context.framebuffer([self.radiance])
         self._label_framebuffer = context.framebuffer([self.coverage])
         self._covered: PixelRect | None = PixelRect(0, 0, width, height)
-        self._lit: PixelRect | None = PixelRect(0, 0, width, height)  # may hold something else than black
+        self._lit: PixelRect | None = PixelRect(0, 0, width, height)  # may not be black
         self._quads: tuple[list[moderngl.Texture], moderngl.Framebuffer] | None = None
 
     @property
     def can_pack_quads(self) -> bool:
-        """True if the radiance can be kept by two by two pixels: its sides are of even length."""
+        """True if the image has even sides, so that 2 x 2 pixels can be packed in a texel."""
         return not any(side % 2 for side in self.size)
 
     @property
     def quad_framebuffer(self) -> moderngl.Framebuffer:
-        """The radiance again, two by two pixels in a texel (of three bands: in three texels).
+        """Framebuffer of the radiance with 2 x 2 pixels in a texel (in three texels for three bands).
 
-        A pass for which they are one is a quarter as long.
+        A pass that computes four pixels at once takes a quarter of the time.
         """
         if self._quads is None:
             size = (self.size[0] // 2, self.size[1] // 2)
@@ -70,40 +70,40 @@ class FrameImages:
         return self._quads[1]
 
     def clear(self, added_to: PixelRect | None) -> None:
-        """Black and empty, where something was drawn since the last time.
+        """Clear the pixels that were drawn since the last time.
 
         Parameters
         ----------
-        added_to : the only pixels of the radiance that need it; the sky will write all others. ``None``: none do.
+        added_to : the only pixels that need clearing, because the sky writes all others. ``None``: no pixels.
         """
-        lit = None if self._lit is None or added_to is None else self._lit.within(added_to)
-        if lit is not None:
-            # of one band a driver clears the whole image in less time than a part of it
-            part = None if lit == PixelRect(0, 0, *self.size) else lit.viewport
+        dirty = None if self._lit is None or added_to is None else self._lit.within(added_to)
+        if dirty is not None:
+            # a driver clears a whole one-band image faster than part of it
+            part = None if dirty == PixelRect(0, 0, *self.size) else dirty.viewport
             draw_to(self.sky_framebuffer)
             self.sky_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=part)
-            self._lit = None if lit == self._lit else self._lit
+            self._lit = None if dirty == self._lit else self._lit
         if self._covered is not None:
             draw_to(self._label_framebuffer)
             self._label_framebuffer.clear(0.0, 0.0, 0.0, 0.0, viewport=self._covered.viewport)
         self._covered = None
 
     def mark_lit(self, rect: PixelRect) -> None:
-        """Remember the pixels of the radiance that a pass is about to write or add to."""
+        """Record the pixels of the radiance that a pass is about to write or add to."""
         rect = PixelRect(0, 0, *self.size).within(rect) or PixelRect(0, 0, 0, 0)
         self._lit = rect if self._lit is None else self._lit.around(rect)
 
     def mark_covered(self, rect: PixelRect) -> None:
-        """Remember the pixels that the target is about to write."""
+        """Record the pixels that the target is about to write."""
         self._covered = rect
         self.mark_lit(rect)
 
     def read_radiance(self, *, quads: bool = False) -> Float32Array:
-        """(H, W) or (H, W, 3), row 0 at the top.
+        """Read (H, W) or (H, W, 3) radiance, row 0 at the top.
 
         Parameters
         ----------
-        quads : read what was drawn four pixels to a texel.
+        quads : True if it was drawn with four pixels per texel.
         """
         width, height = self.size
         flush(self._context)
@@ -116,7 +116,7 @@ class FrameImages:
     def _read_quads(self) -> Float32Array:
         width, height = self.size
         whole = np.empty((height, width * self.bands), np.float32)
-        # two neighbours of a row as one number, which is moved and never looked at
+        # two neighbours in a row are moved as one number
         pairs = [
             np.frombuffer(
                 self.quad_framebuffer.read(components=4, attachment=k, dtype="f4", alignment=1), np.float64
@@ -124,7 +124,7 @@ class FrameImages:
             for k in range(self.bands)
         ]
         rows = [whole[k::2].view(np.float64).reshape(height // 2, width // 2, self.bands) for k in (0, 1)]
-        # in the order of shaders/common/quads.glsl: the upper row's numbers, then the lower one's
+        # order of shaders/common/quads.glsl: the upper row's numbers, then the lower one's
         order = np.repeat(np.arange(2 * self.bands), 2).tolist()
 
         def move(first: int, end: int) -> None:
@@ -134,7 +134,7 @@ class FrameImages:
         return whole if self.bands == 1 else whole.reshape(height, width, 3)
 
     def read_part(self, rect: PixelRect) -> tuple[Float32Array, Float32Array, tuple[slice, slice]]:
-        """Radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels, and their rows and columns."""
+        """Read radiance (h, w) or (h, w, 3) and coverage (h, w) of some pixels; also return their rows and columns."""
         window = slice(rect.y0, rect.y1), slice(rect.x0, rect.x1)
         size = rect.y1 - rect.y0, rect.x1 - rect.x0
         bands = () if self.bands == 1 else (self.bands,)
@@ -147,7 +147,7 @@ class FrameImages:
         return radiance, np.frombuffer(cover, np.float32).reshape(size), window
 
     def read_coverage(self) -> Float32Array:
-        """(H, W), 0..1."""
+        """Read the coverage (H, W), 0..1."""
         flush(self._context)
         data = self._label_framebuffer.read(components=1, dtype="f4", alignment=1)
         return np.frombuffer(data, np.float32).reshape(self.size[1], self.size[0])
@@ -169,20 +169,20 @@ class FrameImages:
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Light of points over the pixels next to them.
+    """Light of point sources, spread over the nearest pixels.
 
     Parameters
     ----------
-    at : (M,) numbers of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    at : (M,) indices of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
     """
 
     at: IntArray
     light: Float32Array
 
     def add_to(self, radiance: Float32Array) -> None:
-        """Add it to a picture (H, W) or (H, W, n)."""
+        """Add the light to an image (H, W) or (H, W, n)."""
         bands = self.light.shape[1]
-        values = radiance.reshape(-1)  # one number an entry: numpy adds rows of several ten times as slowly
+        values = radiance.reshape(-1)  # flat: NumPy adds rows of several values ten times as slowly
         for band in range(bands):
             np.add.at(values, self.at * bands + band, self.light[:, band])
 
@@ -190,18 +190,18 @@ class Spread:
 RADIANCE: Resource[FrameImages] = Resource("radiance")
 COVERAGE: Resource[FrameImages] = Resource("coverage")
 IMAGES = (RADIANCE, COVERAGE)
-"""Two of the frame's images: the target is drawn into both, the sky is added to the first by what the second leaves."""
+"""Radiance and coverage: the target is drawn into both, the sky is added to the first where the second leaves room."""
 STARLIGHT: Resource[Spread] = Resource("starlight")
-"""Light of points that is added to the picture when it is read."""
+"""Light of point sources, added when the image is read."""
 PICTURE: Resource[Float32Array] = Resource("picture")
 
 
 class ClearPass(Pass):
-    """Empties the frame's images.
+    """Clears the frame's images.
 
     Parameters
     ----------
-    images_for : returns the images of a scene's size and bands.
+    images_for : function that returns the images of a scene's size and bands.
     """
 
     reads = (SCENE,)
@@ -217,7 +217,7 @@ class ClearPass(Pass):
 
 
 class ReadBackPass(Pass):
-    """Waits for the driver and takes the picture."""
+    """Waits for the driver and reads the image."""
 
     name = "readback"
     reads = (RADIANCE,)
@@ -225,7 +225,7 @@ class ReadBackPass(Pass):
     writes = (PICTURE,)
 
     def run(self, r: PassResources) -> None:
-        """Read the radiance and add the light of points."""
+        """Read the radiance and add the light of point sources."""
         r[PICTURE] = radiance = self._read(r)
         starlight = r.find(STARLIGHT)
         if starlight is not None:

@@ -1,4 +1,4 @@
-"""The passes of a renderer, in the order of a frame; the plain path, which a GPU runs."""
+"""The passes of a renderer in the order of a frame, and the plain set for a GPU."""
 
 from __future__ import annotations
 
@@ -38,14 +38,15 @@ if TYPE_CHECKING:
 
 
 class FramePasses:
-    """The passes of one renderer, and what draws the labels of the same targets.
+    """The passes of one renderer, and the raster for the labels of the same targets.
 
     Parameters
     ----------
-    culling : which of the target's triangles and tiles are drawn.
-    clear : empties the images of a whole frame.
-    globe : where the globe is in the image. views : where the Moon is, the globe's tiles, and this frame's air.
-    sky : all behind the target: each pass adds its light times the share that the target leaves open.
+    culling : selection of the target's triangles and tiles.
+    clear : pass that clears the images.
+    globe : pass that finds the globe in the image. views : passes for the Moon's view, the globe's tiles, the frame's
+        air.
+    sky : passes for everything behind the target; each adds its light times one minus the coverage.
     earth_programs : passes that prepare and draw the Earth, to compile its programs ahead.
     """
 
@@ -80,15 +81,15 @@ class FramePasses:
         self._globe, self._views, self._sky, self._read_back = globe, views, sky, read_back
 
     def frame(self, *, target: bool = True, first: bool = False) -> list[Pass]:
-        """Return the passes from a scene to its picture.
+        """Return the passes from a scene to its image.
 
-        The target's samples come first: a software driver's threads draw them while the light of Earth and Moon, which
-        they do not need, is worked out. What they hide of the sky is never shaded.
+        The target's samples come first: a software driver draws them while the light of Earth and Moon, which they do
+        not need, is computed. Pixels of the sky that they hide are never shaded.
 
         Parameters
         ----------
-        target : draw it; else all that it hides, without it.
-        first : also compile the Earth's programs, while its maps are decoded; what that draws is cleared.
+        target : False for the background alone.
+        first : True to also compile the Earth's programs while its maps are decoded; their output is cleared.
         """
         return [
             self._set_up,
@@ -104,12 +105,12 @@ class FramePasses:
         ]
 
     def craft(self, *, lit: bool = False) -> list[Pass]:
-        """Return the passes that draw the target alone, in the scene's light; ``lit``: the sky's light is given."""
+        """Return the passes that draw only the target; with ``lit`` the sky's light on it is given."""
         globe = () if lit else (self._globe,)
         return [self._set_up, *self._sampling, *globe, self._shine, self._clear_all, *self._shading]
 
     def release(self) -> None:
-        """Free what the passes keep on the GPU."""
+        """Free the passes' resources on the GPU."""
         for one in self.frame():
             one.release()
         self.labels.release()
@@ -117,7 +118,7 @@ class FramePasses:
 
 
 def plain_passes(device: Device, earths: Earths) -> FramePasses:
-    """Return the passes that a GPU runs: whole meshes, uniform tiles, every pixel shaded."""
+    """Return the passes for a GPU: whole meshes, uniform tiles, every pixel shaded."""
     earth = EarthPass(device.context)
     find = (MoonViewPass(device.blocks.moon), EarthTilesPass(), EarthAirPass())
     return FramePasses(

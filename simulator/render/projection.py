@@ -39,17 +39,17 @@ class PixelRect:
 
     @property
     def viewport(self) -> tuple[int, int, int, int]:
-        """As OpenGL wants it: x, y, width, height."""
+        """Viewport for OpenGL: x, y, width, height."""
         return (self.x0, self.y0, self.width, self.height)
 
     def within(self, other: PixelRect) -> PixelRect | None:
-        """Return the intersection of both, None if it is empty."""
+        """Return the intersection, or None if it is empty."""
         x0, y0 = max(self.x0, other.x0), max(self.y0, other.y0)
         x1, y1 = min(self.x1, other.x1), min(self.y1, other.y1)
         return PixelRect(x0, y0, x1, y1) if x1 > x0 and y1 > y0 else None
 
     def around(self, other: PixelRect) -> PixelRect:
-        """The smallest that holds both."""
+        """Return the smallest rectangle that holds both."""
         low, high = (
             (min(self.x0, other.x0), min(self.y0, other.y0)),
             (max(self.x1, other.x1), max(self.y1, other.y1)),
@@ -60,13 +60,13 @@ class PixelRect:
 def clip_from_camera(
     camera: Camera, near_m: float, far_m: float, buffer_from_pixel: FloatArray, size: tuple[int, int]
 ) -> FloatArray:
-    """(4, 4) matrix from the camera frame [m] to clip space of a framebuffer.
+    """Return the (4, 4) matrix from the camera frame [m] to clip space of a framebuffer.
 
     Parameters
     ----------
     near_m, far_m : camera z of the clipping planes.
-    buffer_from_pixel : (2, 3) affine map from image pixels (x, y, 1) to framebuffer coordinates, in which the
-        first fragment's centre is (0.5, 0.5). Plain images use ``IMAGE_FROM_PIXEL``.
+    buffer_from_pixel : (2, 3) affine map from image pixels (x, y, 1) to framebuffer coordinates, in which the first
+        fragment's centre is (0.5, 0.5). Plain images use ``IMAGE_FROM_PIXEL``.
     size : width and height of the framebuffer's viewport [px].
     """
     # OpenGL's camera looks along -z; its "bottom" is the framebuffer's row 0, the image's top
@@ -74,7 +74,7 @@ def clip_from_camera(
     top, bottom = near_m * (np.array([-0.5, camera.height_px - 0.5]) - camera.cy_px) / camera.fy_px
     frustum = create_perspective_projection_from_bounds(left, right, top, bottom, near_m, far_m)
     image_clip = frustum.T @ np.diag([1.0, 1.0, -1.0, 1.0])
-    # from the image's clip space to its pixels, on to the buffer's, and to the buffer's clip space
+    # from the image's clip space to its pixels, to the buffer's pixels, and to the buffer's clip space
     width, height = camera.width_px, camera.height_px
     to_pixel = np.array(
         [[width / 2, 0.0, (width - 1) / 2], [0.0, height / 2, (height - 1) / 2], [0.0, 0.0, 1.0]]
@@ -88,7 +88,7 @@ def clip_from_camera(
 
 
 def image_of(camera: Camera, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Columns and rows [px] of points by x / z and y / z, arrays of one shape: numpy is quick along long rows."""
+    """Return columns and rows [px] of points given by x / z and y / z, arrays of one shape."""
     if not camera.distortion.is_none:
         x, y = np.moveaxis(camera.domain.distort(np.stack([x, y], axis=-1)), -1, 0)
     return x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
@@ -98,22 +98,22 @@ IMAGE_FROM_PIXEL = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5]])
 
 
 def window_from_pixel(rect: PixelRect) -> FloatArray:
-    """(2, 3) map for a framebuffer that holds only ``rect`` of the image."""
+    """Return the (2, 3) map for a framebuffer that holds only ``rect`` of the image."""
     return IMAGE_FROM_PIXEL - np.array([[0.0, 0.0, rect.x0], [0.0, 0.0, rect.y0]])
 
 
-@lru_cache(maxsize=16)  # frames of a camera ask for the same few grids
+@lru_cache(maxsize=16)  # a camera's frames use the same few grids
 def _undistorted(camera: Camera, x_px: bytes, y_px: bytes) -> FloatArray:
-    """(len(y), len(x), 2) undistorted rays through a grid of pixels, whose columns and rows are float64."""
+    """Return (len(y), len(x), 2) undistorted rays through a grid of pixels; columns and rows are float64 bytes."""
     return camera.unproject(np.stack(np.meshgrid(np.frombuffer(x_px), np.frombuffer(y_px)), axis=-1))
 
 
 def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: FloatArray) -> FloatArray:
-    """(len(y), len(x), 3) unit vectors of the rays through a grid of pixels; NaN where the lens does not see.
+    """Return (len(y), len(x), 3) unit vectors of rays through a grid of pixels; NaN outside the lens's range.
 
     Parameters
     ----------
-    x_px, y_px : columns and rows of the grid. matrix : (3, 3) what the rays' camera coordinates are multiplied by.
+    x_px, y_px : columns and rows of the grid. matrix : (3, 3) matrix applied to the rays' camera coordinates.
     """
     if camera.distortion.is_none:
         column = (x_px - camera.cx_px)[:, None] / camera.fx_px * matrix[:, 0]

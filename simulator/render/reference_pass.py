@@ -1,4 +1,4 @@
-"""The bench's reference pass: a fixed amount of shading, so that figures of different machines compare."""
+"""The benchmark's reference pass: a fixed amount of shading, so that results of different machines compare."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ TEXTURE_SIZE = (4096, 2048)
 
 
 class ReferencePass:
-    """One full-screen pass to RGBA16F of 64 multiply-adds, 8 exponentials and four trilinear fetches a pixel.
+    """One full-screen pass to RGBA16F with 64 multiply-adds, 8 exponentials and four trilinear fetches per pixel.
 
-    The fetches are from a 4096 x 2048 RGB texture. The pass has a context of its own.
+    It fetches from a 4096 x 2048 RGB texture, and has a context of its own.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class ReferencePass:
         self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
     def laps_ms(self, size: tuple[int, int], count: int) -> list[float]:
-        """Times of ``count`` passes at a size, after one that warms up [ms]; leaves its own context current."""
+        """Return times of ``count`` passes at a size, after a warm-up pass [ms]; its context stays current."""
         context = self._context
         context.__enter__()  # type: ignore[no-untyped-call]
         if size not in self._targets:

@@ -36,21 +36,21 @@ if TYPE_CHECKING:
 
 
 Layer = Literal["all", "craft", "sky"]
-"""What is drawn: everything; the target alone, in the scene's own light; or all that it hides, without it."""
+"""Layers to draw: everything; the target alone, in the scene's own light; or the background without the target."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """One noise-free picture.
+    """One noise-free image.
 
     Parameters
     ----------
     radiance : (H, W) for mono, (H, W, 3) for rgb, row 0 at the top [W m-2 sr-1 in the band].
-    coverage : (H, W) share of each pixel that the target covers; with labels only.
-    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; with labels only.
-    silhouette_inside : share of the target's whole silhouette that falls on the image; with labels only.
+    coverage : (H, W) share of each pixel that the target covers; only with labels.
+    depth_m : (H, W) camera z of the target's nearest surface at the pixel's centre, NaN outside; only with labels.
+    silhouette_inside : share of the target's whole silhouette inside the image; only with labels.
     stage_ms : time spent per stage [ms].
-    window : rows and columns that radiance and coverage are of; the whole image but for a craft alone.
+    window : rows and columns of radiance and coverage; the whole image except for the layer ``craft``.
     """
 
     radiance: Float32Array
@@ -68,7 +68,8 @@ def _check_finite(
 
     Parameters
     ----------
-    radiance : (H, W) or (H, W, n). coverage : reads (H, W), the share of each pixel that the target covers.
+    radiance : (H, W) or (H, W, n). coverage : function that reads (H, W), the share of each pixel that the target
+        covers.
     """
     if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
         return
@@ -83,22 +84,22 @@ def _check_finite(
 
 
 class Renderer:
-    """Draws scenes headless, one at a time, from the thread that made it.
+    """Draws scenes headless, one at a time, in the thread that created it.
 
     Parameters
     ----------
-    device_index : EGL device, ``None`` for the default one.
-    context : an existing OpenGL >= 4.1 context to draw with instead; it is not released on close.
-    timed : wait for the driver after every pass, so that ``stage_ms`` is each pass's own time. Without it the passes
-        queue up, nothing stalls, and their time shows in the read-back. May be changed between frames.
-    prefetched : `prefetch_earth_maps` of the first scenes to be drawn, for a quicker first frame.
-    software_path : have Python find what need not be drawn, or may be interpolated. A software driver takes a fraction
-        of the time then, and a GPU would wait for it. ``None``: where a software driver draws.
+    device_index : index of the EGL device, ``None`` for the default one.
+    context : existing OpenGL >= 4.1 context to use instead; `close` does not release it.
+    timed : True to wait for the driver after every pass, so that ``stage_ms`` is per pass. Otherwise passes queue up,
+        and their time shows in the read-back. May be changed between frames.
+    prefetched : results of `prefetch_earth_maps` for the first scenes, for a quicker first frame.
+    software_path : True to cull and interpolate on the CPU, which speeds up a software driver and would stall a GPU.
+        ``None``: only for a software driver.
 
     Raises
     ------
     UserError
-        If no sufficient OpenGL is found; the message says how to get one.
+        If there is no OpenGL >= 4.1; the message says how to get one.
     """
 
     def __init__(
@@ -124,7 +125,7 @@ class Renderer:
         return self.device.info
 
     def make_current(self) -> None:
-        """Take the thread's OpenGL for this renderer's own context: another renderer may have been made since."""
+        """Make this renderer's context current in the thread: another renderer may have been created since."""
         self.device.make_current()
 
     def render(
@@ -141,15 +142,15 @@ class Renderer:
         Parameters
         ----------
         target : the model that ``scene.target`` names.
-        labels : also return coverage, depth and the share of the silhouette inside the image.
-        sky : light on the target in place of the scene's Earth-shine and Moon-shine, for proofs.
-        layer : ``craft`` gives radiance (already times the coverage) and coverage of the ``window`` that it may touch;
-            with ``sky`` behind it, times one minus the coverage, they add up to the whole picture.
+        labels : True to also return coverage, depth and the share of the silhouette inside the image.
+        sky : replaces the scene's Earth-shine and Moon-shine on the target, for validation.
+        layer : ``craft`` returns premultiplied radiance and coverage in the ``window`` that the target may touch; the
+            layer ``sky`` times one minus that coverage completes the image.
 
         Raises
         ------
         UserError
-            If ``target`` is not the one the scene was made for, or a pixel's radiance is not a number.
+            If ``target`` is not the one that the scene was built for, or a pixel's radiance is not finite.
         """
         if layer == "craft":
             return self._render_craft(scene, target, sky)
@@ -179,31 +180,31 @@ class Renderer:
     def start_surfaces(
         self, scene: SceneState, target: Target, *, layers: bool = False
     ) -> Callable[[], Surfaces]:
-        """Start drawing the target's surface at each pixel's centre, without the picture.
+        """Start drawing the target's surface at each pixel's centre, without the image.
 
-        The driver is drawing it when this returns; calling the result, once, waits for the end and reads it back.
+        The driver draws it after this returns; calling the result, once, waits for the end and reads it back.
 
         Parameters
         ----------
-        layers : normals and parts too, not depth alone.
+        layers : True for normals and parts, False for depth only.
         """
         self.device.prepare(scene)
         finish = self._passes.labels.start_surfaces(scene, target, layers=layers)
 
         def surfaces() -> Surfaces:
             self.make_current()
-            seen = finish()
+            result = finish()
             self.device.check("the labels of a frame")
-            return seen
+            return result
 
         return surfaces
 
     def surfaces(self, scene: SceneState, target: Target, *, layers: bool = False) -> Surfaces:
-        """`start_surfaces`, waited for."""
+        """Draw the target's surface at each pixel's centre; see `start_surfaces`."""
         return self.start_surfaces(scene, target, layers=layers)()
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
-        """Share of the target's whole silhouette that falls on the image."""
+        """Return the share of the target's whole silhouette inside the image."""
         self.device.prepare(scene)
         return self._passes.labels.silhouette_inside(scene, target)
 
@@ -235,7 +236,7 @@ class Renderer:
         return frame
 
     def _run(self, kept_as: str, passes: Callable[[], list[Pass]], frame: FrameResources) -> dict[str, float]:
-        """Run passes; a graph with a name is checked once and kept."""
+        """Run passes; a graph with a name is checked once and cached."""
         graph = self._graphs.get(kept_as)
         if graph is None:
             graph = FrameGraph(passes(), frame)
@@ -244,7 +245,7 @@ class Renderer:
         return graph.run(self.device.context, frame, timed=self.timed)
 
     def close(self) -> None:
-        """Free what the renderer made, and its context."""
+        """Free the renderer's resources and its own context."""
         self.make_current()
         self._passes.release()
         self._earths.release()

@@ -1,4 +1,4 @@
-"""One frame in the camera's own coordinates: everything the passes need, subtracted and rotated in float64."""
+"""One frame in camera coordinates: all quantities that the passes need, subtracted and rotated in float64."""
 
 from __future__ import annotations
 
@@ -40,15 +40,16 @@ class View:
     Parameters
     ----------
     R_camera_from_target, t_camera_from_target_m : pose of the target.
-    globe : the body that is ray-cast. R_camera_from_globe : its orientation. r_camera_globe_m : camera, in its axes.
+    globe : the ray-cast body. R_camera_from_globe : orientation of the globe.
+    r_camera_globe_m : camera position in its axes.
     sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
     sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in its axes.
-    moon_share : irradiance of the Moon at the globe over the Sun's; 0 where no Moon is drawn.
-    sun_irradiance_w_m2 : per band, unobstructed, at the target.
-    sun_share : per band, what Earth, air and Moon leave of it.
-    sun_at_globe_w_m2 : per band, at the globe.
+    moon_share : irradiance of the Moon at the globe over the Sun's; 0 if no Moon is drawn.
+    sun_irradiance_w_m2 : irradiance of the unobstructed Sun at the target, per band.
+    sun_share : share of it that Earth, air and Moon let through, per band.
+    sun_at_globe_w_m2 : irradiance of the Sun at the globe, per band.
     sky : light of globe and Moon on the target.
-    lights : of area lights, unit vector from the target's origin and irradiance there per band.
+    lights : for each area light, the unit vector from the target's origin and the irradiance there per band.
     """
 
     R_camera_from_target: FloatArray
@@ -73,13 +74,13 @@ class View:
 SCENE: Resource[SceneState] = Resource("scene")
 MODEL: Resource[Target] = Resource("target model")
 VIEW: Resource[View] = Resource("view")
-"""The scene in the camera's coordinates; the light of Earth and Moon on the target comes into it last."""
+"""The scene in camera coordinates; the light of Earth and Moon on the target is added last."""
 GIVEN_IRRADIANCE: Resource[IrradianceField] = Resource("given irradiance")
-"""Light on the target in place of that of Earth and Moon, for proofs."""
+"""Replacement for the light of Earth and Moon on the target, for validation."""
 
 
 class SetUpPass(Pass):
-    """Builds the view and writes its uniforms, without the light of Earth and Moon on the target yet."""
+    """Builds the view and writes its uniforms, without the light of Earth and Moon on the target."""
 
     name = "setup"
     reads = (SCENE,)
@@ -100,7 +101,7 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
 
     Parameters
     ----------
-    sky : light of globe and Moon on the target (`globe_and_moon_shine`), or instead of it; ``None`` leaves it dark.
+    sky : light of globe and Moon on the target (`globe_and_moon_shine`), or a replacement; ``None`` for none.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     globe = scene.globe
@@ -135,23 +136,23 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
 
 
 def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Area lights as the whole target sees them, for light between its parts."""
+    """Yield direction and irradiance of area lights for the whole target, for light between its parts."""
     origin = np.asarray(scene.t_camera_from_target_m)
     for light in scene.area_lights:
-        placed = light.placed(scene.camera_from_target)
-        to = placed.middle_m - origin
+        at_target = light.placed(scene.camera_from_target)
+        to = at_target.middle_m - origin
         direction = to / max(float(np.linalg.norm(to)), 1e-6)
-        factor = float(placed.irradiance_factor(origin[None], direction[None])[0])
+        factor = float(at_target.irradiance_factor(origin[None], direction[None])[0])
         yield direction, factor * light.radiance(scene.bands)
 
 
 def _sun_share(scene: SceneState) -> FloatArray:
-    """Share (n,) of the Sun's light per band at the target, through the Earth's air where that is drawn."""
+    """Return the share (n,) of the Sun's light per band at the target, through the Earth's air if it is drawn."""
     fraction = np.full(len(bands_of(scene.bands)), scene.sunlit_fraction)
     if not scene.environment.sunlight or not (scene.environment.earth and scene.environment.atmosphere):
         return fraction
     earth = scene.body("earth")
-    # the ellipsoid becomes a sphere
+    # map the ellipsoid to a sphere
     stretch = np.array([1.0, 1.0, earth.body.radius_m / earth.body.polar_radius_m])
     R_itrs_from_eci = earth.R_fixed_from_eci
     r, sun = np.asarray(scene.r_target_eci_m), np.asarray(scene.r_sun_eci_m)
@@ -165,7 +166,7 @@ def _sun_share(scene: SceneState) -> FloatArray:
 
 
 def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
-    """Members of the block ``Frame``."""
+    """Return the members of the block ``Frame``."""
     camera, sky = scene.camera, view.sky
     u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
     u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
@@ -178,7 +179,7 @@ def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
         "u_sky": u_sky,
         "u_globe_radiance": u_earth,
         "u_globe_rim": [*sky.axis, sky.disc_cosine],
-        # a disc of half the sky lights from around the mean of normal and nadir, all of the sky from the normal
+        # a disc of half the sky lights from around the mean of normal and nadir, a whole sky from the normal
         "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
         "u_lamp_place": [0.0] * 4 if lamp is None else [*lamp.offset_m, lamp.shape],
         "u_lamp_intensity": [0.0] * 4 if lamp is None else vec4_of_bands(lamp.intensity_w_sr(scene.bands)),

@@ -32,15 +32,15 @@ def element(name: str, /, *content: Content, **attributes: str | float | bool | 
 
     Parameters
     ----------
-    attributes : by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and ``False``
-        are left out, ``True`` has no value.
+    attributes : attributes by name, with ``class_`` for ``class`` and ``text_anchor`` for ``text-anchor``; ``None`` and
+        ``False`` are omitted, ``True`` has no value.
     """
-    written = "".join(
+    attribute_text = "".join(
         f" {key.rstrip('_').replace('_', '-')}" + ("" if value is True else f'="{html.escape(str(value))}"')
         for key, value in attributes.items()
         if value is not None and value is not False
     )
-    return Markup(f"<{name}{written}>" + ("" if name in VOID else f"{markup(*content)}</{name}>"))
+    return Markup(f"<{name}{attribute_text}>" + ("" if name in VOID else f"{markup(*content)}</{name}>"))
 
 
 def _parts(content: Iterable[Content]) -> Iterable[str]:

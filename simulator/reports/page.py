@@ -80,7 +80,7 @@ class Page:
 
         Parameters
         ----------
-        head : names of the columns; the first column names the rows, and cells of nothing are left out of a card.
+        head : names of the columns; the first column names the rows, and empty cells are omitted from cards.
         """
         cells = [[markup(cell) for cell in row] for row in rows]
         widths = [max(map(_longest_word, column)) for column in zip(head, *cells, strict=True)]
@@ -112,7 +112,7 @@ class Page:
         return f"<!doctype html>\n{document}\n"
 
     def write(self, path: Path) -> Path:
-        """Write the page. Return its path.
+        """Write the page and return its path.
 
         Raises
         ------

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray
 
-QUALITY = 88
+QUALITY = 88  # JPEG quality
 
 
 def jpeg(image: ByteArray, quality: int = QUALITY) -> bytes:

@@ -1,4 +1,4 @@
-"""What every room stands on: processes, threads, memory, the cache, files, names of arrays.
+"""Runtime services for all other folders: processes, threads, memory, the cache, files, array types.
 
-Nothing of spacecraft or pictures.
+It knows nothing of spacecraft or images.
 """

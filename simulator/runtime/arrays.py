@@ -1,4 +1,4 @@
-"""Names for the arrays and tuples that travel between folders."""
+"""Type aliases for arrays and tuples."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Mat3 = tuple[Vec3, Vec3, Vec3]
 
 
 def vec3(values: FloatArray) -> Vec3:
-    """A (3,) array as an immutable triple of Python floats."""
+    """Return a (3,) array as an immutable triple of Python floats."""
     x, y, z = map(float, values)
     return (x, y, z)
 
 
 def quat(values: FloatArray) -> Quat:
-    """A (4,) array, scalar first, as an immutable tuple of Python floats."""
+    """Return a (4,) array, scalar first, as an immutable tuple of Python floats."""
     w, x, y, z = map(float, values)
     return (w, x, y, z)

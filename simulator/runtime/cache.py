@@ -1,11 +1,11 @@
-"""The user's cache folder, how its entries are named, and its files, each with a checksum behind its contents.
+"""The user's cache folder: names of its entries, and files with a trailing checksum.
 
-An entry is named by what it is and a hash of its inputs and of the source code that makes it (`entry_name`), so that
-nothing is read that older code has made. Any edit of that source counts, be it a comment.
+An entry is named by its kind and a hash of its inputs and of the source code that makes it (`entry_name`), so output of
+older code is never read. Any edit of that source counts, even of a comment.
 
-A file is its contents and 40 bytes more: `MAGIC`, the length of the contents and their XXH3 of 128 bits,
-little-endian. Programs that read the contents alone (NumPy, readers of glTF) do not mind what follows. The checksum
-tells of accidents; it is no defence against who may write to the folder, and nothing that is read from here is run.
+A file is its contents and a trailer of 40 bytes: `MAGIC`, the length of the contents and their 128-bit XXH3,
+little-endian. Programs that read the contents alone (NumPy, glTF readers) ignore the trailer. The checksum detects
+accidents; it does not protect against somebody who may write to the folder, and nothing from here is executed.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ if TYPE_CHECKING:
     from typing import IO
 
 MAGIC = b"flyaround cache1"
-_UNFINISHED_S = 86_400.0  # nobody writes one file for longer
+_UNFINISHED_S = 86_400.0  # age of a temporary file whose writer must be gone
 _TRAILER = struct.Struct("<16sQ16s")
 log = logging.getLogger(__name__)
 
 
 class DamagedError(ValueError):
-    """A cache file that is not what was written."""
+    """A damaged cache file."""
 
 
 def cache_folder(part: str = "") -> Path:
-    """``FLYAROUND_CACHE_DIR``, or the platform's cache folder for Flyaround; or a part of it by its name."""
-    chosen = os.environ.get("FLYAROUND_CACHE_DIR", "")
-    return (Path(chosen) if chosen else Path(platformdirs.user_cache_dir("flyaround"))) / part
+    """Return ``FLYAROUND_CACHE_DIR`` or the platform's cache folder, or a subfolder of it."""
+    folder = os.environ.get("FLYAROUND_CACHE_DIR", "")
+    return (Path(folder) if folder else Path(platformdirs.user_cache_dir("flyaround"))) / part
 
 
 def entry_name(name: str, makers: Sequence[Callable[..., object]], *inputs: object) -> str:
@@ -80,7 +80,7 @@ def _source_digest(module: str) -> bytes:
 
 
 def _hash_input(digest: hashlib._Hash, value: object) -> None:
-    """Add a value to a hash, with its kind and length, so that no two lists of inputs read alike."""
+    """Add a value to a hash with its type and length, so that no two input lists collide."""
     if isinstance(value, np.ndarray):
         if value.dtype.hasobject:
             raise TypeError("an array of objects cannot name a cache entry")
@@ -95,9 +95,7 @@ def _hash_input(digest: hashlib._Hash, value: object) -> None:
         for one in value:
             _hash_input(digest, one)
     elif value is None or isinstance(value, (bool, int, float, str)):
-        plain = (
-            float(value) if isinstance(value, float) else value
-        )  # NumPy's floats write themselves otherwise
+        plain = float(value) if isinstance(value, float) else value  # NumPy's floats have another repr
         text = repr(plain).encode()
         digest.update(f"text {len(text)};".encode() + text)
     else:
@@ -105,12 +103,14 @@ def _hash_input(digest: hashlib._Hash, value: object) -> None:
 
 
 def map_checked(path: Path) -> tuple[mmap.mmap, int]:
-    """A cache file mapped for reading, found to be what was written, and the length of its contents.
+    """Map a cache file for reading, verify it, and return it with the length of its contents.
 
     Raises
     ------
     DamagedError
-        If it is not. OSError : if there is no such file, or it cannot be read.
+        If the file is damaged.
+    OSError
+        If the file is missing or cannot be read.
     """
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size < _TRAILER.size:
@@ -118,16 +118,16 @@ def map_checked(path: Path) -> tuple[mmap.mmap, int]:
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     magic, length, digest = _TRAILER.unpack(mapped[-_TRAILER.size :])
     if magic != MAGIC or length != len(mapped) - _TRAILER.size:
-        raise DamagedError("it is cut short, or of an older version")
+        raise DamagedError("it is cut short, or from an older version")
     with memoryview(mapped) as whole, whole[:length] as contents:
-        found = xxhash.xxh3_128_digest(contents)
-    if found != digest:
-        raise DamagedError("its checksum is another")
+        checksum = xxhash.xxh3_128_digest(contents)
+    if checksum != digest:
+        raise DamagedError("its checksum does not match")
     return mapped, length
 
 
 def read_checked(path: Path) -> bytes | None:
-    """The contents of a cache file; ``None`` where there is none, or it is damaged, which is logged."""
+    """Return the contents of a cache file, or ``None`` if it is missing or damaged; damage is logged."""
     try:
         mapped, length = map_checked(path)
     except FileNotFoundError:
@@ -141,23 +141,23 @@ def read_checked(path: Path) -> bytes | None:
 
 
 def mark_used(path: Path) -> None:
-    """Set a cache file's time of last use; a folder that may not be written to does not matter."""
+    """Set a cache file's time of last use, if the folder is writable."""
     with contextlib.suppress(OSError):
         path.touch(exist_ok=True)
 
 
 def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
-    """Keep in the cache what ``write`` writes to a file; a reader sees the old file or the whole new one.
+    """Write a file into the cache atomically: a reader sees the old file or the whole new one.
 
     Returns
     -------
-    Whether it is kept. A disk that is full, read-only or another's costs time at every start: it is logged, no error.
+    True if it was stored. A full, read-only or foreign disk only costs time at every start: it is logged, no error.
     """
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         _forget_unfinished(path.parent)
-        # open for writing alone numpy writes it as it lies, and leaves Python free meanwhile
+        # in write-only mode NumPy writes without a copy, and releases Python's lock
         with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
             temporary = Path(file.name)
             write(file.file)
@@ -174,7 +174,7 @@ def store_checked(path: Path, write: Callable[[IO[bytes]], object]) -> bool:
 
 
 def _forget_unfinished(folder: Path) -> None:
-    """Remove what programs left that were ended while they wrote."""
+    """Remove temporary files of writers that were killed."""
     for path in folder.glob("*.tmp"):
         with contextlib.suppress(OSError):  # another program may have removed it
             if time.time() - path.stat().st_mtime > _UNFINISHED_S:
@@ -182,7 +182,7 @@ def _forget_unfinished(folder: Path) -> None:
 
 
 def _trailer(path: Path) -> bytes:
-    """What is written behind the contents of a file."""
+    """Read the trailer of a cache file."""
     with path.open("rb") as file:
         length = os.fstat(file.fileno()).st_size
         if not length:

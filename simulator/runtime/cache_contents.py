@@ -1,4 +1,4 @@
-"""The contents of the cache folder: what is kept, how much, and its removal."""
+"""The contents of the cache folder: kinds of entries, their sizes, and removal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEFAULT_MB = 300
 FOLDERS = ("board-models", "shaders", "boards")
 """Subfolders that this project writes to; others in the folder are not its own."""
 SUFFIXES = (".npy", ".tmp", ".lock")
-IN_USE_S = 600.0  # a program that runs may need again what it used so recently
+IN_USE_S = 600.0  # entries used so recently may belong to a running program
 KEPT_S = 90 * 86_400.0
 
 
@@ -46,7 +46,7 @@ class CacheKind:
 
 
 def most_cache_bytes() -> int:
-    """Return the size that the cache is kept under [bytes], from ``FLYAROUND_CACHE_MB`` where it is set.
+    """Return the size limit of the cache [bytes], from ``FLYAROUND_CACHE_MB`` if set.
 
     Raises
     ------
@@ -74,32 +74,32 @@ def cache_kinds() -> list[CacheKind]:
 
 
 def clear_cache() -> int:
-    """Remove every entry of the cache; return the size of what was removed [bytes].
+    """Remove every entry of the cache; return the freed size [bytes].
 
     Raises
     ------
     UserError
         If a file cannot be removed.
     """
-    removed = 0
+    freed_bytes = 0
     for path, stat in list(_files()):
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise UserError(f"{path} cannot be removed ({error.strerror}): remove it by hand") from error
-        removed += stat.st_size
-    return removed
+        freed_bytes += stat.st_size
+    return freed_bytes
 
 
 def trim_cache() -> None:
-    """Remove entries unused for `KEPT_S`, then the least recently used ones until the cache is under its size.
+    """Remove entries unused for `KEPT_S`, then the least recently used ones until the cache is below its limit.
 
-    Entries used within `IN_USE_S` stay, whatever their size: a run would otherwise make its own again and again.
+    Entries used within `IN_USE_S` stay regardless: a run would otherwise make its own again and again.
     """
-    found = sorted(_files(), key=lambda pair: pair[1].st_mtime)
-    total = sum(stat.st_size for _, stat in found)
+    files = sorted(_files(), key=lambda pair: pair[1].st_mtime)
+    total = sum(stat.st_size for _, stat in files)
     most, now = most_cache_bytes(), time.time()
-    for path, stat in found:
+    for path, stat in files:
         unused_s = now - stat.st_mtime
         if unused_s > KEPT_S or (total > most and unused_s > IN_USE_S):
             with suppress(OSError):  # another program may have removed it
@@ -108,7 +108,7 @@ def trim_cache() -> None:
 
 
 def _files() -> Iterator[tuple[Path, os.stat_result]]:
-    """Yield the cache's own files, with what the system says of each."""
+    """Yield the cache's own files and their `os.stat_result`."""
     folder = cache_folder()
     places = (*folder.glob("*"), *(path for name in FOLDERS for path in (folder / name).rglob("*")))
     for path in places:

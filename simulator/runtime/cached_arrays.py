@@ -1,8 +1,7 @@
-"""Arrays in the user's cache folder: decoded maps and tables that are slow to make, written atomically.
+"""Arrays in the user's cache folder: decoded maps and tables that are slow to compute, written atomically.
 
-A name says what an entry was made from, its end if it is what was written (`runtime.cache`). Who needs
-what another thread or program is making waits for it. When something new is stored the least recently used entries
-go (`runtime.cache_contents`).
+Names and checksums are those of `runtime.cache`. A thread or program that needs an entry which another one is making
+waits for it. Storing a new entry removes the least recently used ones (`runtime.cache_contents`).
 """
 
 from __future__ import annotations
@@ -33,50 +32,50 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_LONGEST_WAIT_S = 120.0  # for another that makes the same; it may have been stopped
-_LONGEST_HEAD = 1 << 16  # of an array of NumPy's format 1.0
+_LONGEST_WAIT_S = 120.0  # for another maker of the same entry, which may have been stopped
+_LONGEST_HEAD = 1 << 16  # bytes of the header of NumPy's format 1.0
 _T = TypeVar("_T", bound=np.generic)
 _Array = np.typing.NDArray[np.generic]
-_kept_as: dict[int, Path] = {}  # where arrays lie, by their identity
+_kept_as: dict[int, Path] = {}  # path of each mapped array, by identity
 log = logging.getLogger(__name__)
 
 
 def cached_array(key: str, make: Callable[[], NDArray[_T]]) -> NDArray[_T]:
-    """The array stored under ``key``; shipped or made, and stored, when it is not there or cannot be read.
+    """Return the array stored under ``key``; if missing or damaged, take the prebuilt one or make it, and store it.
 
     Parameters
     ----------
-    key : file name without suffix; it must change whenever ``make`` would give something else.
+    key : file name without suffix; it must change whenever the output of ``make`` would.
     """
     return cached_arrays((key,), lambda: (make(),))[0]
 
 
 def cached_arrays(keys: Sequence[str], make: Callable[[], Sequence[NDArray[_T]]]) -> list[NDArray[_T]]:
-    """`cached_array` of several that are made together."""
+    """Return several arrays, as `cached_array` does, that are made together."""
     paths = [cache_folder() / f"{key}.npy" for key in keys]
-    kept: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
-    if kept is not None:
-        return kept
-    with ExitStack() as held:
-        with suppress(OSError):  # without a lock two make the same bytes
+    arrays: list[NDArray[_T]] | None = _read(paths, logging.DEBUG)
+    if arrays is not None:
+        return arrays
+    with ExitStack() as locks:
+        with suppress(OSError):  # without a lock two makers write the same bytes
             paths[0].parent.mkdir(parents=True, exist_ok=True)
-            held.enter_context(locked_file(paths[0].with_suffix(".lock"), _LONGEST_WAIT_S))
-        kept = _read(paths, logging.WARNING)
-        if kept is not None:
-            return kept
+            locks.enter_context(locked_file(paths[0].with_suffix(".lock"), _LONGEST_WAIT_S))
+        arrays = _read(paths, logging.WARNING)
+        if arrays is not None:
+            return arrays
         shipped: list[NDArray[_T]] | None = _shipped(keys)
-        made = list(make()) if shipped is None else shipped
-        return [_stored(*pair) for pair in zip(paths, made, strict=True)]
+        new_arrays = list(make()) if shipped is None else shipped
+        return [_stored(*pair) for pair in zip(paths, new_arrays, strict=True)]
 
 
 def entry_of(array: _Array) -> str | None:
-    """The key of an array that came from the cache."""
+    """Return the key of an array that came from the cache."""
     path = _kept_as.get(id(array))
     return None if path is None else path.stem
 
 
 def is_cached(key: str) -> bool:
-    """Whether there is a file of `cached_array`, or one is shipped; it may be damaged yet."""
+    """Return True if `cached_array` would find a file, stored or prebuilt; it may be damaged."""
     path = cache_folder() / f"{key}.npy"
     return path.is_file() or is_prebuilt(path.name)
 
@@ -88,7 +87,7 @@ def _shipped(keys: Sequence[str]) -> list[NDArray[_T]] | None:
 
 def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
     try:
-        kept: list[NDArray[_T]] = [_mapped(path) for path in paths]
+        arrays: list[NDArray[_T]] = [_mapped(path) for path in paths]
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
@@ -96,11 +95,11 @@ def _read(paths: Sequence[Path], level: int) -> list[NDArray[_T]] | None:
         return None
     for path in paths:
         mark_used(path)
-    return kept
+    return arrays
 
 
 def _mapped(path: Path) -> NDArray[_T]:
-    """The array of a cache file: mapped, not read, for the driver copies it straight from the page cache."""
+    """Map the array of a cache file, so that the driver copies it straight from the page cache."""
     contents, length = map_checked(path)
     array: NDArray[_T] = _array_of(contents, length)
     _remember(path, array)
@@ -108,20 +107,18 @@ def _mapped(path: Path) -> NDArray[_T]:
 
 
 def _remember(path: Path, array: _Array) -> None:
-    """Where an array lies in the cache, for as long as there is this array."""
+    """Record the path of a mapped array for as long as the array lives."""
     _kept_as[id(array)] = path
     weakref.finalize(array, _kept_as.pop, id(array), None).atexit = False
 
 
 def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
-    """An array of NumPy's format where it lies: one of memmap's own type takes ten times as long to cut."""
+    """Return the array of NumPy's format without a copy, as an ndarray: slicing a memmap takes ten times as long."""
     head = io.BytesIO(contents[: min(length, _LONGEST_HEAD)])
     try:
         version = np.lib.format.read_magic(head)
         shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(head)
-    except (
-        Exception
-    ) as error:  # of a text that is no header NumPy says what Python's own reader of texts does
+    except Exception as error:  # NumPy passes on tokenize errors of a damaged header
         raise DamagedError(f"it holds no array: {error}") from error
     if version != (1, 0) or dtype.hasobject or head.tell() + dtype.itemsize * np.prod(shape) != length:
         raise DamagedError("it holds no array of numbers")
@@ -129,12 +126,12 @@ def _array_of(contents: mmap.mmap, length: int) -> NDArray[_T]:
 
 
 def _stored(path: Path, array: NDArray[_T]) -> NDArray[_T]:
-    """The array as it is in the cache now, or itself where it cannot be kept."""
+    """Store an array and return it mapped from the cache, or itself if it cannot be stored."""
     if not store_checked(path, lambda file: np.save(file, array, allow_pickle=False)):
         return array
     try:
         trim_cache()
-        # the page cache serves it from here on, this process's own memory is free again
+        # the mapping lets this process free its own copy
         return _mapped(path)
     except (OSError, ValueError) as error:
         log.warning("cache file %s cannot be read (%s)", path, error)

@@ -1,4 +1,4 @@
-"""Memory without a name that two processes share: the system takes it back once both have ended, however they end."""
+"""Anonymous memory shared by two processes: the system frees it once both have ended, however they end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHARE_FROM_BYTES = 1 << 16  # smaller values travel in the message
 
 
 def open_anonymous_file() -> int:
-    """A descriptor of an empty file that has no name, to be given to another process and then sized."""
+    """Return a descriptor of an empty unnamed file, to be passed to another process and then sized."""
     if hasattr(os, "memfd_create"):
         return os.memfd_create("flyaround")
     with tempfile.TemporaryFile() as file:  # macOS
@@ -24,9 +24,9 @@ def open_anonymous_file() -> int:
 
 
 class Carrier:
-    """Carries one value at a time between two processes: its arrays in memory that both have, the rest in a message.
+    """Carries one value at a time between two processes: arrays in shared memory, the rest in a message.
 
-    Whoever makes it gives it to a process as that is started. A value must have been taken before the next is put.
+    Its maker passes it to a process at the start. A value must be taken before the next is put.
     """
 
     def __init__(self, fd: int | None = None) -> None:
@@ -34,15 +34,15 @@ class Carrier:
         self._map: mmap.mmap | None = None
 
     def __reduce__(self) -> tuple[Callable[[Any], Carrier], tuple[Any]]:
-        """For a process that is being started: it gets a descriptor of its own."""
+        """Pickle for a starting process, which gets a duplicate of the descriptor."""
         return _at_the_other_end, (reduction.DupFd(self._fd),)
 
     def put(self, value: object) -> tuple[bytes, tuple[int, ...]]:
-        """The message of a value, for `take` at the other end; its arrays are copied into the memory.
+        """Return a value's message for `take` at the other end; its arrays are copied into the shared memory.
 
         Returns
         -------
-        The value without its arrays, and how many bytes each of them has.
+        The pickled value without its arrays, and the size of each array [bytes].
         """
         buffers: list[pickle.PickleBuffer] = []
         payload = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
@@ -59,7 +59,7 @@ class Carrier:
         return payload, tuple(view.nbytes for view in views)
 
     def take(self, payload: bytes, sizes: tuple[int, ...]) -> Any:  # noqa: ANN401 - whatever was put
-        """The value of a message; its arrays are copied, so that the next may be put."""
+        """Return the value of a message; its arrays are copied, so that the next may be put."""
         buffers, start = [], 0
         if sizes:
             with memoryview(self._mapped(sum(sizes))) as memory:
@@ -69,7 +69,7 @@ class Carrier:
         return pickle.loads(payload, buffers=buffers)  # noqa: S301 - our own process
 
     def close(self) -> None:
-        """Give up this end."""
+        """Close this end."""
         if self._map is not None:
             self._map.close()
             self._map = None
@@ -78,7 +78,7 @@ class Carrier:
             self._fd = -1
 
     def _mapped(self, size: int) -> mmap.mmap:
-        """The file's memory, mapped again where it has grown."""
+        """Map the file, again if it has grown."""
         if self._map is None or len(self._map) < size:
             if self._map is not None:
                 self._map.close()

@@ -1,4 +1,4 @@
-"""Writing files so that nothing half-written looks whole: temporary name, then rename."""
+"""Atomic file writing: temporary name, then rename."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 PART_FILES = ".*.part"
-"""What temporary files are called: a killed writer leaves some behind."""
+"""Pattern of the temporary files, which a killed writer leaves behind."""
 
 
 def write_atomic(path: Path, data: bytes) -> None:
@@ -39,14 +39,14 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 
 def write_lasting(files: Sequence[tuple[Path, bytes]]) -> None:
-    """Write files that outlast a loss of power: none has its name before all are whole on the disk; named in order.
+    """Write files durably: no file gets its name before all are whole on the disk; they are renamed in order.
 
-    Many at once wait for the disk little longer than one.
+    Writing many at once waits for the disk little longer than writing one.
 
     Raises
     ------
     UserError
-        As of `write_atomic`; of the files named by then all are whole.
+        If a file cannot be written, as in `write_atomic`; files already renamed are whole.
     """
     parts: list[tuple[Path, Path]] = []
     path = Path()
@@ -77,7 +77,7 @@ def _to_disk(path: Path) -> None:
 
 
 def _names_to_disk(folder: Path) -> None:
-    """The names in a folder, where the system has that: Windows and some network disks do not."""
+    """Flush the names in a folder to the disk; Windows and some network disks cannot."""
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
         try:
@@ -87,12 +87,12 @@ def _names_to_disk(folder: Path) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
-    """Write a JSON value, indented, floats at full precision, atomically."""
+    """Write a JSON value atomically, indented, with floats at full precision."""
     write_atomic(path, (json.dumps(value, indent=1, allow_nan=False) + "\n").encode())
 
 
 def write_document(path: Path, document: msgspec.Struct) -> None:
-    """Write a typed document as JSON, indented, atomically."""
+    """Write a typed document atomically as indented JSON."""
     write_atomic(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n")
 
 
@@ -101,9 +101,9 @@ def empty_folder(path: Path, *, option: str = "-o", resume: bool | None = None, 
 
     Parameters
     ----------
-    option : that names the folder on the command line.
-    resume : whether to go on with what is there; None for a command that never does.
-    advice : what else can be done about a full folder.
+    option : command-line option that names the folder.
+    resume : True to continue with the present contents; None for a command that never does.
+    advice : further remedy for a folder that is not empty.
 
     Raises
     ------

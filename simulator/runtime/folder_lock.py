@@ -1,4 +1,4 @@
-"""Locks of files: one writer in a folder, one maker of a cache entry."""
+"""File locks: one writer in a folder, one maker of a cache entry."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def only_writer(folder: Path, what: str) -> Iterator[None]:
     folder : Path
         Existing folder.
     what : str
-        The command: ``capture``.
+        Name of the command, for example ``capture``.
 
     Raises
     ------
@@ -37,9 +37,9 @@ def only_writer(folder: Path, what: str) -> Iterator[None]:
         If another is writing there, or a lock file cannot be written.
     """
     path = folder / lock_name(what)
-    with ExitStack() as held:
+    with ExitStack() as locks:
         try:
-            held.enter_context(locked_file(path))
+            locks.enter_context(locked_file(path))
         except BlockingIOError:
             raise UserError(
                 f"another {what} is writing into {folder}; wait until it ends, or name another folder with -o"
@@ -56,22 +56,22 @@ def lock_name(what: str) -> str:
 
 @contextmanager
 def locked_file(path: Path, wait_s: float = 0.0) -> Iterator[None]:
-    """Hold the lock of a file, which is made and removed again.
+    """Hold the lock of a file, which is created and removed again.
 
-    The system undoes a lock when its process ends, however it ends: a file that was left behind is no obstacle. Where a
-    disk has no locks, as some network disks, nobody is kept out.
+    The system releases a lock when its process ends, so a left-over file is no obstacle. On disks without locks, as
+    some network disks, nobody is excluded.
 
     Parameters
     ----------
     path : Path
-        File that stands for what is locked.
+        Lock file.
     wait_s : float
-        Time to wait for another process or thread that holds it [s].
+        Time to wait for the current holder [s].
 
     Raises
     ------
     BlockingIOError
-        If another holds it for longer.
+        If another process or thread holds it for longer.
     OSError
         If the file cannot be opened.
     """
@@ -86,18 +86,18 @@ def locked_file(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # before it is free: who opened it meanwhile looks for its name again
+        with suppress(OSError):  # while still locked: a waiter that opened it opens it again
             path.unlink()
         os.close(file)
 
 
 def _locked(path: Path) -> int | None:
-    """Return the descriptor of the file if it is this caller's now."""
+    """Return the descriptor of the file if this caller has locked it now."""
     file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     with suppress(OSError):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            # the one before may just have taken the file away
+            # the previous holder may just have removed the file
             is_mine = os.path.samestat(path.stat(), os.fstat(file))
         except (BlockingIOError, FileNotFoundError):
             is_mine = False

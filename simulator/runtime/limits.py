@@ -1,24 +1,24 @@
-"""Limits of a process on memory and open files (``ulimit``), looked at before libraries meet them and end it."""
+"""Limits of a process on memory and open files (``ulimit``), checked before libraries fail on them."""
 
 from __future__ import annotations
 
 LEAST_FILES = 64
-"""Files that a command has open at once: libraries, the driver, caches, and room."""
+"""Files that a command has open at once: libraries, driver, caches, and a reserve."""
 LEAST_BYTES, LEAST_DRAWING_BYTES = 640 * 2**20, 1536 * 2**20
-"""Address space of a command that reads a scenario, and of one that draws a frame: peaks of VmPeak, and a tenth."""
+"""Address space of a command that reads a scenario, and of one that draws a frame: peaks of VmPeak plus a tenth."""
 
 
 def limits_problem(*, drawing: bool) -> str | None:
     """Return one sentence if this process's limits are too low for a command, or None.
 
-    Under them numeric libraries and the graphics driver end the process, or wait for ever, instead of raising.
+    Beyond them numerical libraries and graphics drivers end the process, or hang, instead of raising.
 
     Parameters
     ----------
-    drawing : whether the command draws.
+    drawing : True if the command draws.
     """
     try:
-        import resource  # noqa: PLC0415 - Unix alone has it
+        import resource  # noqa: PLC0415 - Unix only
     except ImportError:
         return None
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]

@@ -1,4 +1,4 @@
-"""What this process keeps in memory: what a renderer frees and asks for with every frame, what is made of a craft."""
+"""Memory of this process: allocator settings for a renderer, and results cached for the lifetime of an object."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # malloc.h of the GNU C library
 KEPT_BYTES = 256 << 20
-LARGEST_KEPT_BYTES = 32 << 20  # the most that the library takes
+LARGEST_KEPT_BYTES = 32 << 20  # the largest value that the library accepts
 _Owner = TypeVar("_Owner")
 _Made = TypeVar("_Made")
 
 
 def keep_freed_memory() -> bool:
-    """Have the C library keep what is freed for what is asked for next, up to 256 MiB; says whether it can.
+    """Have the C library keep up to 256 MiB of freed memory for reuse; return True if it can.
 
-    It would return images to the system at once and get them back page by page: some 5 ms for the pages of one frame.
-    For a program's start, not for a library's import: it is a matter of the whole process.
+    By default it returns images to the system at once and faults them in again page by page: some 5 ms per frame. The
+    setting is process-wide, so a program calls it at its start; importing the library does not.
     """
     if not sys.platform.startswith("linux"):
         return False
@@ -30,27 +30,27 @@ def keep_freed_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):  # another C library
         return False
-    # one arena: threads of their own ones give strips of a map back to the system all the same
-    wanted = (
+    # one arena: threads with their own would still return strips of a map to the system
+    settings = (
         (_M_MMAP_THRESHOLD, LARGEST_KEPT_BYTES),
         (_M_TRIM_THRESHOLD, KEPT_BYTES),
         (_M_ARENA_MAX, 1),
     )
-    return all(mallopt(*one) for one in wanted)
+    return all(mallopt(*one) for one in settings)
 
 
 def cached_per_object(make: Callable[[_Owner], _Made]) -> Callable[[_Owner], _Made]:
-    """Have a function of one object remember what it made of each for as long as that object lives, and no longer.
+    """Make a function of one object remember its result for as long as that object lives.
 
-    For what is worked out of a spacecraft: a cache of its last arguments would hold dozens of them, with megabytes
-    each, after everyone else had forgotten them. What ``make`` returns may not refer to the object.
+    Meant for data derived from a spacecraft: an `lru_cache` would keep dozens of them alive, with megabytes each. The
+    result of ``make`` may not refer to the object.
     """
-    made: WeakKeyDictionary[_Owner, _Made] = WeakKeyDictionary()
+    results: WeakKeyDictionary[_Owner, _Made] = WeakKeyDictionary()
 
     @wraps(make)
     def kept(owner: _Owner) -> _Made:
-        if owner not in made:
-            made[owner] = make(owner)
-        return made[owner]
+        if owner not in results:
+            results[owner] = make(owner)
+        return results[owner]
 
     return kept

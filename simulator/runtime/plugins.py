@@ -1,4 +1,4 @@
-"""What other packages add: entry points of six groups, found by name and imported when one is used."""
+"""Plug-ins: entry points of six groups in other packages, listed by name and imported when used."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ GROUPS: dict[Kind, str] = {
 
 @dataclass(frozen=True)
 class Plugin:
-    """One entry point.
+    """One entry point of another package.
 
     Parameters
     ----------
-    name : by which it is asked for. package, version : that brought it.
+    name : name of the entry point. package, version : distribution that provides it.
     """
 
     kind: Kind
@@ -42,42 +42,42 @@ class Plugin:
     entry: EntryPoint
 
     def load(self) -> Any:  # noqa: ANN401 - what each kind must be is checked where it is used
-        """What it names, imported now.
+        """Import and return the object that the entry point names.
 
         Raises
         ------
         UserError
-            If that fails, naming the package.
+            If the import fails, naming the package.
         """
         try:
             return self.entry.load()
         except Exception as error:
-            said = " ".join(str(error).split())[:200]
+            reason = " ".join(str(error).split())[:200]
             raise UserError(
-                f"{self.title} cannot be imported ({type(error).__name__}: {said}); mend the package, or pip uninstall "
-                f"{self.package}"
+                f"{self.title} cannot be imported ({type(error).__name__}: {reason}); mend the package, or pip "
+                f"uninstall {self.package}"
             ) from error
 
     @property
     def title(self) -> str:
-        """In a sentence."""
+        """Description for messages."""
         return f"{self.kind} {self.name} of package {self.package} {self.version}"
 
     def wrong(self, what: str) -> UserError:
-        """The error of one that is not what its kind must be."""
+        """Return the error for an object that does not meet its kind's contract."""
         return UserError(f"{self.title} {what}; see docs/plugins.md, or pip uninstall {self.package}")
 
 
 def plugins(kind: Kind) -> dict[str, Plugin]:
-    """The entry points of a kind by name, sorted; none is imported yet."""
-    # packages may come and go with the path
+    """Return the entry points of a kind by name, sorted; none is imported."""
+    # part of the cache's key: packages may come and go with the path
     return dict(_found(kind, tuple(sys.path)))
 
 
 @lru_cache(maxsize=32)
 def _found(kind: Kind, _path: tuple[str, ...]) -> tuple[tuple[str, Plugin], ...]:
-    found: dict[str, Plugin] = {}
+    by_name: dict[str, Plugin] = {}
     for entry in sorted(entry_points(group=GROUPS[kind]), key=lambda e: e.name):
         package, version = ("?", "?") if entry.dist is None else (entry.dist.name, entry.dist.version)
-        found.setdefault(entry.name, Plugin(kind, entry.name, package, version, entry))
-    return tuple(found.items())
+        by_name.setdefault(entry.name, Plugin(kind, entry.name, package, version, entry))
+    return tuple(by_name.items())

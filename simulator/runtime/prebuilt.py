@@ -1,7 +1,7 @@
 """The prebuilt cache: entries that are slow to make and the same for everyone, shipped under their cache names.
 
-A first start reads it where it would make it. A name says what the thing was made from and by which version of its
-maker, so that a change never meets an old file; `python -m tools.prebuilt` makes ``assets/prebuilt`` again.
+A first start reads them instead of making them. An entry's name hashes its inputs and the source of its maker, so a
+change never meets an old file; `python -m tools.prebuilt` rebuilds ``assets/prebuilt``.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _made_anew: ContextVar[bool] = ContextVar("_made_anew", default=False)
 
 @contextmanager
 def without_prebuilt() -> Iterator[None]:
-    """Hide the prebuilt entries from this thread: for who makes or tests them."""
+    """Hide the prebuilt entries from this thread, to make or test them."""
     token = _made_anew.set(True)
     try:
         yield
@@ -38,26 +38,26 @@ def without_prebuilt() -> Iterator[None]:
 
 
 def is_prebuilt(name: str) -> bool:
-    """Whether there is such a file; it may be damaged."""
+    """Return True if an entry is shipped; it may be damaged."""
     return not _made_anew.get() and _file(name).is_file()
 
 
 def prebuilt_array(key: str) -> NDArray[np.generic] | None:
-    """Return the array that is shipped under a key of the cache; ``None`` if there is none or it is damaged."""
+    """Return the shipped array of a cache key, or ``None`` if it is missing or damaged."""
     if _made_anew.get():
         return None
     name = f"{key}.npy"
     try:
-        packed = _file(name).read_bytes()
+        compressed = _file(name).read_bytes()
     except OSError:
         return None
     try:
-        data = zstandard.decompress(packed)
-        made: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
+        data = zstandard.decompress(compressed)
+        array: NDArray[np.generic] = np.load(io.BytesIO(data), allow_pickle=False)
     except (zstandard.ZstdError, MemoryError, ValueError, EOFError) as error:
         log.warning("assets/prebuilt/%s%s is damaged (%s) and made again", name, SUFFIX, error)
         return None
-    return made
+    return array
 
 
 def _file(name: str) -> Traversable:

@@ -15,7 +15,7 @@ _MOST_BYTES = 96
 
 
 class ProgressLine:
-    """A line of text in memory that a process shares with the processes that it starts."""
+    """A line of text in memory shared with child processes."""
 
     def __init__(self) -> None:
         self._memory = multiprocessing.get_context("spawn").RawArray(c_char, _MOST_BYTES)
@@ -30,7 +30,7 @@ class ProgressLine:
 
 
 class _Reporter:
-    """The preparations of this process, and the line that tells of them."""
+    """The preparations of this process, and the line that reports them."""
 
     def __init__(self) -> None:
         self.line: ProgressLine | None = None
@@ -51,7 +51,7 @@ class _Reporter:
     def _tell(self, _: Future[Any] | None = None) -> None:
         with self._lock:
             waiting = [name for name, step in self._steps.items() if not step.done()]
-            # the picture itself is the last step
+            # drawing is the last step
             count = len(self._steps) + 1
             if self.line is not None:
                 self.line.write(f"{(*waiting, 'picture')[0]}, {count - len(waiting)} of {count}")
@@ -71,6 +71,6 @@ def watch_steps(steps: Mapping[str, Future[Any]]) -> None:
 
     Parameters
     ----------
-    steps : by their names for people, in the order in which they are expected to end.
+    steps : futures by name for people, in the order in which they should end.
     """
     _reporter.watch(steps)

@@ -1,4 +1,4 @@
-"""Sections of a user's file as the types that the simulation uses: their base, and numbers with their bounds."""
+"""Base class of the typed tables in a user's file, and constraints on their numbers."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def within(bounds: tuple[float, float], per_unit: float = 1) -> Meta:
 
     Parameters
     ----------
-    per_unit : units of the key to a unit of the field.
+    per_unit : units of the key per unit of the field.
     """
     low, high = (x if per_unit == 1 else float(f"{x * per_unit:.12g}") for x in bounds)
     return Meta(ge=low, le=high)

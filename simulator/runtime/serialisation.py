@@ -1,6 +1,6 @@
-"""Serialisation of frozen dataclasses, tuples and arrays to one array of bytes and back, for the cache.
+"""Serialisation of frozen dataclasses, tuples and arrays to one array of bytes, for the cache.
 
-No pickle: what lies in a folder of the user's is data, and never code.
+No pickle: files in a user's folder are data, never code.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray
 
 _T = TypeVar("_T")
-_ALIGNED = 64  # bytes: where an array of a processor's vectors may begin
+_ALIGNED = 64  # bytes: array alignment for vector instructions
 
 
 def pack(tree: object, *kinds: type) -> ByteArray:
-    """The bytes (n,) of a tree of dataclasses, tuples, numbers, texts, None and arrays of numbers.
+    """Serialise a tree of dataclasses, tuples, numbers, texts, None and numeric arrays to bytes (n,).
 
-    A dataclass is written as the place of its type among ``kinds`` and the values of its fields in their order: neither
-    names nor modules matter.
+    A dataclass is stored as the index of its type in ``kinds`` and its field values in order; names and modules do not
+    matter.
 
     Parameters
     ----------
-    kinds : types of the dataclasses in the tree, that of its root first.
+    kinds : types of the dataclasses in the tree, the root's first.
 
     Raises
     ------
@@ -46,18 +46,18 @@ def pack(tree: object, *kinds: type) -> ByteArray:
 
 
 def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
-    """What was packed; its arrays are parts of the bytes, not copies.
+    """Return the tree that `pack` serialised; its arrays are views of the bytes, not copies.
 
     Parameters
     ----------
-    of, inner : the ``kinds`` that it was packed with.
+    of, inner : the ``kinds`` that were given to `pack`.
 
     Raises
     ------
     TypeError
         If the bytes hold something else.
     """
-    data = np.asarray(packed)  # a mapped file's own type takes ten times as long to cut
+    data = np.asarray(packed)  # slicing a memmap takes ten times as long
     length = int(data[:8].view("<u8")[0])
     tree = _Unpacker(data, 8 + length, (of, *inner)).read(json.loads(data[8 : 8 + length].tobytes()))
     if not isinstance(tree, of):
@@ -66,7 +66,7 @@ def unpack(packed: ByteArray, of: type[_T], *inner: type) -> _T:
 
 
 def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]) -> object:
-    """The tree as JSON; arrays go to a list, and their types and shapes stand for them."""
+    """Return the tree as JSON; arrays are appended to a list and represented by type and shape."""
     if isinstance(node, np.ndarray):
         if node.dtype.kind not in "biuf":
             raise TypeError(f"an array of {node.dtype} cannot be stored; only numbers can")
@@ -87,7 +87,7 @@ def _described(node: object, kinds: tuple[type, ...], arrays: list[NDArray[Any]]
 
 
 class _Unpacker:
-    """Goes through a description in the order in which it was made, and through the arrays behind it."""
+    """Rebuilds a tree from its description and the arrays behind it, both in order."""
 
     def __init__(self, data: ByteArray, at: int, kinds: tuple[type, ...]) -> None:
         self._data, self._at, self._kinds = data, at, kinds

@@ -1,16 +1,16 @@
-"""Text of others in CSV tables, which no spreadsheet is to take for a formula."""
+"""Text from other people in CSV tables, escaped so that no spreadsheet takes it for a formula."""
 
 from __future__ import annotations
 
-# what a spreadsheet begins a formula with, and the mark that says that a text is none
+# first characters of a formula, and the mark of a plain text
 FORMULA_BEGINNINGS = ("=", "+", "-", "@", "'", "\t", "\r")
 
 
 def table_text(text: str) -> str:
-    """Return a text with an apostrophe before it where a spreadsheet would take it for a formula."""
+    """Return a text, with an apostrophe before it if a spreadsheet would take it for a formula."""
     return f"'{text}" if text.startswith(FORMULA_BEGINNINGS) else text
 
 
 def text_of_table(cell: str) -> str:
-    """Return the text of a cell that `table_text` made."""
+    """Return the original text of a cell that `table_text` made."""
     return cell[1:] if cell[:1] == "'" and cell[1:].startswith(FORMULA_BEGINNINGS) else cell

@@ -1,4 +1,4 @@
-"""Tasks that need no resource kept for them, in several processes: results in the order of the tasks."""
+"""Independent tasks in several processes; results in the order of the tasks."""
 
 from __future__ import annotations
 
@@ -29,35 +29,35 @@ def run_tasks(
     arguments: tuple[object, ...] = (),
     at_once: int = 1,
 ) -> Generator[B]:
-    """Results of ``work(task)``, each task in one of ``workers`` processes.
+    """Yield ``work(task)`` in order, each computed in one of ``workers`` processes.
 
-    A single one is another process, too. Processes end with the generator's closing, at once, and with the process that
-    started them, however it ends.
+    Even a single worker is another process. Processes end at once when the generator is closed, or when the parent
+    ends.
 
     Parameters
     ----------
-    work : a module-level function. start, arguments : called once in each process before its first task.
+    work : module-level function. start, arguments : function called once in each process before its first task.
     at_once : tasks handed to a process at a time.
 
     Raises
     ------
     UserError
-        If a process is ended from outside.
+        If a process is killed from outside.
     """
     if not tasks:
         return
-    # one thread each: matrices this small gain nothing from more, and processes would fight over the cores
+    # one thread each: small matrices gain nothing from more, and processes would compete for the cores
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    others = set(active_children())
+    older = set(active_children())
     pool = ProcessPoolExecutor(
         min(workers, len(tasks)), get_context("spawn"), _start_process, (start, arguments)
     )
     try:
         yield from pool.map(work, tasks, chunksize=at_once)
     except BaseException as error:
-        # whoever stops it waits for no task in work
+        # do not wait for tasks in progress
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(active_children()) - others:
+        for process in set(active_children()) - older:
             process.terminate()
         if isinstance(error, BrokenProcessPool):
             raise UserError(
@@ -68,7 +68,7 @@ def run_tasks(
 
 
 def _start_process(start: Callable[..., object] | None, arguments: tuple[object, ...]) -> None:
-    """Ctrl-C is for the process that started this one, which ends it."""
+    """Ignore Ctrl-C, which the parent handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=leave_with_parent, daemon=True).start()
     if start is not None:

@@ -19,8 +19,8 @@ from flyaround.simulator.runtime.untrusted_files import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-MOST_TOML_BYTES = 1_000_000  # a hundred times the longest built-in file
-MOST_DOTS = 16
+MOST_TOML_BYTES = 1_000_000  # 100 times the longest built-in file
+MOST_DOTS = 16  # dots in a key, which the parser's recursion follows
 # a.b.c = 1 nests as brackets do, and tomllib's time grows with the square of the number of dots
 _DOTTED = re.compile(
     rb"""(?<![\w\-."'])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % (MOST_DOTS + 1)
@@ -32,7 +32,7 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
 
     Parameters
     ----------
-    name : of the file, for messages. advice : what to do if it cannot be read.
+    name : name of the file in messages. advice : remedy if it cannot be read.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     Parameters
     ----------
     content : bytes of the file.
-    where : name of the file, for messages.
+    where : name of the file in messages.
 
     Returns
     -------
@@ -72,11 +72,11 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
         raise UserError(f"{where} has a key of more than {MOST_DOTS} dots, which no such file has")
     try:
         document = tomllib.loads(text)
-    except ValueError as error:  # also a number of thousands of digits
+    except ValueError as error:  # also integers of thousands of digits
         raise UserError(f"{where} is not valid TOML: {error}") from error
     except RecursionError as error:
         raise UserError(f"{where} is not valid TOML: it nests too deep") from error
-    if _is_deep(document):  # dotted keys within brackets multiply
+    if _is_deep(document):  # dotted keys within brackets multiply the depth
         raise UserError(f"{where} nests more than {MOST_DEEP} tables in each other, which no such file does")
     refuse_not_finite(document, where)
     return document

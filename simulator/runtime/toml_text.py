@@ -7,7 +7,7 @@ from typing import Any
 
 
 def to_toml(table: dict[str, Any], path: str = "") -> str:
-    """A nested table as TOML; keys without a value are left out."""
+    """Return a nested table as TOML; keys without a value are left out."""
     nested = {k: v for k, v in table.items() if isinstance(v, dict) or _is_tables(v)}
     plain = {k: v for k, v in table.items() if v is not None and k not in nested}
     text = "".join(f"{key} = {toml_value(value)}\n" for key, value in plain.items())
@@ -25,13 +25,13 @@ def _is_tables(value: Any) -> bool:  # noqa: ANN401 - a TOML value is anything
 
 
 def toml_value(value: Any) -> str:  # noqa: ANN401 - a TOML value is anything
-    """A value as TOML writes it."""
+    """Return a value as TOML writes it."""
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(v) for v in value) + "]"
     if isinstance(value, float):
         return repr(value)
     if not isinstance(value, str):
         return json.dumps(value)
-    # JSON writes texts as TOML does, but for pairs of surrogates and for DEL
+    # JSON escapes strings as TOML does, except surrogate pairs and DEL
     text = value.encode(errors="replace").decode()
     return json.dumps(text, ensure_ascii=max(text, default="") <= "\uffff").replace("\x7f", "\\u007f")

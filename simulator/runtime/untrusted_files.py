@@ -1,7 +1,7 @@
-"""Reading files that others wrote or name: regular files alone, of a bounded size and nesting, from inside one folder.
+"""Reading of untrusted files: regular files only, of bounded size and nesting, from inside one folder.
 
-A parser of JSON, TOML or YAML follows nested brackets by calling itself, and takes many times the file's memory; so
-the depth of a text is measured before it is parsed.
+Parsers of JSON, TOML and YAML recurse into brackets and take many times the file's memory, so the depth is measured
+before parsing.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ import numpy as np
 
 from flyaround.simulator.errors import UserError
 
-MOST_DEEP = 64
+MOST_DEEP = 64  # brackets that may be open at once
 _OPENING, _CLOSING = (np.isin(np.arange(256), list(kind)) for kind in (b"[{", b"]}"))
-# strings, even without an end, and comments: brackets in them nest nothing; no byte is looked at twice
+# strings, even unterminated, and comments: brackets inside do not nest; a linear-time pattern
 JSON_TEXT = re.compile(rb'"(?:[^"\\]++|\\.?)*+"?+', re.DOTALL)
 TOML_TEXT = re.compile(
     rb'"""(?:[^"\\]++|\\[\s\S]?|"(?!""))*+(?:"{3,5}+)?'
@@ -31,7 +31,7 @@ TOML_TEXT = re.compile(
     rb"|'[^'\n]*+'?"
     rb"|#[^\n]*+"
 )
-# a byte-order mark of UTF-32 starts with that of UTF-16
+# the byte-order mark of UTF-32 starts with that of UTF-16
 _MARKS = (
     (codecs.BOM_UTF32_LE, "UTF-32"),
     (codecs.BOM_UTF32_BE, "UTF-32"),
@@ -41,20 +41,20 @@ _MARKS = (
 
 
 def read_regular(path: Path, most_bytes: int) -> bytes:
-    """A file's bytes; what is no regular file is not opened for good: a pipe would wait, a device never ends.
+    """Return the bytes of a regular file. Pipes and devices are refused, because they would block or never end.
 
     Parameters
     ----------
-    most_bytes : a longer file is refused before it is read.
+    most_bytes : size limit; a longer file is refused before it is read.
 
     Raises
     ------
     OSError
-        As of opening a file.
+        If the file cannot be opened.
     UserError
-        If it is no regular file, or longer.
+        If it is not a regular file, or too long.
     """
-    # without O_NONBLOCK the opening of a pipe waits for its writer
+    # without O_NONBLOCK opening a pipe would wait for its writer
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
         status = os.fstat(handle)
@@ -73,12 +73,12 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
 
 
 def refuse_link_out(path: Path, folder: Path) -> None:
-    """Refuse a file of a folder that a link, its own or that of a folder on the way, leads out of there.
+    """Raise if a link, of the file or of a folder above it, leads out of ``folder``.
 
     Raises
     ------
     UserError
-        With the file, and what to do.
+        If it does.
     """
     if not _is_within(path, folder):
         raise UserError(
@@ -88,12 +88,12 @@ def refuse_link_out(path: Path, folder: Path) -> None:
 
 
 def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> Path:
-    """Where a file lies that another names: within that one's folder, whatever links there are.
+    """Return the path of a file that another file names; it must lie in the same folder once links are resolved.
 
     Parameters
     ----------
-    owner : the file that names it. name : as it stands there, relative, with / or backslashes. what : it is.
-    root : folder that must not be left; the owner's by default.
+    owner : file that contains the name. name : relative, with / or backslashes. what : kind of file, for messages.
+    root : folder that must not be left; by default that of ``owner``.
 
     Raises
     ------
@@ -120,15 +120,15 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
 
 
 def _is_within(path: Path, folder: Path) -> bool:
-    """Return True if a file is in a folder once all links are followed; links in a circle lead nowhere."""
+    """Return True if a file is in a folder once all links are resolved; False for circular links."""
     try:
         real = path.resolve(strict=True)
-    except RuntimeError:  # a circle, before Python 3.13
+    except RuntimeError:  # circular links, before Python 3.13
         return False
     except OSError as error:
         if error.errno == errno.ELOOP:
             return False
-        real = path.resolve()  # there is no such file
+        real = path.resolve()  # no such file
     return real.is_relative_to(folder.resolve())
 
 
@@ -144,12 +144,12 @@ def without_mark(data: bytes, where: str) -> bytes:
     Raises
     ------
     UserError
-        If the text is UTF-16 or UTF-32, which the message says.
+        If the text is UTF-16 or UTF-32.
     """
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             raise UserError(f"{where} is {encoding} text: save it as UTF-8")
-    # PowerShell may leave the mark out; no letter has a code below that of the tab
+    # PowerShell may omit the mark; text has no control codes below tab
     if len(data) > 1 and b"\0" in data[:2] and max(data[:2]) >= ord("\t"):
         raise UserError(f"{where} looks like UTF-16 text: save it as UTF-8")
     return data.removeprefix(codecs.BOM_UTF8)
@@ -161,7 +161,7 @@ def decode_text(data: bytes, where: str) -> str:
     Raises
     ------
     UserError
-        If it is in another encoding, or no text.
+        If it has another encoding, or is binary.
     """
     text = without_mark(data, where)
     if b"\0" in text:
@@ -181,7 +181,7 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
 
     Parameters
     ----------
-    skip : strings and comments of the language, whose brackets do not count.
+    skip : pattern of the language's strings and comments, whose brackets do not count.
 
     Raises
     ------
@@ -198,12 +198,12 @@ def refuse_deep(data: bytes, where: str, skip: re.Pattern[bytes] = JSON_TEXT) ->
 
 
 def refuse_not_finite(value: Any, where: str, key: str = "") -> None:  # noqa: ANN401 - a document is anything
-    """Look for NaN and infinity in a document of TOML or JSON: they would pass the bounds of a typed file.
+    """Raise if a TOML or JSON document holds NaN or infinity, which pass the bounds of a typed file.
 
     Raises
     ------
     UserError
-        With the key.
+        If a value is not finite; the message names its key.
     """
     if isinstance(value, dict):
         for name, inner in value.items():

@@ -1,11 +1,11 @@
-"""URLs as they may be printed: without passwords and tokens."""
+"""Printable URLs, without passwords and tokens."""
 
 from __future__ import annotations
 
 import re
 
 _USER = re.compile(r"(?<=://)(?:[^/\s:@'\"]*:(?!\d+(?:[/\s'\",;]|$))[^\s'\"]*|[^/\s'\"]*)@")
-"""Up to the last @ before the path, or of a word whose password has slashes of its own."""
+"""User name and password: up to the last @ before the path, or of a word whose password contains slashes."""
 _QUERY = re.compile(r"(\b[a-zA-Z][\w+.-]*://[^\s'\"?#]*)([?#][^\s'\"]*)")
 _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*")
 """Query of a URL, except the settings of links to boards."""
@@ -13,5 +13,5 @@ _VALUE = re.compile(r"(?<=[?&#;])(?!(?:baud|rtscts|datagram)=)([^=&;#]*)=[^&;#]*
 
 def without_secrets(text: str) -> str:
     """Return a URL, or a sentence with URLs in it, without user names, passwords and the values of queries."""
-    hidden = _USER.sub("***@", text)
-    return _QUERY.sub(lambda match: match[1] + _VALUE.sub(r"\1=***", match[2]), hidden)
+    printable = _USER.sub("***@", text)
+    return _QUERY.sub(lambda match: match[1] + _VALUE.sub(r"\1=***", match[2]), printable)

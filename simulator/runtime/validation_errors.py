@@ -20,12 +20,12 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
 
     Parameters
     ----------
-    where : name of the file, for messages.
+    where : name of the file in messages.
 
     Raises
     ------
     UserError
-        If a key is wrong: the key, the value given and what is allowed.
+        If a key is wrong; the message states the key, its value and what is allowed.
     """
     try:
         return msgspec.convert(raw, kind)
@@ -34,13 +34,13 @@ def convert_document(raw: dict[str, Any], kind: type[_T], where: str) -> _T:
 
 
 def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> str:
-    """The sentence for a `msgspec.ValidationError`.
+    """Return the sentence for a `msgspec.ValidationError`.
 
     Parameters
     ----------
     message : text of the error.
-    raw : the file's content, to quote the value given.
-    root : type of the file, to tell what is allowed.
+    raw : the file's content, to quote the value from.
+    root : type of the file, to describe what is allowed.
     """
     match = _PATH.fullmatch(message)
     what, path = (match["what"], match["path"] or "") if match else (message, "")
@@ -58,11 +58,11 @@ def explain(message: str, raw: dict[str, Any], root: type[msgspec.Struct]) -> st
 
 
 def _unknown(name: str, key: str, types: list[mi.Type]) -> str:
-    known = _keys(types)
-    near = near_names(name, known)
+    keys = _keys(types)
+    near = near_names(name, keys)
     place = f"in section [{key}]" if key else "at the top level"
     hint = f"did you mean {near[0]}? " if near else ""
-    return f"unknown key {name} {place}: {hint}allowed: {', '.join(known)}"
+    return f"unknown key {name} {place}: {hint}allowed: {', '.join(keys)}"
 
 
 def _missing(name: str, key: str, types: list[mi.Type]) -> str:
@@ -80,7 +80,7 @@ def _missing(name: str, key: str, types: list[mi.Type]) -> str:
 
 
 def _walk(raw: Any, root: type[msgspec.Struct], path: str) -> tuple[Any, list[mi.Type]]:  # noqa: ANN401 - TOML
-    """The value at ``path`` such as ``.orbit.kind`` or ``.a[0]``, and the types it may have."""
+    """Return the value at a ``path`` such as ``.orbit.kind`` or ``.a[0]``, and the types that it may have."""
     types, value = alternatives(mi.type_info(root)), raw
     for step in re.findall(r"[^.\[\]]+", path):
         if isinstance(value, dict):
@@ -98,20 +98,20 @@ def _at_key(types: list[mi.Type], table: dict[str, Any], key: str) -> list[mi.Ty
     structs = [t for t in types if isinstance(t, mi.StructType)]
     if tags := [t.tag for t in structs if t.tag_field == key]:
         return [mi.LiteralType(values=tuple(tags))]
-    chosen = [t for t in _by_tag(types, table) if isinstance(t, mi.StructType)]
-    return [a for t in chosen for f in t.fields if f.encode_name == key for a in alternatives(f.type)]
+    tables = [t for t in _by_tag(types, table) if isinstance(t, mi.StructType)]
+    return [a for t in tables for f in t.fields if f.encode_name == key for a in alternatives(f.type)]
 
 
 def _by_tag(types: list[mi.Type], table: dict[str, Any]) -> list[mi.Type]:
-    """Of several tables the one that the file's tag (``kind``, ``mode``) names; all when it names none."""
-    named: list[mi.Type] = [
+    """Return the table types that match the file's tag (``kind``, ``mode``); all of them if it has none."""
+    matching: list[mi.Type] = [
         t for t in types if isinstance(t, mi.StructType) and t.tag_field and table.get(t.tag_field) == t.tag
     ]
-    return named or [t for t in types if isinstance(t, mi.StructType)] or types
+    return matching or [t for t in types if isinstance(t, mi.StructType)] or types
 
 
 def alternatives(type_: mi.Type) -> list[mi.Type]:
-    """The types that a key may have, each alone; none is left out."""
+    """Return every type that a key may have."""
     if isinstance(type_, mi.UnionType):
         return [a for t in type_.types for a in alternatives(t)]
     if isinstance(type_, mi.Metadata):
@@ -120,7 +120,7 @@ def alternatives(type_: mi.Type) -> list[mi.Type]:
 
 
 def _item_alternatives(type_: mi.Type, index: int) -> list[mi.Type]:
-    """The types that an item of a list may have; of no list, none."""
+    """Return the types that an item of a list may have; none if it is not a list."""
     if isinstance(type_, mi.TupleType):
         return alternatives(type_.item_types[index])
     return alternatives(type_.item_type) if isinstance(type_, mi.VarTupleType | mi.ListType) else []
@@ -140,7 +140,7 @@ def _choices(types: list[mi.Type]) -> list[str]:
 
 
 def describe_all(types: list[mi.Type]) -> str:
-    """What is allowed, in words: ``a number of more than 0``, ``mono, rgb``, ``a list of 3, each a number``."""
+    """Describe the allowed values: ``a number of more than 0``, ``mono, rgb``, ``a list of 3, each a number``."""
     return " or ".join(dict.fromkeys(_describe(t) for t in types))
 
 

@@ -1,6 +1,6 @@
-"""A worker process that holds one resource and does jobs with it, in order; arrays travel in memory that both have.
+"""A worker process that holds one resource and runs jobs with it in order; arrays travel in shared memory.
 
-Not a thread: a renderer holds Python's lock while a software driver draws, so others could not run.
+Not a thread: a renderer holds Python's lock while a software driver draws.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-# Where many share a processor, one that works may take minutes to start; one that does nothing for long never will.
+# On a loaded machine a start may take minutes; a process that uses no processor time for long has failed.
 _START_TIMEOUT_S = 60.0
 _LOOK_S = 0.5
-_END_TIMEOUT_S = 1.0  # for a process that is told to end; then it is killed
+_END_TIMEOUT_S = 1.0  # grace period before a process is killed
 
 
 class WorkerResource(Protocol):
-    """What a worker holds while it lives: a renderer, for example."""
+    """A resource that a worker holds while it lives, for example a renderer."""
 
     @property
     def info(self) -> Any:  # noqa: ANN401 - the resource's own, picklable
-        """What the caller is told of it once it is there."""
+        """Description of the resource for the caller, once it is open."""
 
 
 class ProcessDiedError(RuntimeError):
-    """A worker process is gone, and what it had under way with it.
+    """A worker process has died, and its jobs are lost.
 
     Parameters
     ----------
-    name : the process as messages call it.
-    exit_code : its own, or minus the number of the signal that ended it; None if it is not known.
+    name : name of the process in messages.
+    exit_code : exit code, or minus the number of the signal; None if unknown.
     """
 
     def __init__(self, name: str, exit_code: int | None) -> None:
@@ -57,23 +57,23 @@ class ProcessDiedError(RuntimeError):
 
 
 class WorkerProcess(Generic[T]):
-    """Runs ``work(resource, *arguments, **options)`` elsewhere, in order, a few jobs ahead of the caller.
+    """Runs ``work(resource, *arguments, **options)`` in another process, in order, a few jobs ahead of the caller.
 
-    Arrays of jobs and results travel in shared memory and are copied once on each side. Use as a context manager.
+    Arrays travel in shared memory and are copied once on each side. Use as a context manager.
 
     Parameters
     ----------
-    work : a module-level function; its result must be picklable.
-    open_resource : called in the process, once; picklable. Its result is a context manager, left at the end.
-    capacity : jobs that may be under way or waiting to be collected.
-    name : of the process in messages.
+    work : module-level function with a picklable result.
+    open_resource : picklable function, called once in the process; it returns a context manager, left at the end.
+    capacity : largest number of jobs in flight.
+    name : name of the process in messages.
 
     Raises
     ------
     UserError
-        From ``info``, ``result`` and ``results``: what ``open_resource`` or ``work`` raised as a user's mistake.
+        From ``info``, ``result`` and ``results``, if ``open_resource`` or ``work`` raised one.
     RuntimeError
-        Anything else that went wrong there, with its traceback; `ProcessDiedError` if it died.
+        For any other failure in the process, with its traceback; `ProcessDiedError` if it died.
     """
 
     def __init__(
@@ -92,8 +92,8 @@ class WorkerProcess(Generic[T]):
         self._submitted = self._in_flight = 0
         self._info: Any = None
         self._name = name
-        # a job and then its result travel in one, for both ends take what they are sent before they send;
-        # the last one is that of the resource's info
+        # one carrier per job, reused for its result, because both ends take before they send; the last one carries the
+        # resource's info
         self._carriers = [Carrier() for _ in range(capacity + 1)]
         self._process = context.Process(
             target=_serve,
@@ -106,7 +106,7 @@ class WorkerProcess(Generic[T]):
 
     @property
     def info(self) -> Any:  # noqa: ANN401 - the resource's own
-        """What the resource says of itself; waits until it is there."""
+        """Description of the resource; waits until it is open."""
         if self._info is None:
             self._wait_for_start()
             self._info = self._receive(self._carriers[-1])
@@ -118,7 +118,7 @@ class WorkerProcess(Generic[T]):
         Raises
         ------
         RuntimeError
-            If the process has done nothing for a minute.
+            If the process has used no processor time for a minute.
         """
         watch = ProgressWatch()
         while not self._pipe.poll(min(_LOOK_S, _START_TIMEOUT_S)):
@@ -128,12 +128,12 @@ class WorkerProcess(Generic[T]):
                 )
 
     def processor_time_s(self) -> float:
-        """Return the processor time that the process has used [s]; 0 where the system does not say."""
+        """Return the processor time that the process has used [s]; 0 if the system does not report it."""
         return _processor_time_s(self.pid)
 
     @property
     def pid(self) -> int | None:
-        """The process's number."""
+        """Process identifier."""
         return self._process.pid
 
     @property
@@ -143,7 +143,7 @@ class WorkerProcess(Generic[T]):
 
     @property
     def has_room(self) -> bool:
-        """Whether ``submit`` would be accepted."""
+        """Return True if ``submit`` would accept a job."""
         return self._in_flight < self._capacity
 
     def submit(self, *arguments: object, **options: object) -> None:
@@ -167,7 +167,7 @@ class WorkerProcess(Generic[T]):
         self._in_flight += 1
 
     def ready(self, timeout_s: float = 0.0) -> bool:
-        """Whether ``result`` would return (or raise) at once; waits up to ``timeout_s``."""
+        """Return True if ``result`` would return or raise at once; wait up to ``timeout_s``."""
         if self._info is None:
             if not self._pipe.poll(timeout_s):
                 return False
@@ -176,7 +176,7 @@ class WorkerProcess(Generic[T]):
         return self._in_flight > 0 and self._pipe.poll(timeout_s)
 
     def result(self) -> T:
-        """The oldest job's result; waits for it.
+        """Return the oldest job's result; wait for it.
 
         Raises
         ------
@@ -191,17 +191,17 @@ class WorkerProcess(Generic[T]):
         return self._receive(carrier)
 
     def results(self) -> Iterator[T]:
-        """Everything in flight, oldest first."""
+        """Yield the results of all jobs in flight, oldest first."""
         while self._in_flight:
             yield self.result()
 
     def kill(self) -> None:
-        """End the process at once, even one that does not answer; `close` it after that."""
+        """Kill the process at once; call `close` afterwards."""
         self._process.kill()
         self._process.join()
 
     def close(self) -> None:
-        """End the process; a job that it is at is given up, for nobody will collect it."""
+        """End the process; a job in progress is abandoned."""
         if self._process.is_alive():
             if self._in_flight or self._info is None:
                 self._process.terminate()
@@ -224,7 +224,7 @@ class WorkerProcess(Generic[T]):
         self.close()
 
     def _carrier(self, job: int) -> Carrier:
-        """What carries a job, counted from the first, and its result."""
+        """Return the carrier of a job, numbered from 0, and of its result."""
         return self._carriers[job % self._capacity]
 
     def _receive(self, carrier: Carrier) -> Any:  # noqa: ANN401 - whatever `work` returns
@@ -247,8 +247,8 @@ class WorkerProcess(Generic[T]):
 class ProgressWatch:
     """Idle time of a process, by the processor time that it uses.
 
-    A process that prepares something for the first time may work for minutes before it answers; one that hangs
-    uses no processor time.
+    A process that prepares something for the first time may work for minutes before it answers; one that hangs uses no
+    processor time.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ class ProgressWatch:
 
 
 def _processor_time_s(pid: int | None) -> float:
-    """Processor time that a process has used; 0 where the system does not say."""
+    """Return the processor time that a process has used [s]; 0 if the system does not report it."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as file:  # noqa: PTH123 - no file of ours
             fields = file.read().rpartition(b")")[2].split()
@@ -295,10 +295,10 @@ def _serve(
     work: Callable[..., object],
     open_resource: Callable[[], AbstractContextManager[WorkerResource]],
 ) -> None:
-    """Run in the child: do what arrives until told to stop or left alone."""
-    # Ctrl-C is the parent's to handle; it then closes us
+    """Run in the child: do jobs until told to stop or the parent is gone."""
+    # the parent handles Ctrl-C, and then closes this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # whatever it is at, it ends at once: what it holds is the system's to take back
+    # end at once on SIGTERM: the system frees all resources
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=leave_with_parent, name="watch parent", daemon=True).start()
     keep_freed_memory()
@@ -313,18 +313,18 @@ def _serve(
                 arguments, options = carrier.take(*message)
                 try:
                     value = work(resource, *arguments, **options)
-                except Exception as error:  # noqa: BLE001 - every failure is the caller's to see
+                except Exception as error:  # noqa: BLE001 - every failure is reported to the caller
                     _report(pipe, error)
                 else:
                     _answer(pipe, carrier, value)
     except (EOFError, ConnectionError):
         return  # the parent is gone
-    except Exception as error:  # noqa: BLE001 - the resource could not be had
+    except Exception as error:  # noqa: BLE001 - the resource could not be opened
         _report(pipe, error)
 
 
 def leave_with_parent() -> None:
-    """End once the parent has: one that was killed tells nobody, and a job or a start-up may take long."""
+    """End this process once its parent has ended, which a killed parent cannot announce."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -1,4 +1,4 @@
-"""Several worker processes that take jobs in turn: more of them a second than one alone does."""
+"""Several worker processes that take jobs in turn, for more jobs per second."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
 MOST_DEATHS = 3
-"""Times that processes may die one after the other without a result between, where they are started again."""
+"""Consecutive deaths without a result after which processes are not restarted."""
 
 UNMEASURED = 15.0
-"""Factor on the time-out where the system does not tell the processor time of another process."""
+"""Factor on the time-out if the system does not report the processor time of another process."""
 
 T = TypeVar("T")
 
 
 class JobsLostError(Exception):
-    """The results under way will not come, and their jobs can be submitted again."""
+    """All jobs in flight are lost and can be submitted again."""
 
 
 class WorkerPool(Generic[T]):
     """Runs ``work(resource, *arguments, **options)`` in ``count`` processes. Use as a context manager.
 
-    A result depends on its job alone, so the results are those of one process. Errors are those of `WorkerProcess`.
+    A result depends on its job alone, not on the process. Errors are those of `WorkerProcess`.
 
     Parameters
     ----------
-    work, open_resource, name : as of `WorkerProcess`.
-    count : processes.
-    capacity : jobs of each process that may be under way or waiting to be collected.
-    restarts : processes of which one dies are followed by others.
-    answer_within_s : processes that use no processor time for so long while a result is due are ended. None waits for
+    work, open_resource, name : parameters of `WorkerProcess`.
+    count : number of processes.
+    capacity : largest number of jobs in flight in each process.
+    restarts : True to restart all processes if one dies.
+    answer_within_s : restart processes that use no processor time for this long while a result is due; None waits for
         ever.
-    clock : seconds, monotonic.
+    clock : monotonic time [s].
     """
 
     def __init__(
@@ -71,35 +71,35 @@ class WorkerPool(Generic[T]):
 
     @property
     def info(self) -> Any:  # noqa: ANN401 - the resource's own
-        """What the first process's resource says of itself; waits until it is there."""
+        """Description of the first process's resource; waits until it is open."""
         return self._processes[0].info
 
     @property
     def pids(self) -> tuple[int | None, ...]:
-        """The processes' numbers."""
+        """Identifiers of the processes."""
         return tuple(process.pid for process in self._processes)
 
     @property
     def in_flight(self) -> int:
-        """Jobs submitted and not collected yet."""
+        """Number of jobs submitted and not yet collected."""
         return self._asked - self._given
 
     @property
     def has_room(self) -> bool:
-        """Whether ``submit`` would be accepted."""
+        """Return True if ``submit`` would accept a job."""
         return self._next_to(self._asked).has_room
 
     def _next_to(self, job: int) -> WorkerProcess[T]:
-        """The process that does a job, counted from the first: each in turn."""
+        """Return the process that does a job, numbered from 0: each in turn."""
         return self._processes[job % self._count]
 
     def submit(self, *arguments: object, **options: object) -> bool:
-        """Queue one job for the process whose turn it is; False if that one has no room: collect a result first.
+        """Queue one job for the process whose turn it is; return False if that one is full.
 
         Raises
         ------
         JobsLostError
-            If a process died and others were started.
+            If a process died and all were restarted.
         """
         if not self.has_room:
             return False
@@ -113,12 +113,12 @@ class WorkerPool(Generic[T]):
         return True
 
     def ready(self) -> bool:
-        """Whether ``result`` would return (or raise) without waiting.
+        """Return True if ``result`` would return or raise without waiting.
 
         Raises
         ------
         JobsLostError
-            If a process died or hung and others were started.
+            If a process died or hung and all were restarted.
         """
         try:
             if self._next_to(self._given).ready():
@@ -129,7 +129,7 @@ class WorkerPool(Generic[T]):
         return False
 
     def _end_hanging(self) -> None:
-        """Restart processes that neither answer nor work, where that is asked for."""
+        """Kill processes that neither answer nor work, if a time-out is set."""
         if self._answer_within_s is None or not self.in_flight:
             return
         worked_s = sum(process.processor_time_s() for process in self._processes)
@@ -140,18 +140,18 @@ class WorkerPool(Generic[T]):
             self._restart(None, f"has done nothing for {idle_s:.0f} s")
 
     def result(self) -> T:
-        """The oldest job's result; waits for it.
+        """Return the oldest job's result; wait for it.
 
         Raises
         ------
         RuntimeError
             If nothing was submitted.
         JobsLostError
-            If a process died and others were started.
+            If a process died and all were restarted.
         """
         process = self._next_to(self._given)
         if process.in_flight:
-            self._given += 1  # a job that failed is answered too
+            self._given += 1  # a failed job counts as answered
         try:
             value = process.result()
         except ProcessDiedError as error:
@@ -161,7 +161,7 @@ class WorkerPool(Generic[T]):
         return value
 
     def _restart(self, error: ProcessDiedError | None, what: str = "") -> NoReturn:
-        """Start other processes in place of those of which one died, unless they die again and again."""
+        """Restart all processes after one died, unless they die again and again."""
         self._deaths += 1
         what = f"the {self._name} " + (what if error is None else f"died (exit code {error.exit_code})")
         if not self._restarts or self._deaths >= MOST_DEATHS:
@@ -171,7 +171,7 @@ class WorkerPool(Generic[T]):
         raise JobsLostError(f"{what} and is started again; the flight goes on") from error
 
     def close(self) -> None:
-        """End the processes; jobs under way are given up."""
+        """End the processes; jobs in flight are abandoned."""
         self._open.close()
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""Typed scenario, recipe and range files: loading, checking, showing and writing them; plans of flights.
+"""Typed scenario, recipe and range files: loading, checking, showing and writing; and plans of flights.
 
-Its sections are the types that the simulation uses and live in the rooms below. No GL, no frames.
+The types of their sections are defined in the folders that use them. No GL, no frames.
 """

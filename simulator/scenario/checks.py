@@ -1,4 +1,4 @@
-"""Consistency checks of a scenario or recipe: values that are valid one by one, but not together."""
+"""Consistency checks of a scenario or recipe: combinations of individually valid values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.orbit.forces import Forces
 
 _MAX_PHASE = 0.5
-"""Product of bandwidth and period of the wheels' control above which the held torque makes it unstable."""
+"""Product of bandwidth and period of the wheels' control above which it is unstable, because the torque is held."""
 _FARTHEST_M = 1e6
 """Largest start range, as for the other modes of a chaser [m]."""
 _PARALLEL = 1e-3
@@ -37,16 +37,16 @@ _PARALLEL = 1e-3
 
 
 def check_document(document: Scenario | Recipe, where: str) -> None:
-    """Raise if values are valid one by one, but not together.
+    """Raise if a combination of values is invalid.
 
     Raises
     ------
     UserError
-        With file, key, value and allowed values.
+        If there is one; the message states file, key, value and allowed values.
     """
     problems = _recipe_problems(document) if isinstance(document, Recipe) else _scenario_problems(document)
     refuse(problems, where)
-    document.auto_exposure  # noqa: B018 - raises if its limits are exchanged
+    document.auto_exposure  # noqa: B018 - raises if its limits are reversed
 
 
 def refuse(problems: Iterator[str], where: str) -> None:
@@ -210,7 +210,7 @@ def _followed_problems(scenario: Scenario) -> Iterator[str]:
                     "that: remove the section"
                 )
         ephemeris = chaser_ephemeris(scenario)
-        assert ephemeris is not None  # noqa: S101 - of this mode it is there
+        assert ephemeris is not None  # noqa: S101 - present in this mode
         away = float(np.linalg.norm(ephemeris(0.0)[0] - known_orbit(scenario).state()[0]))
         if not chaser.minimum_start_range_m <= away <= _FARTHEST_M:
             yield (
@@ -273,7 +273,7 @@ def _wheels_problems(chaser: AnyChaser) -> Iterator[str]:
 
 
 def _burns_problems(scenario: Scenario) -> Iterator[str]:
-    """Find burns outside the flight, or of a chaser whose mode moves it."""
+    """Find burns outside the flight, or for a chaser whose mode determines its motion."""
     for k, b in enumerate(scenario.burns):
         if b.start_s + b.duration_s > scenario.duration_s:
             yield (
@@ -290,7 +290,7 @@ def _burns_problems(scenario: Scenario) -> Iterator[str]:
 
 
 def _recipe_problems(recipe: Recipe) -> Iterator[str]:
-    """Find bounds that are the wrong way round, and sections that contradict each other."""
+    """Find reversed bounds, and contradictory sections."""
     yield from _ordered("range", recipe.range.near_m, recipe.range.far_m, "near_m", "far_m")
     if isinstance(recipe.attitude, EulerAttitude):
         yield from _ordered(
@@ -306,11 +306,11 @@ def _recipe_problems(recipe: Recipe) -> Iterator[str]:
 
 
 def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
-    """Find an interval, at any depth of a section, whose larger end stands first.
+    """Find an interval, at any depth of a section, whose larger end comes first.
 
     Parameters
     ----------
-    value : section, list of sections or value. key : under which it stands in the file.
+    value : section, list of sections or value. key : key of the value in the file.
     """
     if isinstance(value, msgspec.Struct):
         for name, inner in msgspec.structs.asdict(value).items():

@@ -29,13 +29,13 @@ Layer = Literal["all", "amodal", "parts", "depth", "normals", "flow", "clean", "
 
 
 class SensorSection(Section, frozen=True, kw_only=True):
-    """Noise recipe or detector by name, exposure, and the changed parameters.
+    """Noise recipe or detector by name, exposure, and changed parameters.
 
-    With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted and
-    ``full_scale_j_m2_sr`` and the two variances have no part. ``roi_px`` (x0, y0, width, height) reads a region of the
-    camera's pixels, ``binning`` joins them by so many in width and height; the camera becomes that of the image.
-    ``bits`` other than the detector's own divide the same full scale into more or fewer steps; ``gain_e_per_dn`` and
-    ``black_level_dn`` in `[sensor.detector]` are of these steps.
+    With a detector (``imx174``, ``cmv4000``, or a section `[sensor.detector]`) photons and electrons are counted, and
+    ``full_scale_j_m2_sr`` and the two variances are unused. ``roi_px`` (x0, y0, width, height) reads a region of the
+    camera's pixels, ``binning`` joins so many in each direction; the camera is adapted to the image. ``bits`` divides
+    the same full scale into more or fewer steps, to which ``gain_e_per_dn`` and ``black_level_dn`` in
+    `[sensor.detector]` refer.
     """
 
     preset: Literal["speed", "thesis", "ideal", "imx174", "cmv4000"] = "speed"
@@ -60,7 +60,7 @@ class SensorSection(Section, frozen=True, kw_only=True):
         Raises
         ------
         UserError
-            If the camera's file has other pixels than the detector named.
+            If the camera's file has another pixel pitch than the named detector.
         """
         base = preset = sensor_preset(self.preset)
         if self.detector is not None and base.detector is None:
@@ -68,8 +68,8 @@ class SensorSection(Section, frozen=True, kw_only=True):
         if self.bits is not None:
             base = with_bits(base, self.bits)
         keys = ("full_scale_j_m2_sr", "blur_sigma_px", "speckle_variance", "gaussian_variance")
-        given = {key: getattr(self, key) for key in keys}
-        sensor = replace(base, **{key: value for key, value in given.items() if value is not None})
+        changes = {key: getattr(self, key) for key in keys}
+        sensor = replace(base, **{key: value for key, value in changes.items() if value is not None})
         pitch_um = self.pixel_pitch_um or _camera_pitch_um(camera, preset, where)
         if pitch_um is not None:
             x, y = pitch_um
@@ -85,19 +85,19 @@ class SensorSection(Section, frozen=True, kw_only=True):
 
 
 def _camera_pitch_um(camera: CameraFile, preset: Sensor, where: str) -> tuple[float, float] | None:
-    """Return the pixel pitch of the camera's file. Raise if it differs from that of the named detector."""
-    given = camera.pixel_pitch_um
+    """Return the pixel pitch of the camera's file; raise if it differs from that of the named detector."""
+    pitch = camera.pixel_pitch_um
     own = (preset.pixel_pitch_x_m * 1e6, preset.pixel_pitch_y_m * 1e6)
     if (
-        given is not None
+        pitch is not None
         and preset.detector is not None
-        and max(abs(g / o - 1) for g, o in zip(given, own, strict=True)) > CONSISTENT
+        and max(abs(g / o - 1) for g, o in zip(pitch, own, strict=True)) > CONSISTENT
     ):
         raise UserError(
-            f"{where}: the camera's file has pixels of {given[0]:g} x {given[1]:g} um, detector "
+            f"{where}: the camera's file has pixels of {pitch[0]:g} x {pitch[1]:g} um, detector "
             f"{preset.preset} has {own[0]:g} x {own[1]:g}: say which by [sensor] pixel_pitch_um"
         )
-    return given
+    return pitch
 
 
 class Output(Section, frozen=True, kw_only=True):
@@ -119,7 +119,7 @@ D = TypeVar("D", bound="Document")
 class Document(Section, frozen=True, kw_only=True):
     """Base of a scenario file and a recipe file.
 
-    The fields themselves stand in each of the two, in the order in which a data set's card lists them.
+    The fields are defined in each of the two, in the order in which a data set's card lists them.
     """
 
     if TYPE_CHECKING:
@@ -136,12 +136,12 @@ class Document(Section, frozen=True, kw_only=True):
 
     @property
     def camera_file(self) -> CameraFile:
-        """The camera as read; a built-in name is read on access."""
+        """The camera file; a built-in name is read on access."""
         return read_camera_file(self.camera) if isinstance(self.camera, str) else self.camera
 
     @property
     def camera_model(self) -> Camera:
-        """The camera of the image, for the region that is read, after binning."""
+        """The camera of the image, after region and binning."""
         return self.camera_in(self.output.bands)
 
     def camera_in(self, bands: Bands) -> Camera:
@@ -150,7 +150,7 @@ class Document(Section, frozen=True, kw_only=True):
         Raises
         ------
         UserError
-            If the sensor's images cannot have the encoding that is requested.
+            If the sensor's images cannot have the requested encoding.
         """
         file, sensor = self.camera_file, self.sensor_model
         encoding = self.output.encoding or file.encoding or default_encoding(sensor, bands)
@@ -172,7 +172,7 @@ class Document(Section, frozen=True, kw_only=True):
         Raises
         ------
         UserError
-            If its limits are exchanged.
+            If its limits are reversed.
         """
         auto = self.sensor.auto_exposure
         if auto is not None and auto.shortest_s > auto.longest_s:
@@ -188,8 +188,8 @@ def with_choices(document: D, encoding: Encoding | None, *, auto_exposure: bool)
 
     Parameters
     ----------
-    encoding : instead of its own, or None for that.
-    auto_exposure : expose by the meter where the document does not already.
+    encoding : new encoding, or None to keep it.
+    auto_exposure : True to use automatic exposure.
     """
     output, sensor = document.output, document.sensor
     if encoding is not None:

@@ -1,9 +1,9 @@
-"""Faults of the camera and the line to a board, from a scenario's section or a file of their own.
+"""Faults of the camera and the line to a board, from a scenario's section or a separate file.
 
 Kind, time in the flight and severity of each fault; one seed for every random choice.
 
-Times are the flight's seconds of the frame that is hit. Chances are drawn anew for each frame or packet, from the seed
-and the frame's number alone, so that a run in lockstep meets the same faults again.
+Times are flight times of the affected frame [s]. Random choices depend on the seed and the frame's number alone, so a
+lockstep run meets the same faults again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Direction = Literal["to_board", "to_host", "both"]
 
 
 class _Fault(Section, frozen=True, kw_only=True, tag_field="kind", tag=None):
-    """Base class of faults: start and end of its effect [s of the flight]."""
+    """Base class of faults: start and end of the effect [s of the flight]."""
 
     start_s: Time = 0.0
     end_s: Time = 1e6
@@ -58,7 +58,7 @@ class DeadPixels(_Fault, tag="dead_pixels", frozen=True, kw_only=True):
 
 
 class RowLoss(_Fault, tag="row_loss", frozen=True, kw_only=True):
-    """Some rows of a frame, others in each, are 0."""
+    """Some rows of each frame, chosen anew, are 0."""
 
     rows: Annotated[int, msgspec.Meta(ge=1, le=100_000)] = 1
     chance: Share = 1.0
@@ -82,9 +82,7 @@ class FrozenPicture(_Fault, tag="frozen", frozen=True, kw_only=True):
 
 
 class Blinding(_Fault, tag="blinding", frozen=True, kw_only=True):
-    """A bright source: full scale within ``radius`` of a point, with a falloff outside; shares of the image's
-    width.
-    """
+    """A bright source: full scale within ``radius`` of a point, with a falloff outside; in image widths."""
 
     x: Share = 0.5
     y: Share = 0.5
@@ -98,7 +96,7 @@ class GainStep(_Fault, tag="gain_step", frozen=True, kw_only=True):
 
 
 class StuckExposure(_Fault, tag="exposure_stuck", frozen=True, kw_only=True):
-    """The exposure time stays at its value of ``start_s``."""
+    """The exposure time stays at its value at ``start_s``."""
 
 
 class RepeatedNumber(_Fault, tag="repeated_number", frozen=True, kw_only=True):
@@ -188,7 +186,7 @@ class Faults(Section, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    seed : of every random choice. camera, line : the faults, which act together.
+    seed : seed of every random choice. camera, line : simultaneous faults.
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0
@@ -207,7 +205,7 @@ def read_faults(path: Path) -> Faults:
     Raises
     ------
     UserError
-        If there is none, or it has a mistake: key, value and allowed values.
+        If it is missing, or has a mistake: key, value and allowed values.
     """
     where = str(path)
     document = parse_toml(read_toml(path, where, "name a faults file"), where)
@@ -222,7 +220,7 @@ def check_times(faults: Faults, where: str) -> None:
     Raises
     ------
     UserError
-        With its times.
+        If one does; the message states its times.
     """
     for fault in (*faults.camera, *faults.line):
         if not math.isfinite(fault.start_s + fault.end_s) or fault.end_s <= fault.start_s:

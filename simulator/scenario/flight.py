@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 _LOOK_EVERY_S, _MIN_STEP_S = 60.0, 1.0
 MAX_FRAMES = 1_000_000
-"""Number of frames above which a run is treated as a mistake."""
+"""Number of frames above which a run is probably a mistake."""
 
 
 def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> Flight:
@@ -47,9 +47,9 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
 
     Parameters
     ----------
-    scenario : from `load_scenario`.
-    target : gives the inertia, unless the scenario overrides it.
-    duration_s : instead of the scenario's, for example for an open-ended session.
+    scenario : scenario from `load_scenario`.
+    target : target with the inertia, unless the scenario overrides it.
+    duration_s : replaces the scenario's, for example in an open-ended session.
     """
     orbit, chaser = known_orbit(scenario), scenario.chaser
     r, v = orbit.state()
@@ -60,7 +60,7 @@ def fly(scenario: Scenario, target: Target, duration_s: float | None = None) -> 
         TargetStart(
             r_eci_m=r,
             v_eci_m_s=v,
-            # a recording brings the target's attitude, and its chaser may be where no pointing could be made
+            # a recording includes the target's attitude, and its chaser may be where pointing is undefined
             attitude=Attitude(motion="fixed", frame="eci") if replay else scenario.attitude,
             inertia_kg_m2=target.mass.inertia_kg_m2,
             history=_attitude_history(scenario, epoch),
@@ -99,7 +99,7 @@ def _attitude_history(scenario: Scenario, epoch: Instant) -> AttitudeTrack | Non
 def _check_height(flight: Flight, name: str) -> None:
     """Raise if a craft hits the ground, leaves its body's sphere of influence, or has no finite position.
 
-    The steps are as short as the height asks for, so that no dive is jumped over.
+    The steps are short enough, for the altitude, to find every dive.
     """
     t_s, body = 0.0, flight.body
     while True:
@@ -132,7 +132,7 @@ def _place_problem(craft: str, r_m: FloatArray, body: Body) -> str | None:
 
 
 def force_model(forces: Forces, epoch: Instant, duration_s: float, body: Body) -> ForceModel | None:
-    """Return the requested forces about a body, with both masses; None for its plain gravity."""
+    """Return the requested forces about a body on both craft; None for its plain gravity."""
     model = FORCE_MODELS.get(body.name)
     return None if model is None else model(forces, epoch, duration_s)
 
@@ -163,8 +163,8 @@ FORCE_MODELS: dict[str, Callable[[Forces, Instant, float], ForceModel | None]] =
 def frame_times(duration_s: float, n: int | None = None, every_s: float | None = None) -> FloatArray:
     """Return the mid-exposure times of frames [s].
 
-    ``n`` frames alone are spread evenly from the start to the end; with ``every_s`` they are that far apart
-    from the start on, as many as fit when ``n`` is None.
+    ``n`` frames alone are spread evenly from start to end; ``every_s`` is a spacing from the start, with as many frames
+    as fit if ``n`` is None.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def frame_times(duration_s: float, n: int | None = None, every_s: float | None =
         return np.linspace(0.0, duration_s, n or 1, dtype=float)
     if not (np.isfinite(every_s) and every_s > 0):
         raise UserError(f"the time between frames is {every_s} s, allowed: more than 0")
-    # a rounding's worth of slack, so that 60 s hold 601 frames 0.1 s apart
+    # tolerance for rounding, so that 60 s hold 601 frames 0.1 s apart
     if duration_s / every_s > MAX_FRAMES:
         raise UserError(
             f"frames every {every_s:g} s are more than {MAX_FRAMES} in {duration_s:g} s; choose a longer spacing"

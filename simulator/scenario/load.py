@@ -58,7 +58,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     Raises
     ------
     UserError
-        If there is none, or the file has a mistake: file, key, value and allowed values.
+        If it is missing, or has a mistake: file, key, value and allowed values.
     """
     return parse_scenario(scenario_source(name_or_path), *_origin("scenario", name_or_path))
 
@@ -69,7 +69,7 @@ def load_recipe(name_or_path: str | Path) -> Recipe:
     Raises
     ------
     UserError
-        If there is none, or the file has a mistake: file, key, value and allowed values.
+        If it is missing, or has a mistake: file, key, value and allowed values.
     """
     text = str(name_or_path)
     if (target := target_in(text)) is not None:
@@ -88,7 +88,7 @@ def load_vary(path: str | Path, own: Vary | None = None) -> Vary:
 
     Parameters
     ----------
-    own : a recipe's own ranges, which stand for the keys that the file does not have.
+    own : a recipe's own ranges, used for keys that the file lacks.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def scenario_source(name_or_path: str | Path) -> bytes:
     Raises
     ------
     UserError
-        If there is none, or it cannot be read.
+        If it is missing or cannot be read.
     """
     return _source("scenario", name_or_path)
 
@@ -138,7 +138,7 @@ def built_in_text(kind: Kind, name: str) -> str:
     Raises
     ------
     UserError
-        If there is none of that name.
+        If there is none.
     """
     if name not in _names(kind):
         raise UserError(_no_such(kind, name))
@@ -159,11 +159,11 @@ def toml_table(content: bytes, where: str) -> dict[str, Any]:
     Raises
     ------
     UserError
-        If it is no TOML, or has a value that no file of ours has.
+        If it is not TOML, or has a value of an unsupported type.
     """
     raw: dict[str, Any] = _toml_values(parse_toml(content, where), where, "")
     section = raw.get("environment")
-    # an unknown preset is left to the validation
+    # validation reports an unknown preset
     if isinstance(section, dict) and section.get("preset") in ENVIRONMENTS:
         raw["environment"] = {**msgspec.structs.asdict(ENVIRONMENTS[section["preset"]]), **section}
     return raw
@@ -174,8 +174,8 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
     Parameters
     ----------
-    where : name of the file, for messages. stem : name of the scenario unless it has one.
-    folder : in which the files that it names are.
+    where : name of the file in messages. stem : default name of the scenario.
+    folder : folder of the files that it names.
 
     Raises
     ------
@@ -201,10 +201,10 @@ def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Docu
     camera = document.camera
     if not isinstance(camera, CameraFile):
         try:
-            found = read_camera_file(camera, folder)
+            camera_file = read_camera_file(camera, folder)
         except UserError as error:
             raise UserError(f"{where}: key camera: {error}") from error
-        camera = msgspec.structs.replace(found, name=found.name or Path(camera).stem)
+        camera = msgspec.structs.replace(camera_file, name=camera_file.name or Path(camera).stem)
     camera.camera(f"{where}: camera")
     document = msgspec.structs.replace(
         document,
@@ -212,13 +212,13 @@ def _resolved(document: _Document, where: str, stem: str, folder: Path) -> _Docu
         camera=camera,
         optics=document.optics.with_kernel(folder, where),
     )
-    document.camera_model  # noqa: B018 - raises where the region or the binning does not fit
+    document.camera_model  # noqa: B018 - raises if the region or the binning does not fit
     _check_detector(document, where)
     return document
 
 
 def _check_detector(document: Scenario | Recipe, where: str) -> None:
-    """Raise if a lens or detector is impossible, or does not go with the bands."""
+    """Raise if a lens or detector is impossible, or does not match the bands."""
     sensor, optics, bands = document.sensor_model, document.optics.optics(), document.output.bands
     problem = (
         sensor_problem(sensor)
@@ -297,7 +297,7 @@ def _bases(raw: dict[str, Any], where: str, folder: Path) -> Iterator[dict[str, 
 
 
 def _beside(poses: AnyPoses | None, where: str, folder: Path) -> AnyPoses | None:
-    """Return poses whose file is given relative to the working directory, if it is in the folder."""
+    """Return poses with their file's path resolved, if it is in the folder."""
     if poses is None:
         return None
     key = "file" if isinstance(poses, PoseList) else "scenario"

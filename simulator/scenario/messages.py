@@ -1,4 +1,4 @@
-"""Replaces TLEs and CCSDS messages of a scenario by the states that they give at its epoch."""
+"""Replaces TLEs and CCSDS messages of a scenario by the states that they imply at its epoch."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
     Parameters
     ----------
-    scenario : as read. where : its name, for messages. folder : where relative paths start.
+    scenario : scenario as read. where : name of the file in error messages. folder : base of relative paths.
 
     Raises
     ------
     UserError
-        If a file cannot be read or says nothing about the epoch.
+        If a file cannot be read or does not cover the epoch.
     """
     epoch = Instant.from_utc(scenario.epoch_utc)
     try:
@@ -66,7 +66,7 @@ def _orbit(
 ) -> KnownOrbit | OemOrbit:
     match orbit:
         case TleOrbit(line1=str(line1), line2=str(line2), file=None):
-            found: Ephemeris | State = state_from_tle(line1, line2, epoch)
+            orbit_source: Ephemeris | State = state_from_tle(line1, line2, epoch)
             centre: str = "earth"
             name, motion = "the two-line elements", None
         case TleOrbit(line1=None, line2=None, file=str(name)):
@@ -76,20 +76,20 @@ def _orbit(
             raise UserError("section [orbit] has kind tle, allowed: line1 and line2, or file alone")
         case OemOrbit():
             name, centre, motion = orbit.file, orbit.centre, orbit.motion
-            found = _orbit_file(folder / name, "orbit.file", epoch, centre, orbit.satellite)
+            orbit_source = _orbit_file(folder / name, "orbit.file", epoch, centre, orbit.satellite)
         case _:
             return orbit
-    if not isinstance(found, tuple):
+    if not isinstance(orbit_source, tuple):
         if isinstance(orbit, OemOrbit) and motion != "propagate":
-            found.require_span(duration_s)
+            orbit_source.require_span(duration_s)
             return msgspec.structs.replace(orbit, file=str((folder / name).resolve()), motion="oem")
-        found.require_span(0.0)
-        found = found(0.0)[:2]
+        orbit_source.require_span(0.0)
+        orbit_source = orbit_source(0.0)[:2]
     elif motion == "oem":
         raise UserError(
             f"key orbit.motion is 'oem', but {name} has one state and no ephemeris: remove the key"
         )
-    state = _state_orbit(centre, found)
+    state = _state_orbit(centre, orbit_source)
     if (problem := state.problem()) is not None:
         velocity = "has a velocity that " if "v_eci" in problem[0] else ""
         raise UserError(f"the state that {name} gives at {epoch.iso()} {velocity}{problem[1]}")
@@ -101,15 +101,15 @@ def _state_orbit(centre: str, state: State) -> StateOrbit:
 
 
 def target_ephemeris(scenario: Scenario) -> Ephemeris | None:
-    """Return the ephemeris that the target of a loaded scenario follows; None if the forces move it."""
+    """Return the ephemeris that the target of a loaded scenario follows; None if it is propagated."""
     orbit = scenario.orbit
     if not isinstance(orbit, OemOrbit):
         return None
     epoch = Instant.from_utc(scenario.epoch_utc)
-    found = _orbit_file(Path(orbit.file), "orbit.file", epoch, orbit.centre, orbit.satellite)
-    if orbit.motion != "oem" or isinstance(found, tuple):
+    ephemeris = _orbit_file(Path(orbit.file), "orbit.file", epoch, orbit.centre, orbit.satellite)
+    if orbit.motion != "oem" or isinstance(ephemeris, tuple):
         raise UserError("the orbit is still a file: load the scenario with load_scenario")
-    return found
+    return ephemeris
 
 
 def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
@@ -125,21 +125,21 @@ def chaser_ephemeris(scenario: Scenario) -> Ephemeris | None:
         return None
     epoch = Instant.from_utc(scenario.epoch_utc)
     centre: str = getattr(scenario.orbit, "centre", "earth")
-    found = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
-    if isinstance(found, tuple):
+    ephemeris = _orbit_file(Path(chaser.file), "chaser.file", epoch, centre, chaser.satellite)
+    if isinstance(ephemeris, tuple):
         raise UserError(
             f"key chaser.file is {chaser.file!r}, which has one state and no ephemeris: give an OEM"
         )
-    found.require_span(scenario.duration_s)
-    return found
+    ephemeris.require_span(scenario.duration_s)
+    return ephemeris
 
 
 def followed_words(scenario: Scenario) -> list[str]:
     """Return a sentence for each craft of a loaded scenario that follows a file."""
-    found = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
+    ephemerides = {"target": target_ephemeris(scenario), "chaser": chaser_ephemeris(scenario)}
     return [
         f"{craft}: follows {Path(e.where).name} between its lines, {e.interpolation}"
-        for craft, e in found.items()
+        for craft, e in ephemerides.items()
         if e is not None
     ]
 
@@ -150,7 +150,7 @@ def known_orbit(scenario: Scenario) -> KnownOrbit:
     Raises
     ------
     UserError
-        If it has not.
+        If it has not been read.
     """
     if isinstance(scenario.orbit, ElementsOrbit | StateOrbit):
         return scenario.orbit
@@ -167,7 +167,7 @@ def _orbit_file(
     return _parsed(data, str(path), epoch, centre, satellite)
 
 
-# a flight is planned from what its scenario was checked with
+# a flight uses the same parsed data as the check of its scenario
 @lru_cache(maxsize=4)
 def _parsed(data: bytes, where: str, epoch: Instant, centre: str, satellite: str | None) -> Ephemeris | State:
     return read_orbit_file(data, where, epoch, centre=centre, satellite=satellite)
@@ -180,7 +180,7 @@ def _attitude(attitude: Attitude, epoch: Instant, folder: Path) -> Attitude:
     if attitude.q_wxyz is not None or attitude.euler_deg is not None:
         raise UserError("section [attitude] has aem_file and another attitude, allowed: one of them")
     if attitude.motion == "aem":
-        # the file stays with the scenario; the flight reads all of it
+        # the scenario keeps the file; the flight reads all of it
         return msgspec.structs.replace(attitude, aem_file=str((folder / name).resolve()))
     text = decode_text(read_message(folder / name, "attitude.aem_file"), name)
     q, rate = read_aem_state(text, name, epoch)
@@ -209,7 +209,7 @@ def _unit(q: FloatArray) -> FloatArray:
     return q / np.linalg.norm(q)
 
 
-MAX_BYTES = 100_000_000  # largest message: years of states, a minute apart
+MAX_BYTES = 100_000_000  # size limit of a message: years of states, a minute apart
 
 
 def read_message(path: Path, key: str) -> bytes:
@@ -218,7 +218,7 @@ def read_message(path: Path, key: str) -> bytes:
     Raises
     ------
     UserError
-        If it cannot be read, with the key that names it.
+        If it cannot be read; the message names the key.
     """
     try:
         return read_regular(path, MAX_BYTES)
@@ -226,5 +226,5 @@ def read_message(path: Path, key: str) -> bytes:
         raise UserError(
             f"key {key} is {str(path)!r}, which cannot be read: {error.strerror or error}"
         ) from error
-    except ValueError as error:  # a null in the name
+    except ValueError as error:  # a null character in the name
         raise UserError(f"key {key} is {str(path)!r}, which is no name of a file: {error}") from error

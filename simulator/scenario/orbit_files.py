@@ -1,4 +1,4 @@
-"""Orbit files of a scenario: recognition of their kind, and the ephemeris or state that they give."""
+"""Orbit files of a scenario: detection of their format, and the ephemeris or state that they give."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ _WITHIN = (
     ("RINEX VERSION", "a RINEX file", "convert it to a CCSDS OEM"),
 )
 _SAME_ORBIT = 0.01
-"""Tolerance between a state and the elements of one orbit, as a share of the distance: both are rounded."""
+"""Tolerance between a state and elements of one orbit, over the distance, because both are rounded."""
 READ = "CCSDS OEM, OPM and OMM (key = value or XML), OMM as JSON or CSV, and two-line elements"
 
 
@@ -82,13 +82,13 @@ def read_orbit_file(
 
     Parameters
     ----------
-    data : of the file. where : its name, for messages. epoch : from which times count.
-    centre : body that it must count from. satellite : name or number, where there are several.
+    data : contents of the file. where : name of the file in error messages. epoch : origin of times.
+    centre : required central body. satellite : name or number, if there are several.
 
     Raises
     ------
     UserError
-        If it is another file, which is named; or has a mistake.
+        If it is in another format (which the message names), or has a mistake.
     """
     text = _text_of(data, where)
     start = first_line(text)
@@ -96,11 +96,11 @@ def read_orbit_file(
     if is_text or is_xml:
         kind, segments = ("oem", read_segments(text, where, "OEM")) if is_text else read_ndm(text, where)
         if kind == "oem":
-            found = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
-            found.refuse_impossible(body_named(centre))
-            return found
-        chosen = _one(segments, where, satellite)
-        return _opm_state(chosen, epoch, centre) if kind == "opm" else _omm_state(chosen, epoch, centre)
+            states = ephemeris_of(segments, where, epoch, centre=centre.upper(), satellite=satellite)
+            states.refuse_impossible(body_named(centre))
+            return states
+        segment = _one(segments, where, satellite)
+        return _opm_state(segment, epoch, centre) if kind == "opm" else _omm_state(segment, epoch, centre)
     if is_state_message(text, "OPM"):
         return _opm_state(read_fields(text, where, "OPM"), epoch, centre)
     if is_state_message(text, "OMM"):
@@ -118,7 +118,7 @@ def read_orbit_file(
 
 
 def _text_of(data: bytes, where: str) -> str:
-    """Return the text of a file that is none of the known binary formats."""
+    """Return the text of a file that is in none of the known binary formats."""
     for magic, kind, way_out in _BINARY:
         if data.startswith(magic):
             raise UserError(f"{where} is {kind}: {way_out}")
@@ -134,18 +134,18 @@ def _text_of(data: bytes, where: str) -> str:
 
 
 def _one(segments: list[Segment], where: str, satellite: str | None) -> Segment:
-    """Return the only object, or the chosen one."""
+    """Return the only object, or the selected one."""
     numbered = [
         s
         for s in segments
         if satellite and s.meta.get("NORAD_CAT_ID", "").lstrip("0") == satellite.lstrip("0")
     ]
-    chosen = numbered or one_object(segments, where, satellite)
-    if len(chosen) > 1:
+    selected = numbered or one_object(segments, where, satellite)
+    if len(selected) > 1:
         raise UserError(
-            f"{where} has {len(chosen)} sets of elements of one object: keep the one nearest to the epoch"
+            f"{where} has {len(selected)} sets of elements of one object: keep the one nearest to the epoch"
         )
-    return chosen[0]
+    return selected[0]
 
 
 def _require_earth(centre: str, where: str, what: str) -> None:

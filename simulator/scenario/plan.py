@@ -1,4 +1,4 @@
-"""Plans: the moments of a flight that become frames, and the scene of each."""
+"""Plans: the times of a flight that become frames, and the scene of each."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class FramePlan(Protocol):
-    """Frames of one target by number, each from the plan alone: of a flight, a recipe or a list of poses."""
+    """Numbered frames of one target that depend on the plan alone: of a flight, a recipe or a list of poses."""
 
     @property
     def n_frames(self) -> int:
@@ -57,7 +57,7 @@ class DocumentPlan(ABC):
 
     Parameters
     ----------
-    every_s : spacing if it was given as one. vary : ranges out of which each frame is varied.
+    every_s : spacing of the frames, or None. vary : ranges within which each frame is varied.
     """
 
     target: Target
@@ -81,11 +81,11 @@ class DocumentPlan(ABC):
 
     @abstractmethod
     def planned_scene(self, k: int) -> SceneState:
-        """Return the scene of frame k before it is varied."""
+        """Return the scene of frame k before variation."""
 
     @abstractmethod
     def next_scene(self, k: int) -> SceneState | None:
-        """Return the scene that optical flow leads to from frame k; None if there is none."""
+        """Return the scene to which frame k's optical flow leads; None if there is none."""
 
     @property
     def scenario_name(self) -> str:
@@ -130,12 +130,12 @@ P = TypeVar("P", bound=DocumentPlan)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan(DocumentPlan):
-    """The moments of a flight that become frames.
+    """The times of a flight that become frames.
 
     Parameters
     ----------
     times_s : mid-exposure of each frame, from the flight's start [s].
-    exposures : the automatic exposure along the flight; None for a fixed one.
+    exposures : automatic exposure along the flight; None for a fixed one.
     """
 
     scenario: Scenario
@@ -164,9 +164,9 @@ class Plan(DocumentPlan):
         return self.scene(k + 1) if k + 1 < self.n_frames else None
 
     def scene_of(self, world: WorldState, k: int) -> SceneState:
-        """Return the scene of a world state, as frame k of this plan. Piloted flights use it.
+        """Return the scene of a world state as frame k of this plan, for piloted flights.
 
-        A steered flight has no past to look up: its automatic exposure is what the meter wants, without lag.
+        A piloted flight has no known future, so its automatic exposure is the meter's, without lag.
         """
         scene = self._scene(world, k, None)
         auto = self.scenario.auto_exposure
@@ -200,16 +200,16 @@ class Plan(DocumentPlan):
 
 
 def varied_plan(plan: P, vary: Vary) -> P:
-    """Return a plan whose frames are varied within these ranges, in place of a recipe's own.
+    """Return a plan with frames varied within these ranges instead of a recipe's own.
 
     Raises
     ------
     UserError
-        If a black level is asked of a sensor that counts no electrons.
+        If a black level is varied of a sensor that counts no electrons.
     """
-    made = replace(plan, vary=vary)
-    made.scene(0)  # impossible ranges are refused before anything is written
-    return made
+    varied = replace(plan, vary=vary)
+    varied.scene(0)  # refuse impossible ranges before anything is written
+    return varied
 
 
 def plan_flight(
@@ -254,7 +254,7 @@ def plan_flight(
     auto = scenario.auto_exposure
     if auto is None:
         return plan
-    # the meter uses the plan's own view; the plan's exposure has no influence
+    # the meter uses the plan's own view; the plan's exposure does not affect it
     return replace(
         plan, exposures=ExposureTrack(auto, lambda t: plan.scene_of(plan.flight.state(t), 0).exposure_s)
     )

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-MAX_BYTES = 200_000_000  # largest list: a million poses
+MAX_BYTES = 200_000_000  # size limit of a list: a million poses
 COLUMNS = ("q_w", "q_x", "q_y", "q_z", "t_x_m", "t_y_m", "t_z_m")
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 _BEYOND = "cells beyond the header"
@@ -41,7 +41,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
     Raises
     ------
     UserError
-        If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, what to do.
+        If the file cannot be read, lacks a column, has no row, or a number is wrong: file, line, column, remedy.
     """
     try:
         text = decode_text(read_regular(path, MAX_BYTES), str(path))
@@ -63,7 +63,7 @@ def read_poses(path: Path) -> tuple[Pose, ...]:
 
 def _pose(path: Path, line: int, row: dict[str, str]) -> Pose:
     values = []
-    if any(cell.strip() for cell in row.get(_BEYOND, ())):  # decimal commas leave some
+    if any(cell.strip() for cell in row.get(_BEYOND, ())):  # decimal commas leave extra cells
         raise UserError(
             f"{path} line {line} has more cells than the first line; write numbers with a decimal point"
         )
@@ -122,8 +122,8 @@ def scene_at(
     ----------
     q_camera_from_target_wxyz : (4,) unit quaternion, Hamilton, scalar first; it is normalised.
     t_camera_from_target_m : (3,) origin of the target's axes in the camera's: x right, y down, z forward [m].
-    frame : of the plan, whose moment it is.
-    index : number of the image, which keys its noise; ``frame`` unless given.
+    frame : frame of the plan that defines the time.
+    index : number of the image, the key of its noise; by default ``frame``.
 
     Raises
     ------
@@ -141,11 +141,11 @@ def scene_at(
 
 
 def scene_with_pose(scene: SceneState, target: Target, pose: Pose, frame_index: int) -> SceneState:
-    """Return the scene with the craft at another pose, at rest relative to the camera; camera, Sun and sky stay."""
+    """Return the scene with the craft at another pose, at rest relative to the camera; camera, Sun and sky are kept."""
     R_eci_from_camera = matrix_from_quat(scene.q_camera_from_eci_wxyz).T
     com = R_eci_from_camera @ pose.apply(np.asarray(target.mass.com_m, float))
     q = np.asarray(pose.q_wxyz)
-    # at rest in the picture: it turns with the camera and moves on the arc that keeps its place in it
+    # at rest in the image: it rotates with the camera and moves on the corresponding arc
     r_target = np.asarray(scene.r_camera_eci_m) + com
     omega = R_eci_from_camera @ np.asarray(scene.omega_camera_rad_s)
     return replace(

@@ -65,7 +65,7 @@ class EulerAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="e
 
 
 class FacingAttitude(Section, frozen=True, kw_only=True, tag_field="kind", tag="facing"):
-    """For flat boards: z points to the camera within an angle, anywhere in the image. Sets range and placement too."""
+    """For flat boards: z is within an angle of the camera, anywhere in the image. Defines range and placement too."""
 
     within_deg: Annotated[float, Meta(gt=0, lt=80)] = 45.0
 
@@ -83,7 +83,7 @@ class BoundsPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class NormalPlacement(Section, frozen=True, kw_only=True, tag_field="kind", tag="normal"):
-    """Normal about the middle of the image, in units of half its width and height, truncated to the image."""
+    """Normal about the image's centre, in units of half its width and height, truncated to the image."""
 
     sigma: Annotated[float, Meta(ge=0, le=2)] = 0.3
 
@@ -95,9 +95,9 @@ class PoseList(Section, frozen=True, kw_only=True, tag_field="kind", tag="list")
 
 
 class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag="trajectory"):
-    """Poses, light and sky from moments of a scenario's flight, optionally with deviations.
+    """Poses, light and sky at times of a scenario's flight, optionally with deviations.
 
-    ``moments`` are evenly spaced over the flight, or random ones. ``scenario`` is a built-in name or a file.
+    ``moments`` are evenly spaced over the flight, or random. ``scenario`` is a built-in name or a file.
     """
 
     scenario: str
@@ -109,8 +109,8 @@ class AboutTrajectory(Section, frozen=True, kw_only=True, tag_field="kind", tag=
 class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="sequences"):
     """Flights of a scenario, each with its own start: ``frames`` images ``every_s`` apart.
 
-    Each starts at a random place of the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
-    and which turns about a random axis at a rate out of ``rate_deg_s``. ``sunlit``: at the start and at the end.
+    Each starts at a random position in the orbit and at ``range_m`` from the target, whose attitude is uniform on SO(3)
+    and which rotates about a random axis at a rate within ``rate_deg_s``. ``sunlit``: at start and end.
     """
 
     scenario: str
@@ -122,12 +122,12 @@ class Sequences(Section, frozen=True, kw_only=True, tag_field="kind", tag="seque
 
 
 class Sky(Section, frozen=True, kw_only=True):
-    """Directions of Sun and nadir in camera axes; a date and a place above the body that match are then drawn.
+    """Directions of Sun and nadir in camera axes; a matching date and position above the body are then drawn.
 
     ``max_phase_deg``: largest angle at the target between Sun and camera, uniform in solid angle.
     ``nadir_off_boresight_deg``: angle between boresight and nadir, uniform in solid angle; 64 degrees puts the Earth's
-    limb on the boresight at 700 km. ``night_share``: of samples whose ground below is dark. ``share``: of several
-    skies.
+    limb on the boresight at 700 km. ``night_share``: share of samples with dark ground below. ``share``: weight among
+    several skies.
     """
 
     share: Annotated[float, Meta(gt=0, le=1)] = 1.0
@@ -140,10 +140,10 @@ class Sky(Section, frozen=True, kw_only=True):
 
 
 class Background(Section, frozen=True, kw_only=True):
-    """A library of ``views`` of the sky, from random places above a body with random camera attitudes.
+    """A library of ``views`` of the sky, from random positions above a body with random camera attitudes.
 
-    The place is sunlit and the Sun at most ``max_phase_deg`` behind the target, so that a craft there has light;
-    ``least_share``: of the image that must show the body's day side; place and turn are drawn again until it does.
+    The position is sunlit and the phase angle at most ``max_phase_deg``, so that a craft there is lit. ``least_share``:
+    least share of the image that shows the body's day side; position and attitude are drawn again until it does.
     """
 
     body: str = "earth"
@@ -155,10 +155,11 @@ class Background(Section, frozen=True, kw_only=True):
 
 
 class Constraints(Section, frozen=True, kw_only=True):
-    """Conditions on a pose; one that violates them is drawn again, and counted.
+    """Conditions on a pose; a pose that violates one is drawn again, and counted.
 
-    ``clearance_m``: from the camera to the nearest point of the mesh. ``origin_in_image``: the model's origin is.
-    ``inside``: least share of the box about the projected mesh that is in the image. ``most_draws``: then it gives up.
+    ``clearance_m``: least distance from the camera to the mesh. ``origin_in_image``: the model's origin must be in the
+    image. ``inside``: least share of the projected mesh's bounding box in the image. ``most_draws``: number of draws
+    before an error.
     """
 
     clearance_m: Annotated[float, Meta(gt=0, le=1e4)] | None = None
@@ -168,7 +169,7 @@ class Constraints(Section, frozen=True, kw_only=True):
 
 
 class Pairs(Section, frozen=True, kw_only=True):
-    """Every sample once in each of these environments."""
+    """Every sample is drawn once in each of these environments."""
 
     environments: Annotated[list[EnvironmentName], Meta(min_length=2, max_length=8)]
 
@@ -182,9 +183,9 @@ AnyPoses = PoseList | AboutTrajectory | Sequences
 class Recipe(Document, frozen=True, kw_only=True):
     """A recipe file, read and checked.
 
-    ``base`` names a built-in recipe or a file next to this one, whose sections stand where this file has none of that
-    name. A recipe with ``members`` is the data sets of those recipes. ``frames`` are drawn where no number is asked
-    for. ``poses`` take the place of range, attitude and placement; of flights also that of the sky.
+    ``base`` names a built-in recipe or a file next to this one, whose sections are used where this file has none. A
+    recipe with ``members`` stands for the data sets of those recipes. ``frames`` is the default number of frames.
+    ``poses`` replace range, attitude and placement; poses of flights also the sky.
     """
 
     schema: Literal["flyaround.recipe"] = "flyaround.recipe"

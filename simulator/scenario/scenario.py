@@ -58,8 +58,8 @@ AnyChaser = (
 class Scenario(Document, frozen=True, kw_only=True):
     """A scenario file, read and checked.
 
-    After loading the camera is the camera itself, not its name, and an orbit or
-    attitude from a file or a TLE is the state itself, so that a scenario stands alone.
+    After loading, the camera, an orbit or an attitude from a file or a TLE are replaced by their contents, so that a
+    scenario is self-contained.
     """
 
     schema: Literal["flyaround.scenario"] = "flyaround.scenario"

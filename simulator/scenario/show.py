@@ -28,12 +28,12 @@ _HEADER = re.compile(r"\[+([\w.]+)\]+")
 def show_scenario(name: str) -> str:
     """Return a built-in scenario's file with every further key as a comment: its default and allowed values.
 
-    It is a scenario file: without a change it flies as the built-in one.
+    It is a valid scenario file that flies unchanged like the built-in one.
 
     Raises
     ------
     UserError
-        If there is no such scenario.
+        If there is none.
     """
     head = [
         f"# Scenario {name}. Keep it as mine.toml, change it, and look: flyaround render mine.toml -o mine.png",
@@ -49,7 +49,7 @@ def show_recipe(name: str) -> str:
     Raises
     ------
     UserError
-        If there is none of that name.
+        If there is none.
     """
     target = target_in(name)
     text = built_in_text("recipe", name if target is None else OF_TARGET)
@@ -87,12 +87,12 @@ def _annotated_text(text: str, root: type[msgspec.Struct], head: Sequence[str]) 
 
 def _text_by_section(text: str) -> list[tuple[str, list[str]]]:
     """Return the text by sections: path (empty for the top) and lines, without trailing blank ones."""
-    found: list[tuple[str, list[str]]] = [("", [])]
+    sections: list[tuple[str, list[str]]] = [("", [])]
     for line in text.splitlines():
         if header := _HEADER.match(line):
-            found.append((header[1], []))
-        found[-1][1].append(line)
-    return [(path, "\n".join(lines).rstrip().splitlines()) for path, lines in found]
+            sections.append((header[1], []))
+        sections[-1][1].append(line)
+    return [(path, "\n".join(lines).rstrip().splitlines()) for path, lines in sections]
 
 
 def _table_at(raw: dict[str, Any], path: str, kind: mi.StructType) -> tuple[dict[str, Any], mi.StructType]:
@@ -122,7 +122,7 @@ def _item(type_: mi.Type) -> mi.Type:
 def _is_section(field: mi.Field) -> bool:
     kinds = alternatives(field.type)
     if any(isinstance(t, mi.StrType) for t in kinds):
-        return False  # a name will do
+        return False  # a name is enough
     lists = [i for t in kinds if isinstance(t, _LISTS) for i in alternatives(t.item_type)]
     return any(isinstance(t, mi.StructType) for t in (*kinds, *lists))
 
@@ -135,9 +135,9 @@ def _keys_to_add(kind: mi.StructType, table: dict[str, Any]) -> list[str]:
             continue
         default = None if field.required else _default(field)
         value = "..." if default is None else toml_value(default)
-        needed = "needed: " if field.required else ""
+        prefix = "needed: " if field.required else ""
         start = f"# {field.encode_name} = {value}"
-        lines.append(f"{start:{_VALUES_AT}} # {needed}{describe_all(alternatives(field.type))}")
+        lines.append(f"{start:{_VALUES_AT}} # {prefix}{describe_all(alternatives(field.type))}")
     return lines
 
 
@@ -176,7 +176,7 @@ def _sections_to_add(
     table: dict[str, Any], kind: mi.StructType, path: str
 ) -> list[tuple[str, mi.StructType, bool]]:
     """Return the sections that a table may have and lacks: path, type, and whether several are allowed."""
-    found = []
+    sections = []
     for field in kind.fields:
         name = field.encode_name
         if not _is_section(field):
@@ -184,13 +184,13 @@ def _sections_to_add(
         there, at = table.get(name), f"{path}.{name}" if path else name
         many = any(isinstance(t, _LISTS) for t in alternatives(field.type))
         if isinstance(there, dict):
-            found += _sections_to_add(there, _struct_type(field.type, there), at)
+            sections += _sections_to_add(there, _struct_type(field.type, there), at)
         elif there is None:
             section = _struct_type(_item(field.type) if many else field.type, {})
-            found.append((at, section, many))
-            # sections inside a section that can be added can be added with it
-            found += _sections_to_add({}, section, at)
-    return found
+            sections.append((at, section, many))
+            # sections inside a section that can be added
+            sections += _sections_to_add({}, section, at)
+    return sections
 
 
 def _description(kind: mi.StructType) -> list[str]:

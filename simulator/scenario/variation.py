@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 _FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
-"""Random streams: of frames, and of the craft that several frames share."""
+"""Random streams: for frames, and for the craft that several frames share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +40,12 @@ class FrameVariation:
     target: Target
 
     def scene(self, scene: SceneState, k: int) -> SceneState:
-        """Return the scene of frame k, varied.
+        """Return the varied scene of frame k.
 
         Raises
         ------
         UserError
-            If a black level is asked of a sensor that counts no electrons.
+            If a black level is varied of a sensor that counts no electrons.
         """
         rng = numbered_generator(self.seed, k, _FRAMES)
         by: dict[str, Any] = {}
@@ -112,10 +112,10 @@ class FrameVariation:
         lights = self.vary.lights
         if lights is None:
             return scene
-        lit, shines = rng.random() < lights.lamp_share, rng.random() < lights.earthshine_share
+        has_lamp, shines = rng.random() < lights.lamp_share, rng.random() < lights.earthshine_share
         power, half = _factor(rng, lights.lamp_power_w), float(rng.uniform(*lights.lamp_half_angle_deg))
-        by["lamp"], by["earthshine"] = bool(lit), bool(shines)
-        if lit:
+        by["lamp"], by["earthshine"] = bool(has_lamp), bool(shines)
+        if has_lamp:
             scene = replace(scene, lamp=Lamp(power_w=power, half_angle_deg=half))
         if not shines:
             dark = msgspec.structs.replace(scene.environment, earthshine=False)

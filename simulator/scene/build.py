@@ -43,26 +43,27 @@ def build_scene(
     lamp: Lamp | None = None,
     lights: Sequence[AreaLight] = (),
 ) -> SceneState:
-    """Freeze the world at mid-exposure as one camera sees it.
+    """Freeze the world at mid-exposure as seen by one camera.
 
-    The orbit is that of the target's centre of mass; the label is the pose of the model's own frame, whose
-    origin lies ``-com_target_m`` away from it.
+    Orbits are those of centres of mass; the label is the pose of the model frame, whose origin is at ``-com_target_m``
+    from it.
 
     Parameters
     ----------
     world : state at mid-exposure.
     camera, sensor, exposure_s, optics : imaging chain.
-    target : model that is drawn.
-    com_target_m : its centre of mass in the model frame [m].
+    target : model to draw.
+    com_target_m : centre of mass of the target in the model frame [m].
     frame_index, seed : key of the frame's random numbers.
-    quality, bands, environment, lamp, lights : lighting and rendering. shutter : global unless given.
+    quality, bands, environment, lamp, lights : lighting and rendering.
+    shutter : readout of the rows, by default global.
     """
     q_ce = np.array(world.q_camera_from_eci_wxyz)
     R_camera_from_eci = matrix_from_quat(q_ce)
     R_eci_from_target = matrix_from_quat(world.q_eci_from_target_wxyz)
     omega_camera = np.array(world.omega_camera_rad_s)
     com = np.array(com_target_m, float)
-    # origin minus centre of mass, and its velocity as the body turns about its centre of mass
+    # origin minus centre of mass, and its velocity due to the rotation about the centre of mass
     origin_eci = R_eci_from_target @ -com
     origin_rate_eci = R_eci_from_target @ np.cross(world.omega_target_rad_s, -com)
     t_camera = R_camera_from_eci @ (origin_eci - np.array(world.relative_eci_m))
@@ -82,7 +83,7 @@ def build_scene(
         environment=environment or Environment(),
         optics=optics or Optics(),
         target=target,
-        # one sign for one attitude, so that labels compare as text
+        # one sign per attitude, so that labels compare as text
         q_camera_from_target_wxyz=quat(q if q[0] >= 0 else -q),
         t_camera_from_target_m=vec3(t_camera),
         omega_target_rad_s=world.omega_target_rad_s,

@@ -21,11 +21,12 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     moon : the Moon, and bodies other than the Earth. earthshine : light of bodies on the target.
-    sunlight : the Sun shines on the target; without it, it lights what is behind alone, as a screen in a laboratory is.
-    seasons : land and ice of the date, August's otherwise. relief : shading of mountains. sea_ice : as in most years.
-    undifferentiated : land, sea and clouds reflect alike, as a plain globe does.
-    airglow : light of the air itself at 85 to 100 km, seen at night.
-    atmosphere_thickness_km : height of the air's top.
+    sunlight : the Sun lights the target; if False it lights only the background, as in front of a laboratory's screen.
+    seasons : land and ice of the date, otherwise of August. relief : shading of mountains. sea_ice : climatological
+        ice.
+    undifferentiated : land, sea and clouds reflect alike, as on a plain globe.
+    airglow : emission of the air at 85 to 100 km, visible at night.
+    atmosphere_thickness_km : height of the top of the atmosphere.
     aerosol_optical_depth : vertical, at 550 nm: 0.05 over clear seas, 0.1 to 0.3 over most land.
     """
 
@@ -81,12 +82,12 @@ NOTHING = Environment(
 """No body, no light but the Sun's: a base for `msgspec.structs.replace`."""
 ENVIRONMENTS: dict[EnvironmentName, Environment] = {
     "full": _FULL,
-    # the air of the SVD thesis ends at 25 km
+    # the atmosphere of the SVD thesis ends at 25 km
     "thesis": msgspec.structs.replace(_FULL, atmosphere_thickness_km=25.0),
-    # its counter-example: one optics for land, sea and clouds
+    # its counter-example: equal reflection of land, sea and clouds
     "undifferentiated": msgspec.structs.replace(_FULL, undifferentiated=True),
     "airless": msgspec.structs.replace(_FULL, atmosphere=False),
-    # black space, and no light from the Earth on the target
+    # black background, and no light from the Earth on the target
     "space": msgspec.structs.replace(_FULL, earth=False, earthshine=False, moon=False),
 }
 
@@ -97,10 +98,10 @@ def environment_preset(name: str) -> Environment:
     Raises
     ------
     UserError
-        If there is none of that name.
+        If there is none.
     """
-    for known, environment in ENVIRONMENTS.items():
-        if known == name:
+    for preset, environment in ENVIRONMENTS.items():
+        if preset == name:
             return environment
     raise UserError(
         f"unknown environment '{name}'; choose from {', '.join(get_args(EnvironmentName))}, "
@@ -114,7 +115,7 @@ def environment_section(name: str) -> EnvironmentSection:
     Raises
     ------
     UserError
-        If there is none of that name.
+        If there is none.
     """
     return msgspec.convert(
         {"preset": name, **msgspec.structs.asdict(environment_preset(name))}, EnvironmentSection

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.ephemeris.body import BodyState
 
 FARTHEST_TARGET_M = 1e6
-MAX_STRETCH = 0.2
+MAX_STRETCH = 0.2  # largest stretch of a target along an axis, as a share
 FASTEST_M_S, FASTEST_RAD_S = 1e6, 1e4  # far beyond any craft
 
 
 def scene_problem(scene: SceneState) -> str | None:
-    """Return the first field of a scene that is out of range, with the allowed range; None if it can be drawn."""
-    c, (earth, moon, *others) = scene.camera, scene.bodies
+    """Return the first field of a scene that is out of range, with the allowed range; None if there is none."""
+    c, (earth, moon, *other_bodies) = scene.camera, scene.bodies
     names = [b.name for b in scene.bodies]
     if scene.central_body not in names or len(set(names)) < len(names):
         return f"scene.central_body is {scene.central_body!r} and the scene's bodies are {', '.join(names)}"
@@ -67,11 +67,11 @@ def scene_problem(scene: SceneState) -> str | None:
         ("|scene.q_camera_from_eci_wxyz|", _norm(scene.q_camera_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_itrs_from_eci_wxyz|", _norm(earth.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
         ("|scene.q_moon_from_eci_wxyz|", _norm(moon.q_fixed_from_eci_wxyz), 1 - 1e-6, 1 + 1e-6),
-        *(r for k, b in enumerate(others) for r in _body_ranges(f"scene.bodies[{k}]", b)),
+        *(r for k, b in enumerate(other_bodies) for r in _body_ranges(f"scene.bodies[{k}]", b)),
     )
     for name, value, low, high in ranges:
         if not low <= value <= high:  # NaN fails too
-            # a whole number may have more digits than a float takes
+            # an integer may have more digits than a float can hold
             text = f"{value:g}" if abs(value) < 2**63 else "far beyond"
             return f"{name} is {text}, allowed: {low:g} to {high:g}"
     variation = scene.target.variation

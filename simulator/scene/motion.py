@@ -1,4 +1,4 @@
-"""Motion during an exposure: a scene propagated by its own rates to a moment earlier or later."""
+"""Motion during an exposure: a scene propagated by its own rates to a nearby time."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     """Return the scene ``dt_s`` seconds from its mid-exposure.
 
-    Rates of rotation are held; the two craft fall freely from their velocities. Over a second in low orbit a
-    tumbling craft strays from this by the square of its rate and of the time: millipixels for exposures.
+    Rotation rates are constant; both craft fall freely. In low orbit, over a second, the error for a tumbling craft is
+    quadratic in its rate and the time: millipixels within exposures.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
     Returns
     -------
-    The scene there; its key of random numbers and its epoch's text stay the image's own.
+    The propagated scene; its random key and epoch text stay the image's own.
     """
     if dt_s == 0.0:
         return scene
@@ -45,9 +45,9 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     omega_camera, omega_target = np.asarray(scene.omega_camera_rad_s), np.asarray(scene.omega_target_rad_s)
     r_camera, v_camera = np.asarray(scene.r_camera_eci_m), np.asarray(scene.v_camera_eci_m_s)
     r_target, v_target = np.asarray(scene.r_target_eci_m), np.asarray(scene.v_target_eci_m_s)
-    # the model's origin turns about the centre of mass
+    # the model's origin rotates about the centre of mass
     origin_target = R_ct.T @ (np.asarray(scene.t_camera_from_target_m) - R_ce @ (r_target - r_camera))
-    # a frame turned by w dt in its own axes: coordinates in it turn by -w dt
+    # a frame rotated by w dt about its own axes: coordinates in it rotate by -w dt
     new_q_ce = quat_normalize(quat_multiply(quat_from_rotvec(-omega_camera * dt_s), q_ce))
     q_et = quat_multiply(quat_multiply(quat_conjugate(q_ce), q_ct), quat_from_rotvec(omega_target * dt_s))
     new_q_ct = quat_normalize(quat_multiply(new_q_ce, q_et))
@@ -55,7 +55,7 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
     central = scene.central
     center, mu = np.asarray(central.r_eci_m), central.body.mu_m3_s2
     fall_camera, fall_target = (_free_fall(r - center, mu) for r in (r_camera, r_target))
-    # differences first: the sum of an orbit's radius and a close approach has nanometres of rounding only here
+    # differences first: summing an orbit's radius and a close approach leaves nanometres of rounding
     relative = (
         (r_target - r_camera) + dt_s * (v_target - v_camera) + 0.5 * dt_s**2 * (fall_target - fall_camera)
     )
@@ -77,16 +77,16 @@ def propagated_scene(scene: SceneState, dt_s: float) -> SceneState:
 
 
 def central_velocity_m_s(scene: SceneState) -> FloatArray:
-    """Return the velocity (3,) of the body that is orbited, from the Earth's centre."""
+    """Return the velocity (3,) of the central body relative to the Earth's centre."""
     central = scene.central
-    # the origin of GCRS stays, and to read the epoch takes longer than all else here
+    # for the Earth it is zero, and parsing the epoch would take longest
     if not any(central.r_eci_m):
         return np.zeros(3)
     return central.body.geocentric_state(Instant.from_utc(scene.epoch_utc))[1]
 
 
 def _moved(state: BodyState, scene: SceneState, dt_s: float) -> BodyState:
-    """Return a body ``dt_s`` later: rotated by its rate and, if it is the one that is orbited, moved."""
+    """Return a body ``dt_s`` later: rotated by its rate and, if it is the central one, moved."""
     r, q = np.asarray(state.r_eci_m), np.asarray(state.q_fixed_from_eci_wxyz)
     if state.name == scene.central_body:
         r = r + dt_s * central_velocity_m_s(scene)

@@ -1,4 +1,4 @@
-"""SceneRecord: a scene as truth records hold it, Earth and Moon in keys of their own."""
+"""SceneRecord: a scene as stored in truth records, with Earth and Moon under their own keys."""
 
 from __future__ import annotations
 
@@ -23,23 +23,21 @@ from flyaround.simulator.world.ephemeris.body import BodyState, earth_and_moon
 
 
 class RecordedEnvironment(Environment, frozen=True, kw_only=True):
-    """An environment as recorded. Older records lack aerosol and airglow, and get the values that they were drawn
-    with.
-    """
+    """An environment as recorded. Older records lack aerosol and airglow, and get the values they were drawn with."""
 
     airglow: bool = False
     aerosol_optical_depth: Annotated[float, Meta(ge=0, le=1)] = 0.0053
 
 
 class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The recorded fields of a `SceneState`, in place of its ``bodies``.
+    """The recorded fields of a `SceneState`, which replace its ``bodies``.
 
     Attributes
     ----------
-    r_moon_eci_m : apparent geocentric position [m]; about the Moon its geometric one.
+    r_moon_eci_m : apparent geocentric position [m]; in orbit about the Moon the geometric one.
     q_itrs_from_eci_wxyz, q_moon_from_eci_wxyz : orientation of the Earth and the Moon (mean Earth / polar axis
         frame: x to longitude 0, z along the axis).
-    bodies : others; absent where there are none.
+    bodies : other bodies, if any.
     """
 
     epoch_utc: str
@@ -79,14 +77,14 @@ class SceneRecord(msgspec.Struct, frozen=True, kw_only=True):
     @staticmethod
     def of(scene: SceneState) -> SceneRecord:
         """Return the record of a scene."""
-        earth, moon, *others = scene.bodies
+        earth, moon, *other_bodies = scene.bodies
         environment = RecordedEnvironment(**msgspec.structs.asdict(scene.environment))
         return SceneRecord(
             **_common(scene) | {"environment": environment},
             r_moon_eci_m=moon.r_eci_m,
             q_itrs_from_eci_wxyz=earth.q_fixed_from_eci_wxyz,
             q_moon_from_eci_wxyz=moon.q_fixed_from_eci_wxyz,
-            bodies=tuple(others) or UNSET,
+            bodies=tuple(other_bodies) or UNSET,
         )
 
     def scene(self) -> SceneState:

@@ -1,4 +1,4 @@
-"""Random draws of a recipe for one frame besides the scene, recorded in the frame's truth."""
+"""Random draws of a recipe for one frame, recorded in its truth."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    position_m : origin of the model. euler_deg : about x, y and z, applied in that order about fixed axes.
-    q_wxyz : the same rotation. The camera's right-handed axes have y down: x, -y, z and w, -x, y, -z.
+    position_m : origin of the model. euler_deg : rotations about fixed axes x, y and z, in that order.
+    q_wxyz : the same rotation. In the camera's right-handed axes (y down) these are x, -y, z and w, -x, y, -z.
     """
 
     position_m: Vec3
@@ -37,7 +37,7 @@ class SequenceStep(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PairMember(msgspec.Struct, frozen=True, kw_only=True):
-    """Member of a ``pair`` of frames that differ only in the environment, here of this name."""
+    """A frame's role in a ``pair`` of frames that differ only in the environment, which this names."""
 
     pair: int
     environment: str
@@ -48,10 +48,10 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    exposure, noise : factors. noise is of standard deviations. psf_sigma_px : width of the Gaussian PSF.
-    pedestal_dn : the detector's black level. glow_share : of the optics. boxes : number of area lights.
-    lamp : True if one was lit. environment : the layers' name, or empty.
-    craft : number of the craft, whose differences from its model are the scene's target's.
+    exposure, noise : factors, noise on standard deviations. psf_sigma_px : width of the Gaussian PSF.
+    pedestal_dn : the detector's black level. glow_share : glow of the optics. boxes : number of area lights.
+    lamp : True if a lamp is lit. environment : name of the layers, or empty.
+    craft : number of the varied craft, which is described in the scene's target.
     """
 
     exposure: float = 1.0
@@ -72,7 +72,7 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes
     ----------
     redraws : number of poses drawn again for each of the recipe's constraints.
-    raw : the Euler angles, where the attitude was drawn as such. background : where it is a view of a library.
+    raw : Euler angles, if the attitude was drawn by them. background : the view of a library, if used.
     pair, sequence : group of frames. varied : changes by `--vary` or a recipe's [vary].
     """
 

@@ -30,10 +30,10 @@ SECOND_SEED = 1_000_003
 
 
 class SecondCamera(Section, frozen=True, kw_only=True):
-    """A second camera of the same kind that takes every image at the same instant.
+    """A second camera of the same type, exposed at the same instants.
 
-    ``position_m`` is its place right of, below and before the first; ``turn_deg`` the rotation vector, in the first
-    one's axes, by which they are turned into its own.
+    ``position_m`` is its position right of, below and in front of the first; ``turn_deg`` is the rotation vector, in
+    the first camera's axes, from those to its own.
     """
 
     position_m: tuple[_Offset, _Offset, _Offset]
@@ -41,32 +41,32 @@ class SecondCamera(Section, frozen=True, kw_only=True):
 
     @property
     def q_second_from_first_wxyz(self) -> Quat:
-        """Attitude of the first camera's axes in the second's."""
+        """Rotation from the first camera's axes to the second's."""
         return quat(quat_conjugate(quat_from_rotvec(np.radians(self.turn_deg))))
 
     def pose(self, q_wxyz: Quat, t_m: tuple[float, float, float]) -> tuple[Quat, tuple[float, float, float]]:
-        """Return a target's pose in the second camera, given that in the first."""
+        """Return a target's pose in the second camera from that in the first."""
         q = np.asarray(self.q_second_from_first_wxyz)
-        turned = quat_multiply(q, np.asarray(q_wxyz))
+        rotated = quat_multiply(q, np.asarray(q_wxyz))
         t = matrix_from_quat(q) @ (np.asarray(t_m) - np.asarray(self.position_m))
-        # one sign for one attitude, so that labels compare as text
-        return quat(turned if turned[0] >= 0 else -turned), vec3(t)
+        # one sign per attitude, so that labels compare as text
+        return quat(rotated if rotated[0] >= 0 else -rotated), vec3(t)
 
 
 def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
-    """Return the scene at the same instant as the second camera sees it.
+    """Return the scene at the same instant as seen by the second camera.
 
     Raises
     ------
     UserError
-        If a light is fixed to the first camera's axes, and the second cannot say where it is.
+        If a light is fixed to the first camera's axes and its position in the second's is undefined.
     """
     q = np.asarray(second.q_second_from_first_wxyz)
     R = matrix_from_quat(q)
-    at, turned = np.asarray(second.position_m), any(second.turn_deg)
+    at, is_rotated = np.asarray(second.position_m), any(second.turn_deg)
     lamp = scene.lamp
     if lamp is not None:
-        if turned:
+        if is_rotated:
             raise UserError(
                 "the lamp shines along the first camera's boresight, and [second_camera] is turned by "
                 f"{list(second.turn_deg)}: set turn_deg = [0, 0, 0], or leave the lamp out"
@@ -87,7 +87,7 @@ def seen_by_second(scene: SceneState, second: SecondCamera) -> SceneState:
         lamp=lamp,
         q_camera_from_target_wxyz=q_target,
         t_camera_from_target_m=t_target,
-        # the target moves by itself, so the fixed offset does not enter its velocity in the camera's axes
+        # the target moves by itself, so the fixed offset does not affect its velocity in camera axes
         v_target_camera_m_s=vec3(R @ np.asarray(scene.v_target_camera_m_s)),
         r_camera_eci_m=vec3(np.asarray(scene.r_camera_eci_m) + arm),
         v_camera_eci_m_s=vec3(np.asarray(scene.v_camera_eci_m_s) + rate),

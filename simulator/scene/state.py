@@ -1,4 +1,4 @@
-"""SceneState: everything that one image depends on, frozen at mid-exposure, float64, no GL."""
+"""SceneState: all inputs of one image, frozen at mid-exposure, float64, no GL."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ _PERFECT_LENS = Optics()
 
 @dataclass(frozen=True, kw_only=True)
 class TargetRef:
-    """Name and SHA-256 of the drawn target model, with its variation if there is one."""
+    """Name and SHA-256 of the drawn target model, and its variation, if any."""
 
     name: str
     sha256: str
     variation: CraftVariation | UnsetType = UNSET
 
     def drawn(self, base: Target | None = None) -> Target:
-        """Return the craft that was drawn.
+        """Return the drawn craft.
 
         Parameters
         ----------
-        base : the model of that name, or the craft itself, where it is at hand; looked up otherwise.
+        base : model of that name, or the craft itself; by default it is loaded by name.
 
         Raises
         ------
         UserError
-            If what has the name now is another model.
+            If another model now has the name.
         """
         if base is not None and base.sha256 == self.sha256:
             return base
@@ -68,23 +68,23 @@ class SceneState(BodyStates):
     epoch_utc : mid-exposure, ISO 8601 with a trailing Z.
     t_s : seconds since the scenario's start.
     frame_index, seed : key of this frame's random numbers.
-    exposure_s : integration time [s]. shutter : when each row is exposed.
+    exposure_s : integration time [s]. shutter : exposure times of the rows.
     optics : effects of the lens other than distortion.
     quality : preset of the renderer.
     bands : ``mono`` (panchromatic) or ``rgb``.
     q_camera_from_target_wxyz, t_camera_from_target_m : pose of the model frame in the camera.
-    omega_target_rad_s : target's rate relative to ECI, in the target frame [rad s-1].
-    v_target_camera_m_s : velocity of the target's origin seen in the (rotating) camera frame [m s-1].
-    r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : the camera's state,
-        its rate in the camera frame.
-    r_target_eci_m, v_target_eci_m_s : centre of mass of the target.
-    r_sun_eci_m : apparent geocentric position [m].
-    bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
-        ``r_camera_eci_m`` less it is the place above its ground.
-    sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
+    omega_target_rad_s : angular velocity of the target relative to ECI, target frame [rad s-1].
+    v_target_camera_m_s : velocity of the target's origin in the (rotating) camera frame [m s-1].
+    r_camera_eci_m, v_camera_eci_m_s, q_camera_from_eci_wxyz, omega_camera_rad_s : state of the camera; its angular
+        velocity in the camera frame.
+    r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
+    r_sun_eci_m : apparent geocentric position of the Sun [m].
+    bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_camera_eci_m``
+        minus it is the camera's position above its ground.
+    sun_visible_fraction : share of the Sun's disc visible from the target past the bodies, 0..1.
     central_body : name of the body that the target orbits. lamp : lamp on the chaser, if lit.
-    lights : area lights; absent where there are none.
-    sample : further random draws of a recipe; absent if there are none.
+    lights : area lights, if any.
+    sample : further random draws of a recipe, if any.
     """
 
     epoch_utc: str
@@ -119,13 +119,13 @@ class SceneState(BodyStates):
     sample: Sample | UnsetType = UNSET
 
     def with_body(self, name: str, **changes: Vec3 | Quat) -> SceneState:
-        """Return the scene with other fields of a `BodyState`."""
-        changed = replace(self.body(name), **changes)  # type: ignore[arg-type]
-        return replace(self, bodies=tuple(changed if b.name == name else b for b in self.bodies))
+        """Return the scene with changed fields of one body's `BodyState`."""
+        new_state = replace(self.body(name), **changes)  # type: ignore[arg-type]
+        return replace(self, bodies=tuple(new_state if b.name == name else b for b in self.bodies))
 
     @property
     def globe(self) -> BodyState:
-        """State of the body that is ray-cast with its air: the orbited one, or the Earth for orbits about the Moon."""
+        """State of the ray-cast body: the central one, or the Earth for orbits about the Moon."""
         central = self.central
         return self.body("earth") if central.body.surface == "moon" else central
 

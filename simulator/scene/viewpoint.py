@@ -1,4 +1,4 @@
-"""A scene from a place above the Earth at a date, without spacecraft, for galleries and validation."""
+"""A scene from a position above the Earth at a date, without spacecraft, for galleries and validation."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.state import TargetRef
 
-AWAY_M = (0.0, 0.0, -1000.0)  # the target: behind the camera
+AWAY_M = (0.0, 0.0, -1000.0)  # position of the target: behind the camera
 
 
 def place_itrs_m(
     latitude_deg: float, longitude_deg: float, altitude_km: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a geodetic place, Earth-fixed [m], and its east, north and up vectors as rows."""
+    """Return a geodetic position, Earth-fixed [m], and its east, north and up vectors as rows."""
     lat, lon = np.radians(latitude_deg), np.radians(longitude_deg)
     e2 = 1 - (EARTH_POLAR_RADIUS_M / EARTH_RADIUS_M) ** 2
     n = EARTH_RADIUS_M / np.sqrt(1 - e2 * np.sin(lat) ** 2)
@@ -60,14 +60,14 @@ def scene_above(
     quality: Quality = "default",
     environment: Environment | None = None,
 ) -> SceneState:
-    """Return the scene that a camera sees from a place above the Earth.
+    """Return the scene of a camera above the Earth.
 
     Parameters
     ----------
     place : geodetic latitude and longitude [deg], altitude [km].
-    azimuth_deg, off_nadir_deg : direction of the boresight, from north to the east and from straight down; the image's
-        upper side points away from the Earth.
-    look_at : ``earth`` for that direction, or ``moon``, ``sun`` for the centre of the body instead.
+    azimuth_deg, off_nadir_deg : direction of the boresight: azimuth from north to east, angle from nadir; the top of
+        the image points away from the Earth.
+    look_at : ``earth`` for that direction; ``moon`` or ``sun`` for the centre of that body.
     """
     now = Instant.from_utc(epoch_utc)
     earth, moon = bodies = bodies_at(now, EARTH)
@@ -78,7 +78,8 @@ def scene_above(
     if look_at == "earth":
         a, o = np.radians(azimuth_deg), np.radians(off_nadir_deg)
         z = R_ie.T @ (enu.T @ np.array([np.sin(o) * np.sin(a), np.sin(o) * np.cos(a), -np.cos(o)]))
-        above = enu.T @ np.array([np.sin(a), np.cos(a), 0.0])  # straight down the image's top is ahead
+        # at nadir, the top of the image is along the azimuth
+        above = enu.T @ np.array([np.sin(a), np.cos(a), 0.0])
         up = up + 1e-3 * (R_ie.T @ above)
     else:
         z = {"moon": np.asarray(moon.r_eci_m), "sun": sun}[look_at] - r

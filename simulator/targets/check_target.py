@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     )
 
 KEYPOINT_REACH = 0.02
-"""Largest distance of a keypoint from the surface, as a share of the craft's size; fillets and coarse levels need
-it."""
+"""Largest distance of a keypoint from the surface, as a share of the craft's size, for fillets and coarse levels."""
 SMALLEST_AREA_M2 = 1e-14
 """Smallest area of a triangle: twice this is a square of 0.1 micrometre."""
 
@@ -36,7 +35,7 @@ def check_target(target: Target, where: str) -> None:
     Raises
     ------
     UserError
-        With problem, place and remedy.
+        If it cannot; the message states problem, place and remedy.
     """
     for part in target.parts:
         check_part(part, where)
@@ -59,7 +58,7 @@ def check_part(part: Part, where: str) -> None:
         raise UserError(f"{place}: no triangles; remove the part or export it again")
     if t.min() < 0 or t.max() >= len(p):
         raise UserError(f"{place}: a triangle uses vertex {int(t.max())} of {len(p)}; export it again")
-    # the negated test also refuses normals that are not numbers
+    # the negated test also refuses NaN
     if not (np.abs(np.linalg.norm(n, axis=1) - 1) < 1e-3).all():
         raise UserError(f"{place}: normals are not unit vectors; export the model with normals")
     face = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
@@ -76,14 +75,14 @@ def check_part(part: Part, where: str) -> None:
 
 
 def check_keypoints_on_mesh(target: Target, where: str) -> None:
-    """Check that every keypoint lies on the mesh, to a fiftieth of the craft; elsewhere its visibility is meaningless.
+    """Check that every keypoint lies on the mesh, within 1/50 of the craft, or else its visibility is undefined.
 
-    Not asked of coarse levels, which keep labels and leave small parts out.
+    Coarse levels are exempt: they keep all labels but omit small parts.
     """
     if not target.keypoints or not target.parts:
         return
     corners = np.concatenate([p.positions_m[p.triangles] for p in target.parts])
-    # columns apart: comparing contiguous rows is several times faster
+    # per column: comparing contiguous arrays is several times faster
     low, high = (np.ascontiguousarray(f(corners, axis=1).T) for f in (np.min, np.max))
     reach = KEYPOINT_REACH * float((high.max(axis=1) - low.min(axis=1)).max())
     for k in target.keypoints:
@@ -112,8 +111,8 @@ def check_grain(materials: Sequence[Material], where: str) -> None:
 
 def check_textures(target: Target, where: str) -> None:
     """Check that every texture of a material exists as PNG or JPEG, and that parts that use it have coordinates."""
-    held = {p.name: p.data for p in target.pictures}
-    for name, data in held.items():
+    pictures = {p.name: p.data for p in target.pictures}
+    for name, data in pictures.items():
         if not mime_of(data):
             raise UserError(f"{where}: texture {name!r} is neither PNG nor JPEG; convert it to PNG")
         check_picture(data, f"{where}: texture {name!r}")
@@ -121,7 +120,7 @@ def check_textures(target: Target, where: str) -> None:
     for m in target.materials:
         for name in filter(None, m.textures):
             textured.add(m.name)
-            if name not in held:
+            if name not in pictures:
                 raise UserError(
                     f"{where}: material {m.name!r} names the texture {name!r}, which is missing; embed it in the file"
                 )
@@ -154,8 +153,8 @@ def check_labels(
         length = np.linalg.norm(np.subtract(e.b_m, e.a_m))
         if not np.isfinite(length) or length <= 0:
             raise UserError(f"{where}: edge {e.name!r} has no length or is not finite; correct its ends")
-    used = occluders.triangles
-    missing = used.size and (used.min() < 0 or used.max() >= len(occluders.vertices_m))
+    indices = occluders.triangles
+    missing = indices.size and (indices.min() < 0 or indices.max() >= len(occluders.vertices_m))
     if not np.isfinite(occluders.vertices_m).all() or missing:
         raise UserError(f"{where}: occluders have a vertex that is not finite or is missing; correct them")
 
@@ -168,7 +167,7 @@ def check_mass(mass: MassProperties, where: str) -> None:
     if not np.isfinite(I).all() or not np.allclose(I, I.T, rtol=1e-9, atol=0):
         raise UserError(f"{where}: the inertia matrix is not symmetric; correct inertia_kg_m2")
     moments = np.linalg.eigvalsh(I)
-    # no body's largest principal moment exceeds the sum of the others
+    # no principal moment of a body exceeds the sum of the others
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-9 * moments[2]:
         raise UserError(
             f"{where}: no body has principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m2 (each is "

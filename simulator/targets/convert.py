@@ -49,13 +49,13 @@ def content_sha256(
     occluders: Occluders,
     pictures: Sequence[TextureImage] = (),
 ) -> str:
-    """Return the SHA-256 of everything that affects an image or a label of the target.
+    """Return the SHA-256 of all data that affect an image or a label of the target.
 
     The digest covers one line of canonical JSON (sorted keys, no spaces) with materials, part names,
     keypoints, wireframe and occluders, then for each part its positions and normals as little-endian
     float32 and its triangles as little-endian uint32, and its texture coordinates as float32 where it has
     some; then each image's name and bytes. Each block is preceded by its length in bytes (uint64).
-    Textures that a material does not have are left out of the JSON.
+    Textures that a material lacks are omitted from the JSON.
     """
     head: dict[str, Any] = {
         "materials": [_material_head(m) for m in materials],
@@ -83,7 +83,7 @@ def content_sha256(
 
 
 def _material_head(material: Material) -> dict[str, Any]:
-    """Return the material without empty textures and grain, so that targets without them keep their hash."""
+    """Return the material without empty textures and grain, so that the hash of targets without them is stable."""
     absent = () if material.anisotropy > 0 else ("anisotropy", "grain", "turned")
     return {
         k: v
@@ -93,7 +93,7 @@ def _material_head(material: Material) -> dict[str, Any]:
 
 
 def record_of(target: Target) -> TargetRecord:
-    """Return the target's data besides its geometry and materials."""
+    """Return the target's data other than geometry and materials."""
     return TargetRecord(
         schema="flyaround.target",
         version=1,

@@ -24,8 +24,8 @@ NAME = re.compile(r"[a-z0-9][a-z0-9._-]{0,62}")
 
 def user_folder() -> Path:
     """Return the folder of the user's targets: ``FLYAROUND_DATA_DIR`` or the user's data folder."""
-    chosen = os.environ.get("FLYAROUND_DATA_DIR")
-    return (Path(chosen) if chosen else platformdirs.user_data_path("flyaround", False)) / "targets"
+    folder = os.environ.get("FLYAROUND_DATA_DIR")
+    return (Path(folder) if folder else platformdirs.user_data_path("flyaround", False)) / "targets"
 
 
 def user_targets() -> tuple[str, ...]:
@@ -40,7 +40,7 @@ def user_file(name: str) -> Path:
 
 
 def head_file(name: str) -> Path:
-    """Path of the keypoint network trained for a target, whether it is there or not."""
+    """Return the path of the keypoint network trained for a target, whether it exists or not."""
     return user_folder() / f"{name}.keypoints.npz"
 
 
@@ -50,12 +50,12 @@ def sheet_folder(name: str) -> Path:
 
 
 def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
-    """Raise if a name is taken or cannot be a file's.
+    """Raise if a name is in use or cannot be a file's.
 
     Raises
     ------
     UserError
-        Saying which names can be had.
+        If it is; the message says which names are allowed.
     """
     if not NAME.fullmatch(name):
         raise UserError(
@@ -70,7 +70,7 @@ def check_name(name: str, built_in: Sequence[str], *, replace: bool) -> None:
 
 
 def install(target: Target) -> Path:
-    """Write the target file into the user's data folder and read it back. Return its path.
+    """Write the target file into the user's data folder, read it back, and return its path.
 
     Raises
     ------
@@ -90,12 +90,12 @@ def install(target: Target) -> Path:
 
 
 def remove(name: str, built_in: Sequence[str]) -> Path:
-    """Delete a user's target. Return its former path.
+    """Delete a user's target; return its former path.
 
     Raises
     ------
     UserError
-        If it is built in, or there is none of that name.
+        If it is built in, or does not exist.
     """
     if name in built_in:
         raise UserError(
@@ -103,8 +103,8 @@ def remove(name: str, built_in: Sequence[str]) -> Path:
         )
     path = user_file(name)
     if not NAME.fullmatch(name) or not path.is_file():
-        known = ", ".join(user_targets()) or "none"
-        raise UserError(f"no target called {name!r} in {user_folder()}; added there: {known}")
+        names = ", ".join(user_targets()) or "none"
+        raise UserError(f"no target called {name!r} in {user_folder()}; added there: {names}")
     try:
         path.unlink()
         path.with_suffix(".run.toml").unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The mesh of a whole target: its parts joined, and the bounding box of them all."""
+"""The mesh of a whole target: its joined parts, and their bounding box."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def mesh_of(target: Target) -> TriangleMesh:
 
 @cached_per_object
 def box_3d_m(target: Target) -> FloatArray:
-    """Return the (8, 3) corners of the mesh's box, model axes, read only; corner k is high in x, y, z by bits 4, 2,
+    """Return the (8, 3) corners of the mesh's box, model axes, read-only; corner k is high in x, y, z by bits 4, 2,
     1.
     """
-    # from the parts themselves, since every image needs it and the joined mesh serves labels only
+    # from the parts: every image needs it, while the joined mesh serves labels only
     corners = box_corners_m([part.positions_m for part in target.parts if len(part.positions_m)])
     corners.flags.writeable = False
     return corners

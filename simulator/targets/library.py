@@ -1,9 +1,9 @@
-"""Targets by name: built-in, added by the user, or of other packages; and target files.
+"""Targets by name (built-in, the user's, or from other packages), and target files.
 
-The built-in targets are the files of ``assets/targets``, which `tools.craft` writes. Each comes in three levels of
-detail: ``tango`` is Tango in full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The
-SHA-256 covers the geometry, so every level has its own; a record keeps name and hash of the level that was drawn, and
-is replayed with that level. Meshes that the user added stand in the data folder, at one level.
+The built-in targets are the files of ``assets/targets``, made by `tools.craft`, each in three levels of detail:
+``tango`` is Tango in full, ``tango@medium`` and ``tango@low`` have fewer triangles and the same labels. The SHA-256
+covers the geometry, so every level has its own; a record stores name and hash of the drawn level. Meshes that the user
+added are in the data folder, at one level.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from flyaround.simulator.targets.model import DETAILS, Detail, level_name, split
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
-# Suffix of the built-in targets' files, which are compressed (51 MB without).
+# Suffix of the built-in targets' files, which are compressed (51 MB otherwise).
 SUFFIX = ".glb.zst"
-_MAX_IN_USE = 4  # targets that one process keeps: megabytes each
+_MAX_IN_USE = 4  # targets cached per process, megabytes each
 
 
 def list_targets() -> tuple[str, ...]:
-    """Return the names of the targets: built-in, added by the user, then of other packages."""
+    """Return the names of all targets: built-in, the user's, then those of other packages."""
     built_in = built_in_targets()
     users = [n for n in user_targets() if n not in built_in]
     return (*built_in, *users, *(n for n in plugins("target") if n not in {*built_in, *users}))
@@ -45,12 +45,12 @@ def built_in_targets() -> tuple[str, ...]:
 
 
 def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
-    """Load a target by name, built-in or added, or from a target file (``.glb``).
+    """Load a target by name, or from a target file (``.glb``).
 
     Parameters
     ----------
-    name_or_path : a name of `list_targets`, alone or with a level (``tango@low``), or the path of a file.
-    detail : level of a built-in target whose name gives none; a file has one level only and ignores it.
+    name_or_path : name out of `list_targets`, optionally with a level (``tango@low``), or path of a file.
+    detail : level of a built-in target whose name states none; files have one level only.
 
     Raises
     ------
@@ -81,38 +81,38 @@ def _added(plugin: Plugin) -> Target:
     Raises
     ------
     UserError
-        If it cannot be imported, fails, or is none.
+        If it cannot be imported, fails, or is not a target.
     """
-    given = plugin.load()
-    if isinstance(given, str | Path):
-        built = load_glb(Path(given))
+    source = plugin.load()
+    if isinstance(source, str | Path):
+        target = load_glb(Path(source))
     else:
         try:
-            built = given()
+            target = source()
         except UserError:
             raise
         except Exception as error:
             raise plugin.wrong(f"cannot be built ({type(error).__name__}: {error})") from error
-    if getattr(built, "name", None) != plugin.name:
+    if getattr(target, "name", None) != plugin.name:
         raise plugin.wrong(f"is no Target called {plugin.name}")
-    return built
+    return target
 
 
 @functools.lru_cache(maxsize=_MAX_IN_USE)
 def target_in_use(name: str, sha256: str) -> Target:
-    """Load a target as `load_target` does, cached by craft, so that derived data of its mesh are kept.
+    """Load a target as `load_target` does, cached, so that data derived from its mesh are kept.
 
-    For processes that get a target's name with each frame. A mesh that the user imports anew has another hash and
-    is read anew.
+    For processes that get a target's name with each frame. A mesh that the user imports again has another hash and is
+    loaded again.
 
     Parameters
     ----------
-    sha256 : of the target that is meant.
+    sha256 : hash of the expected target.
 
     Raises
     ------
     UserError
-        As `load_target`, and where what has the name now is another target; it is looked for again the next time.
+        As in `load_target`, and if the name now refers to another target; the next call tries again.
     """
     target = load_target(name)
     if target.sha256 != sha256:

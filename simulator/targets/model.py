@@ -22,16 +22,17 @@ class Material:
     Parameters
     ----------
     base_color : linear reflectance, RGB, 0..1.
-    metallic, roughness : as in glTF 2.0.
-    clearcoat, clearcoat_roughness : KHR_materials_clearcoat.
+    metallic, roughness : factors as in glTF 2.0.
+    clearcoat, clearcoat_roughness : factors of KHR_materials_clearcoat.
     crinkle : amplitude of the procedural normal detail of insulation blankets, 0..1.
-    anisotropy : KHR_materials_anisotropy's strength, 0..1: how much wider a brushed metal's highlight is across its
-        grain. grain : direction of the brushing, target frame, as it lies on each face; any length.
-    turned : the grain runs around that direction, as a lathe leaves it, instead of along it.
+    anisotropy : strength of KHR_materials_anisotropy, 0..1, by which a brushed metal's highlight is wider across its
+        grain.
+    grain : direction of the brushing, projected on each face, target frame; not normalised.
+    turned : True if the grain runs around that direction, as after turning on a lathe, instead of along it.
     base_color_texture : name of a `TextureImage` (sRGB) that multiplies ``base_color`` where the part has texture
-        coordinates; none when empty.
-    metallic_roughness_texture : an image whose green and blue multiply ``roughness`` and ``metallic``.
-    normal_texture : an image of normals in the tangent frame, green towards the image's top.
+        coordinates; empty for none.
+    metallic_roughness_texture : name of an image whose green and blue multiply ``roughness`` and ``metallic``.
+    normal_texture : name of an image of normals in the tangent frame, green towards the image's top.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Keypoint:
-    """A named point of the model that is labelled."""
+    """A named point of the model with a label."""
 
     name: str
     position_m: Vec3
@@ -92,11 +93,11 @@ class Keypoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """A straight stretch of the wireframe and the outward normals of the faces that meet there.
+    """A straight segment of the wireframe and the outward normals of the faces that meet there.
 
-    An edge can be seen only when at least one of its faces looks at the camera; ``normals`` is empty for
-    thin members (rods) that are seen from everywhere. A rod's edge is its axis: the mesh lies ``radius_m``
-    from it (the mean of a tapered rod), and what a camera sees is the pair of lines next to it.
+    An edge is visible only if at least one of its faces looks at the camera; ``normals`` is empty for thin members
+    (rods), which are visible from all sides. A rod's edge is its axis: the mesh lies ``radius_m`` from it (the mean for
+    a tapered rod), and a camera sees the two lines beside it.
     """
 
     name: str
@@ -135,14 +136,14 @@ class Target:
 
     Parameters
     ----------
-    name : the name on the command line. title : for people.
-    sha256 : hash of geometry, materials, keypoints and wireframe; recorded with every image.
-    occluders : coarse stand-in of the geometry for visibility tests.
+    name : name on the command line. title : name for people.
+    sha256 : hash of geometry, materials, keypoints and wireframe, recorded with every image.
+    occluders : coarse substitute of the geometry for visibility tests.
     frames : named frames on the craft (docking port, grasp point): origin [m] and axis.
     symmetry : rotations (quaternions, model axes) under which the craft looks nearly the same.
     notes : sources of the dimensions.
     pictures : the textures that materials name.
-    part_classes : classes of parts by name, where they were set; those of others follow from their names.
+    part_classes : explicit classes of parts, by name; other classes follow from the parts' names.
     """
 
     name: str

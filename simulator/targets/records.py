@@ -1,6 +1,6 @@
-"""Typed records of a target file: the data besides geometry in a GLB.
+"""Typed records of a target file: the data other than geometry in a GLB.
 
-These structs are the schema: `flyaround.schemas` writes them out as JSON Schema.
+These structs define the schema, which `flyaround.schemas` writes as JSON Schema.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class KeypointRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class EdgeRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A stretch of the wireframe [m], the outward normals of its faces, the radius of a rod about it [m]."""
+    """A segment of the wireframe [m], the outward normals of its faces, the radius of a rod about it [m]."""
 
     name: Name
     a_m: Vec3
@@ -62,9 +62,8 @@ class ReferenceFrameRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
 class TargetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The `flyaround` object in the extras of a target file's scene (glTF 2.0, binary).
 
-    Lengths in metres, model frame; `crinkle` holds the amplitude of insulation's wrinkles by material,
-    `grain` the direction of brushed metals, `turned` those of them whose grain runs around it, `part_classes` the
-    classes of parts where they were set.
+    Lengths are in metres, model frame; `crinkle` holds the amplitude of creases by material, `grain` the direction of
+    brushed metals, `turned` those of them with the grain around it, `part_classes` explicit classes of parts.
     """
 
     schema: Literal["flyaround.target"]

@@ -22,7 +22,7 @@ def mime_of(data: bytes) -> str:
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
     """Return width and height from an image's header, without decoding; None if it is not supported."""
-    from PIL import Image  # noqa: PLC0415 - few targets have pictures
+    from PIL import Image  # noqa: PLC0415 - few targets have textures
 
     try:
         with warnings.catch_warnings():
@@ -31,7 +31,7 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
                 return image.size
     except Image.DecompressionBombError:
         return (MAX_SIDE_PX + 1, MAX_SIDE_PX + 1)
-    except Exception:  # noqa: BLE001 - Pillow raises many kinds on a damaged head
+    except Exception:  # noqa: BLE001 - Pillow raises many types on a damaged header
         return None
 
 
@@ -41,7 +41,7 @@ def check_picture(data: bytes, where: str) -> None:
     Raises
     ------
     UserError
-        If it is none that is read, or has too many pixels.
+        If it is not a supported image, or has too many pixels.
     """
     size = picture_size(data)
     if size is None or min(size) < 1:

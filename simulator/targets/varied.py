@@ -1,8 +1,8 @@
-"""A varied craft: its model stretched by millimetres, its surface parameters changed.
+"""A varied craft: its model deformed by millimetres, and its surface parameters changed.
 
-The stretch is one small symmetric matrix for the whole craft, ``x' = x + A x``: no part moves against another, straight
-edges stay straight, and the axes of the model are still those of the craft. Keypoints and wireframe go along, so that
-labels are of the craft that was drawn.
+The deformation is one small symmetric matrix for the whole craft, ``x' = x + A x``: parts do not move against each
+other, edges stay straight, and the model's axes are kept. Keypoints and wireframe are deformed too, so that labels
+match the drawn craft.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
-    """How a craft differs from its model.
+    """The differences of a craft from its model.
 
     Attributes
     ----------
-    base_sha256 : of the model. stretch : the symmetric matrix A. error_m : the largest move of any vertex.
-    surfaces : by the name of the material.
+    base_sha256 : hash of the model. stretch : the symmetric matrix A. error_m : the largest displacement of a vertex.
+    surfaces : factors by material name.
     """
 
     base_sha256: str
@@ -60,7 +60,7 @@ def varied_target(base: Target, variation: CraftVariation) -> Target:
     Raises
     ------
     UserError
-        If the variation is of another model.
+        If the variation refers to another model.
     """
     if base.sha256 != variation.base_sha256:
         raise UserError(
@@ -71,16 +71,16 @@ def varied_target(base: Target, variation: CraftVariation) -> Target:
 
 
 def target_as_drawn(name: str, sha256: str, variation: CraftVariation | None, base: Target | None) -> Target:
-    """Return the craft of a scene, varied or not.
+    """Return the craft of a scene, with its variation, if any.
 
     Parameters
     ----------
-    base : the model, where it is at hand; looked up by name and hash otherwise.
+    base : the model; by default it is loaded by name and hash.
 
     Raises
     ------
     UserError
-        As of `target_in_use` and `varied_target`.
+        As in `target_in_use` and `varied_target`.
     """
     if variation is None:
         return base or target_in_use(name, sha256)
@@ -129,5 +129,5 @@ def _edge(edge: Edge, v: CraftVariation, normal_matrix: FloatArray) -> Edge:
 
 
 def _transform_normals(normals: ArrayLike, matrix: FloatArray) -> FloatArray:
-    turned = np.asarray(normals, float) @ matrix.T
-    return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-30))
+    transformed = np.asarray(normals, float) @ matrix.T
+    return np.asarray(transformed / np.maximum(np.linalg.norm(transformed, axis=-1, keepdims=True), 1e-30))

@@ -1,7 +1,7 @@
 """Charge of one exposure: photo-electrons, dark current and its pattern, cosmic rays, blooming, read noise.
 
-Where the read noise smears whole electrons anyway, and the well is not near its brim, photon and read noise are drawn
-as one deviate of their sum's law: half the random numbers for the same digital numbers.
+If the read noise smears single electrons and the charge is well below the full well, photon and read noise are drawn as
+one deviate: half the random numbers for the same distribution.
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 JOINED_FROM_E = 2.0
-"""Read noise above which the distribution of the sum is sampled: its skewness is below 0.2, its quantisation below
-1e-30 [e]."""
-BRIM_SIGMAS = 6.0
+"""Read noise [e] above which the sum is sampled: its skewness is then below 0.2, its quantisation below 1e-30."""
+BRIM_SIGMAS = 6.0  # shot noise below the full well at which a pixel may already overflow
 ELECTRONS_PER_M = 80e6
 """Minimum-ionising particle in silicon: Janesick (2001), Scientific charge-coupled devices, section 8."""
-_LOOKED_EVERY = 8
-_PARTICLE_KEY = 0x636F73
-_TRACK_STEP_PX = 0.1
+_TESTED_ROWS = 8  # interval of the rows at which blooming tests whether charge is left to move
+_PARTICLE_KEY = 0x636F73  # key of the random numbers of particles
+_TRACK_STEP_PX = 0.1  # spacing of the points of a particle's track
 _PATTERN_KEY = 0x466C79  # keeps the pattern's random numbers apart from any frame's
 
 
@@ -39,8 +38,8 @@ class FixedPattern:
 
     Parameters
     ----------
-    sensitivity : (H, W) factor, mean one; zero where a pixel is dead.
-    offset_e : (H, W) [e]. dark_e_s : (H, W) dark current of each pixel [e s-1].
+    sensitivity : (H, W) factor of mean one; zero for a dead pixel.
+    offset_e : (H, W) offset [e]. dark_e_s : (H, W) dark current of each pixel [e s-1].
     """
 
     sensitivity: Float32Array | None
@@ -51,10 +50,9 @@ class FixedPattern:
 def fixed_pattern(detector: Detector, height: int, width: int) -> FixedPattern:
     """Return the fixed pattern of a detector, at the image's pixels.
 
-    Each physical row has random numbers of its own, so that a region of interest sees the pixels that the whole
-    image would.
+    Each physical row has its own random numbers, so that a region of interest shows the same pixels as the whole image.
     """
-    # the frame's own terms do not affect the pattern, so one table serves all
+    # the frame's own terms do not affect the pattern, so it is cached without them
     return _pattern(
         replace(detector, gain_e_per_dn=1.0, black_level_dn=0.0, read_noise_e=0.0, full_well_e=1.0),
         height,
@@ -137,7 +135,7 @@ class Exposure:
         particles = self.particles[rows] if particles_too and self.particles is not None else None
         if not d.shot_noise or d.read_noise_per_pixel_e < JOINED_FROM_E:
             return self._one_by_one(mean, particles, source)
-        # pixels of which some charge may be cut off, and some not, and those that particles hit
+        # pixels that may partly exceed the full well, and those hit by particles
         brim = np.float32(BRIM_SIGMAS) * np.sqrt(well)
         apart, light = np.zeros(0, int), mean
         bright = float(mean.max()) > well - brim
@@ -170,7 +168,7 @@ class Exposure:
         self, mean: Float32Array, particles: Float32Array | None, source: np.random.SFC64
     ) -> Float32Array:
         """Draw the charge in whole electrons, without a full well; overwrites ``mean``."""
-        # a thousand wells are enough; the Sun's disc would overflow the counters
+        # limit to a thousand wells: the Sun's disc would overflow the counters
         np.minimum(mean, np.float32(1000 * self.well_e), out=mean)
         electrons = poisson(mean, source) if self.detector.shot_noise else mean
         if particles is not None:
@@ -180,8 +178,8 @@ class Exposure:
     def join(self, mean: Float32Array, light: Float32Array, source: np.random.SFC64) -> Float32Array:
         """Draw the charge with photon and read noise [e], by the second-order expansion of their sum's distribution.
 
-        For mean m and variance v = n + r^2, where n electrons were drawn and none cut off, as the third cumulant is n:
-        m + z sqrt(v) + (z^2 - 1) n / (6 v). Terms of the next order stay below a fiftieth of sigma up to three sigma.
+        For mean m and variance v = n + r^2, where n electrons were drawn and the third cumulant is n: m + z sqrt(v) +
+        (z^2 - 1) n / (6 v). Terms of the next order stay below sigma / 50 up to three sigma.
 
         References
         ----------
@@ -209,7 +207,7 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
 
     Parameters
     ----------
-    share : of the overflow that stays on the column; the rest goes into the anti-blooming drain.
+    share : share of the overflow that stays on the column; the rest goes into the anti-blooming drain.
     """
     over = np.maximum(charge - np.float32(well_e), 0)
     rows = np.flatnonzero(over.any(axis=1))
@@ -221,20 +219,20 @@ def bloom(charge: Float32Array, well_e: float, share: float) -> None:
     if not room.any():
         return
     height, width = charge.shape
-    moved, taken = np.empty(width, np.float32), np.empty(width, np.float32)
+    spill, carry = np.empty(width, np.float32), np.empty(width, np.float32)
     first, last = int(rows[0]), int(rows[-1])
     for order in (range(first, height), range(last, -1, -1)):
         # the carry is the waiting time of a single-server queue: Lindley (1952)
         waiting = np.zeros(width, np.float32)
         for row in order:
-            if row % _LOOKED_EVERY == 0 and not first <= row <= last and not waiting.any():
+            if row % _TESTED_ROWS == 0 and not first <= row <= last and not waiting.any():
                 break
             here = room[row]
-            np.minimum(waiting, here, out=taken)
-            here -= taken
-            charge[row] += taken
-            np.subtract(waiting, taken, out=moved)
-            np.add(moved, over[row], out=waiting)
+            np.minimum(waiting, here, out=carry)
+            here -= carry
+            charge[row] += carry
+            np.subtract(waiting, carry, out=spill)
+            np.add(spill, over[row], out=waiting)
 
 
 def cosmic_ray_charge(
@@ -242,7 +240,7 @@ def cosmic_ray_charge(
 ) -> Float32Array | None:
     """Return (H, W) electrons of particle tracks, or None.
 
-    Directions are even over the sky, so that the number through a flat layer goes with the cosine of the angle.
+    Directions are isotropic, so the number through a flat layer is proportional to the cosine of the angle.
     """
     d = sensor.detector
     if d is None or d.cosmic_rays_cm2_s <= 0:

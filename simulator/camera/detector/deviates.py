@@ -1,10 +1,9 @@
 """Random deviates fast enough for video: normal and uniform numbers from random bytes, and Poisson counts.
 
-A normal deviate takes two bytes. Each picks one of the 256 equal slices of a bell curve (its mean), and the two are
-added with unequal weights, which gives 65536 different values. A small cubic term makes the fourth moment that of
-the normal law. Measured against it: mean 0, variance 1 and kurtosis 3 exactly, distribution function within
-6e-4 everywhere, largest deviate 4.2 sigma (the normal law has 2e-5 of its values beyond).
-Ziggurat normal numbers take five times as long.
+A normal deviate takes two bytes. Each selects one of 256 equiprobable slices of a bell curve (their means), and the two
+are added with unequal weights: 65536 values. A small cubic term corrects the fourth moment. Compared with the normal
+distribution: mean 0, variance 1 and kurtosis 3 exactly, distribution function within 6e-4, largest deviate 4.2 sigma
+(2e-5 of normal values lie beyond). Ziggurat deviates take five times as long.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-NOISE_BANDS = 8
+NOISE_BANDS = 8  # bands of rows that threads fill
 _WEIGHTS = (0.75, float(np.sqrt(1 - 0.75**2)))
 _FINE_WEIGHTS = (0.61, 0.58, float(np.sqrt(1 - 0.61**2 - 0.58**2)))
 EXACT_BELOW_E = 12.0
 """Mean up to which the distribution is sampled exactly; above, its normal expansion deviates by less than 1e-3 [e]."""
-_LEVELS_PER_E = 16
+_LEVELS_PER_E = 16  # tabulated means per electron
 _CELL_BITS = 12
 _REST_BITS = 32 - _CELL_BITS
-_LARGEST_COUNT = 64  # a mean of 12 has more once in 1e26 draws
-_UNDECIDED = 255
+_LARGEST_COUNT = 64  # a mean of 12 exceeds it once in 1e26 draws
+_UNDECIDED = 255  # code of a count that its first random bits leave open
 
 
 def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
     """Call ``work(k, rows)`` for each fixed band of rows, on two threads.
 
-    The bands depend on the image's height alone, so that the result does not depend on the number of threads.
+    The bands depend on the image's height alone, so the result does not depend on the number of threads.
     """
     edges = np.linspace(0, rows, NOISE_BANDS + 1).astype(int).tolist()
     list(_threads(os.getpid()).map(lambda k: work(k, slice(edges[k], edges[k + 1])), range(NOISE_BANDS)))
@@ -49,7 +48,7 @@ def for_each_band(rows: int, work: Callable[[int, slice], None]) -> None:
 
 @lru_cache(maxsize=1)
 def _threads(_process: int) -> ThreadPoolExecutor:
-    """Return two waiting threads, because starting them takes as long as a band; a forked process needs its own."""
+    """Return two waiting threads: starting them takes as long as a band, and a forked process needs its own."""
     return ThreadPoolExecutor(2, thread_name_prefix="flyaround-sensor")
 
 
@@ -70,7 +69,7 @@ def random_words(source: np.random.SFC64, count: int) -> NDArray[np.uint32]:
 
 
 def _raw(source: np.random.SFC64, count: int) -> NDArray[np.uint64]:
-    # random_raw gives the same numbers, but keeps Python's lock, so that the second thread would wait
+    # random_raw gives the same numbers but keeps Python's lock, so that the second thread would wait
     return np.random.Generator(source).integers(0, 2**64 - 1, count, np.uint64, endpoint=True)
 
 
@@ -86,7 +85,7 @@ def _slices() -> FloatArray:
         return np.asarray(table / np.sqrt(np.mean(table**2)))
 
     def excess(cubic: float) -> float:
-        # the sign of each term's own excess is that of the sum's
+        # the excess kurtosis of a term has the sign of that of the sum
         return float(np.mean(stretched(cubic) ** 4)) - 3
 
     return stretched(float(brentq(excess, -0.01, 0.05)))
@@ -97,7 +96,7 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
     Parameters
     ----------
-    smooth : three bytes a deviate, for deviates that are counted one by one (16.7 million different values).
+    smooth : True for three bytes per deviate (16.7 million values), if a histogram would show 65536.
     """
     tables = [_slices() * (w * sigma) for w in (_FINE_WEIGHTS if smooth else _WEIGHTS)]
     if dtype.kind == "i":
@@ -107,9 +106,9 @@ def normal_tables(sigma: float, dtype: np.dtype[Any], *, smooth: bool = False) -
 
 def add_normal(values: NDArray[Any], tables: tuple[NDArray[Any], ...], source: np.random.SFC64) -> None:
     """Add a normal deviate to each value of a (rows, columns) array of the tables' type, in place."""
-    drawn = random_bytes(source, (len(tables), *values.shape))
+    raw = random_bytes(source, (len(tables), *values.shape))
     scratch = np.empty_like(values)
-    for one, table in zip(drawn, tables, strict=True):
+    for one, table in zip(raw, tables, strict=True):
         cv2.LUT(one, table, dst=scratch)
         values += scratch
 
@@ -155,7 +154,7 @@ def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     """
     z = np.zeros_like(mean_e)
     add_normal(z, _unit_tables(), source)
-    # rounding to whole electrons adds a twelfth to the variance, which is taken off here
+    # rounding to whole electrons adds 1/12 to the variance, which is subtracted here
     out = mean_e - np.float32(1 / 12)
     np.maximum(out, 1, out=out)
     np.sqrt(out, out=out)
@@ -172,28 +171,28 @@ def _expanded(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
 def _counted(mean_e: Float32Array, source: np.random.SFC64) -> Float32Array:
     """Draw exactly for means below `EXACT_BELOW_E`, (n,).
 
-    A mean is a multiple of 1/16 e and a rest. Counts of the multiple come from the inverse of its distribution
-    function: twelve random bits decide all but one draw in two hundred, and more bits decide those. The rest adds
-    at most a few, and mostly nothing: one comparison tells.
+    A mean is a multiple of 1/16 e and a remainder. Counts of the multiple come from its inverse distribution function:
+    twelve random bits decide all but one draw in two hundred, and more bits decide those. The remainder seldom adds a
+    count: one comparison decides.
     """
     counts, cumulated = _inverse_tables()
     words = random_words(source, mean_e.size)
     level = (mean_e * np.float32(_LEVELS_PER_E)).astype(np.int64)
     cell = (words >> np.uint32(_REST_BITS)).astype(np.int64)
-    drawn = counts.take((level << _CELL_BITS) + cell, mode="clip")
-    out = drawn.astype(np.float32)
+    counts_drawn = counts.take((level << _CELL_BITS) + cell, mode="clip")
+    out = counts_drawn.astype(np.float32)
     rng = np.random.Generator(source)
-    open_ = np.flatnonzero(drawn == _UNDECIDED)
+    open_ = np.flatnonzero(counts_drawn == _UNDECIDED)
     u = (cell[open_] + rng.random(open_.size)) / 2**_CELL_BITS
     out[open_] = (cumulated[level[open_]] <= u[:, None]).sum(axis=1)
     rest = mean_e - level.astype(np.float32) * np.float32(1 / _LEVELS_PER_E)
     low = words & np.uint32(2**_REST_BITS - 1)
-    some = np.flatnonzero(low <= rest * np.float32(2**_REST_BITS))  # the chance of one is less than the mean
+    some = np.flatnonzero(low <= rest * np.float32(2**_REST_BITS))  # probability of one count, or more
     u = (low[some] + rng.random(some.size)) / 2**_REST_BITS
     mean, k = rest[some].astype(float), 0
     while some.size:
         k += 1
-        more = u < gammainc(k, mean)  # the chance of at least k
+        more = u < gammainc(k, mean)  # probability of at least k
         some, u, mean = some[more], u[more], mean[more]
         out[some] += 1
     return out

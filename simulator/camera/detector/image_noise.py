@@ -1,7 +1,7 @@
 """Additive and speckle noise of an image scaled to 0..1, drawn independently of the image and ahead of it.
 
-They depend on (seed, frame, size, recipe) alone. They are a few long calls that leave Python's lock alone, so that a
-thread draws it while the renderer's first commands keep one processor busy.
+The noise depends on (seed, frame, size, recipe) alone. It is drawn by a few long calls that release Python's lock, so a
+thread can draw it while the renderer issues its first commands.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 MIN_SHIFT = 4
 """Least fixed-point resolution, 16 steps per digital number; below it the arithmetic is floating point."""
 MIN_THREADED_VALUES = 1 << 17
-"""Least size of a field that is worth a thread."""
-_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1
-_STRIP_VALUES = 1 << 17  # OpenCV shares out what has twice as many
+"""Smallest field that is worth a thread."""
+_ADDITIVE_KEY, _SPECKLE_KEY = 0, 1  # keys of the random numbers of both kinds of noise
+_STRIP_VALUES = 1 << 17  # OpenCV uses several threads from twice as many values on
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,8 @@ class Arithmetic:
 
     Parameters
     ----------
-    full_dn : largest digital number. steps_per_dn : 1 in floating point. sigma_dn : of the additive noise.
+    full_dn : largest digital number. steps_per_dn : 1 in floating point. sigma_dn : standard deviation of the additive
+        noise.
     """
 
     full_dn: int
@@ -82,9 +83,9 @@ class ImageNoise:
 
     Parameters
     ----------
-    steps : (H, W times bands) noise plus half a digital number, for what cuts the fraction off; of a recipe without
-        additive noise (1, 1), the half alone.
-    factors : (H, W times bands) of the speckle, ``None`` without.
+    steps : (H, W times bands) noise plus half a digital number, to be truncated; (1, 1), only the half, without
+        additive noise.
+    factors : (H, W times bands) factors of the speckle, or ``None``.
     """
 
     steps: NDArray[Any]
@@ -123,19 +124,19 @@ def draw_noise(shape: tuple[int, ...], sensor: Sensor, seed: int, frame_index: i
     if sensor.gaussian_variance <= 0:
         return ImageNoise(np.full((1, 1), half, arithmetic.dtype), factors)
     first, second = normal_tables(arithmetic.sigma_dn * arithmetic.steps_per_dn, arithmetic.dtype)
-    drawn = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
-    return ImageNoise(_table_sums(drawn, first + first.dtype.type(half), second), factors)
+    raw = random_bytes(bit_source(seed, frame_index, _ADDITIVE_KEY), (2, *size))
+    return ImageNoise(_table_sums(raw, first + first.dtype.type(half), second), factors)
 
 
-def _table_sums(drawn: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Return sums of two tables' entries for bytes (2, rows, columns), in strips small enough to stay on this thread.
+def _table_sums(numbers: ByteArray, first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    """Return sums of two tables' entries for bytes (2, rows, columns), in strips too small for OpenCV's threads.
 
-    Its pool of threads spins while it waits, and takes the processors from the driver, which is drawing.
+    Those spin while they wait, and take processors from a software driver.
     """
-    steps = np.empty(drawn.shape[1:], first.dtype)
-    rows = max(_STRIP_VALUES // max(drawn.shape[2], 1), 1)
+    steps = np.empty(numbers.shape[1:], first.dtype)
+    rows = max(_STRIP_VALUES // max(numbers.shape[2], 1), 1)
     for top in range(0, len(steps), rows):
         strip = slice(top, top + rows)
-        cv2.LUT(drawn[0, strip], first, dst=steps[strip])
-        steps[strip] += cv2.LUT(drawn[1, strip], second)
+        cv2.LUT(numbers[0, strip], first, dst=steps[strip])
+        steps[strip] += cv2.LUT(numbers[1, strip], second)
     return steps

@@ -1,4 +1,4 @@
-"""Valid ranges of the parameters of a sensor and its optics, from which the sections of files are made."""
+"""Valid ranges of the parameters of a sensor and its optics."""
 
 from __future__ import annotations
 

@@ -16,38 +16,37 @@ PsfKind = Literal["none", "gaussian", "airy", "kernel"]
 
 @dataclass(frozen=True, kw_only=True)
 class Optics:
-    """Parameters of the lens; the defaults are a perfect lens (the blur is then the sensor recipe's).
+    """Parameters of the lens; the defaults are a perfect lens, blurred only by the sensor recipe.
 
     Parameters
     ----------
     f_number : focal length over the diameter of the aperture.
     transmission : share of the light that the glass lets through.
-    transmission_curve : a filter before it, (wavelength [m], share) in ascending order, straight between and nothing
-        beyond; empty for none. ``transmission`` comes on top.
-    wavelength_m : at which light is diffracted; the middle of the band. It has no part in the amount of light.
-    psf : ``none``; ``gaussian`` of ``psf_sigma_px``; ``airy`` diffraction of the f-number, widened by
-        ``psf_sigma_px`` of aberrations; ``kernel`` as measured. The sensor recipe's own blur comes on top.
+    transmission_curve : (wavelength [m], share) of a filter in ascending order, linear between and zero beyond; empty
+        for none. It multiplies ``transmission``.
+    wavelength_m : wavelength for diffraction, the centre of the band; it does not affect the amount of light.
+    psf : ``none``; ``gaussian`` with ``psf_sigma_px``; ``airy``, diffraction at the f-number with aberrations of
+        ``psf_sigma_px``; ``kernel``, measured. The sensor recipe's blur is added.
     psf_sigma_px : standard deviation of the Gaussian part [px].
-    kernel : measured PSF, odd number of rows and columns, one value per pixel; its sum is one.
-    focus_distance_m : what is in focus; 0 means infinity. Where ``defocus`` is on, the image is blurred by the disc
-        that belongs to the target's distance.
-    natural_vignetting : share that reaches a pixel falls as cos^4 of the angle from the axis.
-    mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii at 45 degrees from
+    kernel : measured PSF, odd numbers of rows and columns, one value per pixel; its sum is one.
+    focus_distance_m : focused distance; 0 for infinity. With ``defocus`` the image is blurred by the disc at the
+        target's distance.
+    natural_vignetting : True if irradiance falls as cos^4 of the angle from the axis.
+    mechanical_vignetting : shift of the rear rim's shadow across the aperture, in aperture radii, at 45 degrees from
         the axis; 0 for none. ``rim_radius`` is that rim's radius in aperture radii.
-    glow_share : share of the light that is scattered about, into a tail of the PSF of ``glow_radius_px`` (standard
-        deviation; half of it goes three times as far). 0 for none.
-    scatter_share : share of the light that glass and dust scatter into the wings of the PSF, which fall with the power
-        2.5 of the distance: bloom round what is bright, a veil over what is dark. 0 for none; about 0.01 in a good
-        lens, 0.03 in a dusty one.
-    veiling_glare_sr : light of the Sun scattered into the image, radiance over irradiance at one degree from the
-        Sun [sr-1]; it falls with the square of the angle. 0 for none.
-    glare_limit_deg : Sun's angle from the boresight beyond which the baffle keeps it out.
+    glow_share : share of the light in a wide tail of the PSF of standard deviation ``glow_radius_px`` (half of it three
+        times as wide). 0 for none.
+    scatter_share : share of the light that glass and dust scatter into wings of the PSF, which fall with the power 2.5
+        of the distance. 0 for none; about 0.01 in a good lens, 0.03 in a dusty one.
+    veiling_glare_sr : scattered sunlight, radiance over irradiance at one degree from the Sun [sr-1]; it falls with the
+        square of the angle. 0 for none.
+    glare_limit_deg : angle of the Sun from the boresight beyond which the baffle blocks it.
     """
 
     f_number: float = bounded(4.0, 0.5, 64.0)
     transmission: float = bounded(1.0, 1e-6, 1.0)
     transmission_curve: tuple[tuple[float, float], ...] = ()
-    wavelength_m: float = bounded(550e-9, 200e-9, 2000 * 1e-9)  # as nanometres of a file come out
+    wavelength_m: float = bounded(550e-9, 200e-9, 2000 * 1e-9)  # as converted from a file's nanometres
     psf: PsfKind = "none"
     psf_sigma_px: float = bounded(0.0, 0.0, 10.0)
     kernel: tuple[tuple[float, ...], ...] = ()
@@ -69,8 +68,8 @@ class Optics:
     def defocus_diameter_px(self, camera: Camera, sensor: Sensor, distance_m: float) -> float:
         """Return the diameter of the blur disc of a point at a distance [px].
 
-        The lens of focal length f and aperture D = f / N, focused at s, puts a point at d out of focus by
-        D f |d - s| / (d (s - f)); for s at infinity D f / d.
+        For focal length f and aperture D = f / N, focused at s, a point at d has the diameter D f |d - s| / (d (s -
+        f)); for s at infinity, D f / d.
         """
         if not self.defocus:
             return 0.0

@@ -77,7 +77,7 @@ def sensor_preset(name: str) -> Sensor:
     Raises
     ------
     UserError
-        If there is none of that name.
+        If there is none.
     """
     if name not in _PRESETS:
         raise UserError(f"there is no sensor preset {name!r}: choose one of {', '.join(_PRESETS)}")

@@ -1,7 +1,7 @@
 """The point spread function as the kernel of a convolution on the image's pixels.
 
-The renderer gives each pixel the mean over its area, so the kernel is that of the optics alone. It is made in the
-frequency domain: up to the image's Nyquist frequency its transfer function is the optics', whatever the width.
+The renderer averages over each pixel's area, so the kernel is that of the optics alone. It is designed in the frequency
+domain: up to the Nyquist frequency its transfer function is that of the optics.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
 _GRID = 128  # frequencies per axis; kernels reach half as far
-_KEPT_ENERGY = 0.999
-_NARROW_PX2 = 0.8
+_KEPT_ENERGY = 0.999  # least share of the energy in a cropped kernel
+_NARROW_PX2 = 0.8  # variance of a Gaussian below which its taps are fitted
 _PYRAMID_ERROR = 0.02
 _KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
 _WIDEST_DISC_PX = 2.0
-_MAX_FREQUENCY = 0.45  # cycles per pixel; at Nyquist itself every kernel without negative taps is off
+_MAX_FREQUENCY = 0.45  # cycles per pixel; near Nyquist every kernel without negative taps deviates
 _FREQUENCIES = np.linspace(0, 0.5, 26)
 LARGEST_KERNEL = 63
 _ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
-_PIECE_VALUES = 1 << 18  # stay in a processor's cache
+_PIECE_VALUES = 1 << 18  # fits a processor's cache
 _WORTH_TWO = 3 << 19
 
 
@@ -44,7 +44,7 @@ def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
 
     Parameters
     ----------
-    frequency, cutoff : in the same unit; the cutoff is 1 / (wavelength x f-number).
+    frequency, cutoff : spatial frequencies in the same unit; the cut-off is 1 / (wavelength x f-number).
 
     References
     ----------
@@ -67,7 +67,7 @@ def optics_mtf(
 
     Parameters
     ----------
-    disc_px : diameter of the blur disc of defocus, in pixels across; the disc is round on the detector.
+    disc_px : diameter of the defocus disc [px along x]; it is round on the detector.
     """
     f = np.hypot(frequency_x, frequency_y)
     out = np.exp(-2 * (np.pi * f) ** 2 * gaussian_variance_px2(optics, sensor))
@@ -90,7 +90,7 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
     Parameters
     ----------
-    disc_px : diameter of the blur disc of defocus, rounded by the caller so that kernels are used again.
+    disc_px : diameter of the defocus disc, rounded by the caller so that kernels are reused.
     """
     if optics.psf != "airy" and disc_px <= 0:
         return np.array(optics.kernel) if optics.psf == "kernel" else None
@@ -110,7 +110,7 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
         if part.sum() >= _KEPT_ENERGY:
             break
     else:
-        # wings that go on are let fade in a circle: round the Sun's disc a square's edge would show
+        # fade the wings in a circle: around the Sun a square's edge would be visible
         at = np.arange(-reach, reach + 1) / (reach + 0.5)
         part = part * (0.5 + 0.5 * np.cos(np.pi * np.clip(np.hypot(at, at[:, None]) * 2 - 1, 0, 1)))
     part = part / part.sum()
@@ -121,17 +121,17 @@ def psf_kernel(optics: Optics, sensor: Sensor, disc_px: float) -> FloatArray | N
 
 @lru_cache(maxsize=64)
 def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
-    """Return diffraction as a pyramid at a quarter of the kernel's cost; None if it is too coarse, as for a wide disc.
+    """Return diffraction as a pyramid, at a quarter of the kernel's cost; None if it is too coarse, as for a wide disc.
 
-    It is used where its transfer function is within `_PYRAMID_ERROR` of the optics', or not further off than the
-    kernel's own, up to `_MAX_FREQUENCY`.
+    It must match the optics' transfer function within `_PYRAMID_ERROR`, or as well as the kernel does, up to
+    `_MAX_FREQUENCY`.
     """
     if disc_px > _WIDEST_DISC_PX or (optics.psf not in {"airy", "kernel"} and disc_px <= 0):
         return None
     if optics.psf == "kernel":
         return _kernel_pyramid(optics, sensor, disc_px)
     per_px = optics.wavelength_m * optics.f_number / sensor.pixel_pitch_x_m
-    found = fit_pyramid(
+    pyramid = fit_pyramid(
         lambda fx, fy: optics_mtf(fx, fy, optics, sensor, disc_px),
         round_=sensor.pixel_pitch_x_m == sensor.pixel_pitch_y_m,
         # mean intensity of the rings: the light beyond r is 2 per_px / (pi^2 r)
@@ -139,13 +139,13 @@ def psf_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | Non
     )
     fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     ideal = optics_mtf(fx, fy, optics, sensor, disc_px)
-    seen = np.hypot(fx, fy) <= _MAX_FREQUENCY
-    error = float(np.abs(found.transfer(fx, fy) - ideal)[seen].max())
+    in_band = np.hypot(fx, fy) <= _MAX_FREQUENCY
+    error = float(np.abs(pyramid.transfer(fx, fy) - ideal)[in_band].max())
     if error > _PYRAMID_ERROR:
         kernel = psf_kernel(optics, sensor, disc_px)
-        if kernel is not None and error > np.abs(kernel_transfer(kernel, fx, fy) - ideal)[seen].max():
+        if kernel is not None and error > np.abs(kernel_transfer(kernel, fx, fy) - ideal)[in_band].max():
             return None
-    return found
+    return pyramid
 
 
 def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid | None:
@@ -153,10 +153,10 @@ def _kernel_pyramid(optics: Optics, sensor: Sensor, disc_px: float) -> Pyramid |
     kernel = psf_kernel(optics, sensor, disc_px)
     if kernel is None or max(kernel.shape) <= _SMALL_KERNEL:
         return None
-    found = fit_kernel(kernel)
+    pyramid = fit_kernel(kernel)
     fx, fy = np.meshgrid(_FREQUENCIES, np.concatenate([-_FREQUENCIES[:0:-1], _FREQUENCIES]))
-    error = np.abs(found.transfer(fx, fy) - kernel_transfer(kernel, fx, fy)).max()
-    return found if error <= _KERNEL_ERROR else None
+    error = np.abs(pyramid.transfer(fx, fy) - kernel_transfer(kernel, fx, fy)).max()
+    return pyramid if error <= _KERNEL_ERROR else None
 
 
 def kernel_transfer(
@@ -195,17 +195,16 @@ def _residual_gaussian_px(optics: Optics, sensor: Sensor, disc_px: float) -> flo
 
 @lru_cache(maxsize=64)
 def gaussian_taps(sigma_px: float) -> Float32Array:
-    """Return (2 n + 1,) taps along one axis, n three sigma, as the public recipe's 7 taps for one pixel.
-
-    A narrow Gaussian taken at whole pixels would be another: its taps are those without negative ones whose transfer
-    function is nearest.
+    """Return (2 n + 1,) taps along one axis, n of three sigma, as in the public recipe's 7 taps for one pixel.
+    A narrow Gaussian sampled at whole pixels has another transfer function: its taps are the non-negative ones that fit
+    best.
     """
     reach = max(int(np.ceil(3 * sigma_px)), 1)
     if sigma_px**2 >= _NARROW_PX2:
         return np.asarray(cv2.getGaussianKernel(2 * reach + 1, sigma_px, cv2.CV_32F)[:, 0], np.float32)
     waves = np.cos(2 * np.pi * np.outer(_FREQUENCIES, np.arange(reach + 1)))
-    wanted = np.exp(-2 * (np.pi * _FREQUENCIES * sigma_px) ** 2)
-    half, _ = nnls(waves, wanted)
+    transfer = np.exp(-2 * (np.pi * _FREQUENCIES * sigma_px) ** 2)
+    half, _ = nnls(waves, transfer)
     taps = np.concatenate([half[:0:-1] / 2, half[:1], half[1:] / 2])
     return np.asarray(taps / taps.sum(), np.float32)
 
@@ -230,7 +229,7 @@ def blur(
     if pyramid is not None:
         image, gain = pyramid.blur(image, gain), 1.0
     elif kernel is not None:
-        # OpenCV's filter2D correlates: the kernel is turned round
+        # OpenCV's filter2D correlates, so the kernel is flipped
         taps = np.ascontiguousarray(kernel[::-1, ::-1] * gain, np.float32)
         image = np.asarray(cv2.filter2D(image, cv2.CV_32F, taps, borderType=cv2.BORDER_REPLICATE))
         gain = 1.0
@@ -246,14 +245,14 @@ def scaled(image: Float32Array, gain: Float32Array) -> Float32Array:
 
 
 def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Array) -> Float32Array:
-    """Apply a Gaussian blur times ``gain``, in pieces of rows, so that OpenCV uses no threads.
+    """Apply a Gaussian blur times ``gain``, in blocks of rows, so that OpenCV uses no threads.
 
-    They spin for two milliseconds after it, while the driver is to draw the next frame. An image of more than a
-    megapixel is shared out between two threads of Python; next to one, another draws the noise.
+    Those would spin for two milliseconds afterwards, while the driver draws the next frame. Images above a megapixel
+    are divided between two Python threads, because another one draws the noise.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n). gain : a number, or (n,) one a band, by which the image is multiplied first.
+    image : (H, W) or (H, W, n). gain : scalar, or (n,) per band.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):
@@ -265,26 +264,26 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
     rows = max(_ONE_THREAD_VALUES // max(image[0].size, 1), len(taps))
     out = np.empty(image.shape, np.float32)
     for first in range(0, len(image), rows):
-        # rows at a cut come out wrong, as if the picture ended there: those above are kept, those below made again
+        # rows next to a cut are wrong: those above are restored, those below computed again
         above, end = max(first - reach, 0), min(first + rows + reach, len(image))
-        kept = out[above:first].copy()
+        rows_above = out[above:first].copy()
         cv2.sepFilter2D(
             image[above:end], cv2.CV_32F, taps, down, dst=out[above:end], borderType=cv2.BORDER_REPLICATE
         )
-        out[above:first] = kept
+        out[above:first] = rows_above
     return out
 
 
 def _blurred_in_pieces(
     image: Float32Array, across: Float32Array, down: Float32Array, by_value: Float32Array | None
 ) -> Float32Array:
-    """Apply `gaussian_blur` by taps along rows and columns, in parallel pieces; by_value: (W n,) factors of a row,
-    if any.
+    """Apply `gaussian_blur` by taps along rows and columns, in parallel blocks; ``by_value``: (W n,) factors of a row,
+    or None.
     """
     reach, height = len(across) // 2, len(image)
     pieces = pieces_of(height, image.size // _PIECE_VALUES)
     shape = (max(end - first for first, end in pieces) + 2 * reach, *image.shape[1:])
-    scratch: list[Float32Array] = []  # kept from piece to piece: new memory takes longer than the work on it
+    scratch: list[Float32Array] = []  # reused: allocating takes longer than the filtering
     out = np.empty(image.shape, np.float32)
 
     def blur_rows(first: int, end: int) -> None:
@@ -293,13 +292,13 @@ def _blurred_in_pieces(
             both = scratch.pop()
         except IndexError:
             both = np.empty((2, *shape), np.float32)
-        made, piece = both[0, : below - above], image[above:below]
+        rows_out, piece = both[0, : below - above], image[above:below]
         if by_value is not None:
-            lit = both[1, : below - above]
-            np.multiply(piece.reshape(len(piece), -1), by_value, out=lit.reshape(len(lit), -1))
-            piece = lit
-        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=made, borderType=cv2.BORDER_REPLICATE)
-        out[first:end] = made[first - above : end - above]
+            amplified = both[1, : below - above]
+            np.multiply(piece.reshape(len(piece), -1), by_value, out=amplified.reshape(len(amplified), -1))
+            piece = amplified
+        cv2.sepFilter2D(piece, cv2.CV_32F, across, down, dst=rows_out, borderType=cv2.BORDER_REPLICATE)
+        out[first:end] = rows_out[first - above : end - above]
         scratch.append(both)
 
     share_out(pieces, blur_rows)
@@ -307,6 +306,6 @@ def _blurred_in_pieces(
 
 
 def defocus_px(camera: Camera, optics: Optics, sensor: Sensor, distance_m: float) -> float:
-    """Return the diameter of the blur disc at a distance, to a twentieth of a pixel; zero below half a pixel [px]."""
+    """Return the diameter of the defocus disc at a distance, rounded to 0.05 px; zero below half a pixel [px]."""
     disc = optics.defocus_diameter_px(camera, sensor, distance_m)
     return 0.0 if disc < 0.5 else round(disc * 20) / 20

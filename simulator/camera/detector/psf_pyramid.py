@@ -1,8 +1,8 @@
 """A wide convolution kernel as small kernels on the levels of an image pyramid; fast and never negative.
 
-Each level of the pyramid (Burt & Adelson 1983) has a few taps of its own, which are fitted to a transfer function by
-non-negative least squares: light has no negative taps, so that nothing next to the Sun's disc can turn dark. Going down
-and up with the binomial filter keeps the sum of a point's light, and its centroid, wherever the point lies.
+Each level of the pyramid (Burt & Adelson 1983) has a few taps, fitted to a transfer function by non-negative least
+squares, so nothing next to the Sun's disc can turn dark. Downsampling and upsampling with the binomial filter preserves
+a point's total light and centroid.
 """
 
 from __future__ import annotations
@@ -26,16 +26,15 @@ if TYPE_CHECKING:
 
 TAPS_PER_SIDE = (3, 2, 2, 2, 2, 2, 2, 3)
 """Taps on each side of the centre, at full size, half, quarter, ..."""
-_BINOMIAL = (
-    np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
-)  # down and up by cv2.pyrDown and pyrUp: 1 4 6 4 1 twice
+# down and up by cv2.pyrDown and pyrUp: 1 4 6 4 1 twice
+_BINOMIAL = np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
 _FREQUENCIES = np.concatenate([[0.0, 0.0025, 0.005, 0.01, 0.015], np.arange(0.02, 0.501, 0.02)])
-_CORNER_WEIGHT = 0.2  # frequencies beyond Nyquist's circle: seen along the diagonals only
-_SUM_WEIGHT = 30.0
+_CORNER_WEIGHT = 0.2  # weight of frequencies beyond Nyquist's circle, which occur along diagonals only
+_SUM_WEIGHT = 30.0  # weight of the zero frequency, which conserves the sum
 _WING_RADII_PX = np.geomspace(10.0, 450.0, 12)
 _WING_WEIGHT = 0.05
 _BESIDE_PX = 4
-_FAINT = 3e-4
+_FAINT = 3e-4  # regularisation of the weights, over the largest value
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,7 @@ class Pyramid:
 
     Parameters
     ----------
-    taps : (2 n + 1, 2 n + 1) at full size, half, quarter, ... of the image, row by row as the light spreads.
+    taps : (2 n + 1, 2 n + 1) taps at full size, half, quarter, ... of the image.
     """
 
     taps: tuple[Float32Array, ...]
@@ -70,7 +69,7 @@ class Pyramid:
 
         def sharpest(k: int) -> None:
             first, last = int(edges[k]), int(edges[k + 1])
-            # the rows that the taps reach into belong to the neighbouring bands
+            # rows beyond the band's edge belong to the neighbouring bands
             above, below = min(reach, first), min(reach, height - last)
             wide = cv2.filter2D(
                 image[first - above : last + below], cv2.CV_32F, core, borderType=cv2.BORDER_REPLICATE
@@ -108,13 +107,13 @@ def fit_pyramid(
     Parameters
     ----------
     transfer : real function of the frequencies along x and y, cycles per pixel.
-    round_ : the same along x and y.
+    round_ : True if it is the same along x and y.
     wing_px : c of the wings c / r^3 of the point spread function, r in pixels; 0 for none.
     """
     fx, fy = np.meshgrid(_FREQUENCIES, _FREQUENCIES)
     weight = np.where(np.hypot(fx, fy) <= 0.5, 1.0, _CORNER_WEIGHT)
     weight[0, 0] = _SUM_WEIGHT
-    # from the axis to the diagonal and on, so that what the Sun saturates is round
+    # sampled from the axis to the diagonal, so that saturated spots are round
     turns = np.linspace(0, np.pi / 2, 5)
     wing_x, wing_y = (np.outer(part(turns), _WING_RADII_PX).ravel() for part in (np.cos, np.sin))
     wing = wing_px / np.hypot(wing_x, wing_y) ** 3
@@ -140,8 +139,8 @@ def fit_pyramid(
                 in_x = sum(at_x[i] * at_y[j] for i, j in pairs) / len(pairs)
                 columns.append(np.concatenate([(in_f * weight).ravel(), in_x * wing_weight]))
                 places.append((level, pairs))
-    wanted = np.concatenate([(transfer(fx, fy) * weight).ravel(), wing * wing_weight])
-    shares, _ = nnls(np.stack(columns, axis=1), wanted)
+    samples = np.concatenate([(transfer(fx, fy) * weight).ravel(), wing * wing_weight])
+    shares, _ = nnls(np.stack(columns, axis=1), samples)
     taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
     for share, (level, pairs) in zip(shares / shares.sum(), places, strict=True):
         n = TAPS_PER_SIDE[level]
@@ -155,22 +154,22 @@ def fit_kernel(kernel: FloatArray) -> Pyramid:
     """Fit the taps to a non-negative kernel of odd size; their sum is one."""
     reach_y, reach_x = (max(n // 2, 3) + _BESIDE_PX for n in kernel.shape)
     at_y, at_x = np.arange(-reach_y, reach_y + 1.0), np.arange(-reach_x, reach_x + 1.0)
-    wanted = np.zeros((at_y.size, at_x.size))
-    down, across = ((m - n) // 2 for m, n in zip(wanted.shape, kernel.shape, strict=True))
-    wanted[down : down + kernel.shape[0], across : across + kernel.shape[1]] = kernel
+    padded = np.zeros((at_y.size, at_x.size))
+    down, across = ((m - n) // 2 for m, n in zip(padded.shape, kernel.shape, strict=True))
+    padded[down : down + kernel.shape[0], across : across + kernel.shape[1]] = kernel
     columns: list[FloatArray] = []
     places: list[tuple[int, int, int]] = []
     for level, n in enumerate(TAPS_PER_SIDE):
         wide = 4 * (2**level - 1)
         for y, x in np.ndindex(2 * n + 1, 2 * n + 1):
             y_px, x_px = (y - n) * 2**level, (x - n) * 2**level
-            # taps outside the compared area would be free of cost
+            # otherwise taps outside the compared area would be unconstrained
             if abs(y_px) + wide <= reach_y and abs(x_px) + wide <= reach_x:
                 columns.append(np.outer(_base(level, at_y - y_px), _base(level, at_x - x_px)).ravel())
                 places.append((level, y, x))
-    # the wings are faint, and round a bright point they are all that is seen
-    weight = (wanted.ravel() / wanted.max() + _FAINT) ** -0.5
-    shares, _ = nnls(np.stack(columns, axis=1) * weight[:, None], wanted.ravel() * weight)
+    # the wings are faint, but around a bright point only they are visible
+    weight = (padded.ravel() / padded.max() + _FAINT) ** -0.5
+    shares, _ = nnls(np.stack(columns, axis=1) * weight[:, None], padded.ravel() * weight)
     taps = [np.zeros((2 * n + 1, 2 * n + 1)) for n in TAPS_PER_SIDE]
     for share, (level, y, x) in zip(shares / shares.sum(), places, strict=True):
         taps[level][y, x] = share
@@ -183,7 +182,7 @@ def _flipped(taps: Float32Array, gain: float) -> Float32Array:
 
 
 def _base_transfer(level: int, frequency: FloatArray) -> FloatArray:
-    """Return the transfer function, along one axis, of going down to a level and up again."""
+    """Return the transfer function, along one axis, of downsampling to a level and upsampling."""
     out = np.ones(np.shape(frequency))
     for k in range(level):
         out = out * np.cos(np.pi * 2**k * np.asarray(frequency)) ** 8

@@ -1,7 +1,7 @@
-"""Read-out: from expected photo-electrons to digital numbers, mono or colour, by bands of rows.
+"""Read-out: from expected photo-electrons to digital numbers, mono or colour, in bands of rows.
 
-The order is that of the charge: photo-electrons and dark current (Poisson), particles, full well and blooming, then
-what the read-out adds (fixed offset, noise of pixel, row and column), gain, black level, converter.
+In physical order: photo-electrons and dark current (Poisson), particles, full well and blooming, then read-out (fixed
+offset, noise of pixel, row and column), gain, black level, converter.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.detector.sensor import Detector, Sensor
     from flyaround.simulator.runtime.arrays import Float32Array
 
-_ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C
-_COARSE_BELOW_DN = 25.0  # a wider noise shows the steps of two-byte deviates in a histogram of 1e5 pixels
+_ROW_KEY, _COLUMN_KEY = 0x726F77, 0x636F6C  # keys of the random numbers of rows and columns
+_COARSE_BELOW_DN = 25.0  # above this noise, a histogram of 1e5 pixels shows the steps of two-byte deviates
 _MOSAIC = {"r": 0, "g": 1, "b": 2}
 _DEMOSAIC = {
-    # OpenCV names a pattern by its second row's second and third pixel; RGB order out
+    # OpenCV names a pattern by its second row's second and third pixel; the output order is RGB
     "rggb": cv2.COLOR_BayerBG2RGB,
     "bggr": cv2.COLOR_BayerRG2RGB,
     "grbg": cv2.COLOR_BayerGB2RGB,
@@ -72,13 +72,12 @@ def detect(
     ----------
     signal : (H, W) or (H, W, 3) expected photo-electrons over the saturation charge.
     seed, frame_index : key of this frame's random numbers.
-    exposure_s : for dark current and particles.
-    band_gain : white balance per band, applied to the digital numbers of a colour image above their black level:
-        see `white_balance`.
+    exposure_s : exposure time, for dark current and particles [s].
+    band_gain : white balance per band, applied above the black level of a colour image: see `white_balance`.
 
     Returns
     -------
-    (H, W) or (H, W, 3), uint8 for up to 8 bits, uint16 above. A mosaic that is not interpolated is (H, W).
+    (H, W) or (H, W, 3), uint8 for up to 8 bits, uint16 above. A mosaic without interpolation is (H, W).
     """
     d = sensor.detector
     if d is None:
@@ -108,9 +107,9 @@ def mosaic(signal: Float32Array, detector: Detector) -> Float32Array:
 
 
 def image_filter(detector: Detector) -> str:
-    """Return the mosaic's first two by two pixels in the image; the pattern belongs to the detector, not to the region.
+    """Return the mosaic's first two by two pixels in the image, which depend on the region's offset.
 
-    Pixels that are joined have one colour, so that the mosaic of the joined ones is the detector's own.
+    Binned pixels have one colour, so the mosaic of bins is the detector's.
     """
     down, right = detector.roi_y0_px // detector.binning % 2, detector.roi_x0_px // detector.binning % 2
     own = detector.colour_filter
@@ -131,7 +130,7 @@ def _balanced(
 def read_out(
     signal: Float32Array, sensor: Sensor, d: Detector, seed: int, frame_index: int, exposure_s: float
 ) -> NDArray[np.unsignedinteger]:
-    """Return the digital numbers (H, W) of one exposure; parameters as of `detect`."""
+    """Return the digital numbers (H, W) of one exposure; the parameters are those of `detect`."""
     height, width = signal.shape
     sigma_dn = (d.full_well_e * d.pixels_per_bin) ** 0.5 / d.gain_e_per_dn
     e = Exposure(
@@ -156,7 +155,7 @@ def read_out(
         if by_column is not None:
             volts += by_column
         volts *= np.float32(1 / d.gain_e_per_dn)
-        volts += np.float32(d.black_level_dn + 0.5)  # the fraction is cut off: with the half, rounding
+        volts += np.float32(d.black_level_dn + 0.5)  # truncation then rounds
         np.clip(volts, 0, full, out=volts)
         out[rows] = volts
 
@@ -167,8 +166,8 @@ def read_out(
         for_each_band(height, read_band)
         return out
 
-    # blooming spreads along whole columns: fill those with wells near saturation first and read them afterwards; read
-    # the others at once
+    # blooming spreads along whole columns: those with pixels near saturation are collected first and read afterwards;
+    # the others are read at once
     means = np.empty((height, width), np.float32)
     sources = {k: bit_source(seed, frame_index, k) for k in range(NOISE_BANDS)}
     brim = well - np.float32(BRIM_SIGMAS) * np.sqrt(well)
@@ -183,7 +182,7 @@ def read_out(
     for_each_band(height, light_band)
     full_columns = np.flatnonzero(hit.any(axis=0))
     charge = np.empty((height, full_columns.size), np.float32)
-    others = full_columns.size < width
+    any_other = full_columns.size < width
 
     def collect_band(k: int, rows: slice) -> None:
         hits = None if e.particles is None else np.ascontiguousarray(e.particles[rows][:, full_columns])
@@ -191,13 +190,13 @@ def read_out(
 
     def read_charge(k: int, rows: slice) -> None:
         volts = means[rows]
-        if others:
-            np.minimum(volts, brim, out=volts)  # the columns with blooming are overwritten below
+        if any_other:
+            np.minimum(volts, brim, out=volts)  # columns with blooming are overwritten below
             volts = e.charge(volts, rows, sources[k], particles_too=False)
         if full_columns.size:
             part = charge[rows]
             e.add_read_noise(part, sources[k])
-            if others:
+            if any_other:
                 volts[:, full_columns] = part
             else:
                 volts = part

@@ -25,8 +25,10 @@ MONO_BAND_NM = (450.0, 750.0)
 RGB_BANDS_NM = ((600.0, 700.0), (500.0, 600.0), (400.0, 500.0))
 """Limits of red, green and blue: thirds of 400 to 700 nm."""
 SRGB_FROM_BANDS = ((0.610, 0.713, -0.323), (-0.055, 1.062, -0.007), (-0.003, -0.125, 1.128))
-"""Colour matrix: linear sRGB (rows) of white-balanced red, green and blue. Its rows' sums of one keep white and black
-level. Fitted to spectra of limb, twilight, grounds, paints and lamps by `tools.validation.rendering.colours`."""
+"""Colour matrix from white-balanced red, green and blue to linear sRGB (rows). Each row sums to one, which preserves
+white and black level. Fitted to spectra of limb, twilight, grounds, paints and lamps by
+`tools.validation.rendering.colours`.
+"""
 
 Curve = tuple[tuple[float, float], ...]
 """A share by wavelength: (wavelength [m], share), linear between points and zero beyond the ends."""
@@ -52,8 +54,8 @@ def sun_irradiance_between_w_m2(low_nm: float, high_nm: float) -> float:
 def electrons_per_joule(detector: Detector, optics: Optics, bands: int) -> FloatArray:
     """Return the electrons per joule of sunlight before the lens, for each band (n,) [e J-1].
 
-    The integral over the band of spectral irradiance, transmission, quantum efficiency and wavelength, over h c times
-    that of spectral irradiance. Light of another colour is counted with the Sun's photons.
+    Ratio of two integrals over the band: spectral irradiance, transmission, quantum efficiency and wavelength over h c;
+    and spectral irradiance. Light of another colour is treated as sunlight.
     """
     return np.array(
         _electrons_per_joule(
@@ -86,7 +88,7 @@ def _electrons_per_joule(
 def sample_curve(
     curve: Sequence[tuple[float, float]], wavelength_nm: FloatArray, otherwise: float
 ) -> FloatArray:
-    """Interpolate a curve at wavelengths (K,), zero beyond its ends; ``otherwise`` without a curve."""
+    """Interpolate a curve at wavelengths (K,), zero beyond its ends; ``otherwise`` if it is empty."""
     if not curve:
         return np.full(len(wavelength_nm), otherwise)
     at_m, share = np.array(curve).T
@@ -96,7 +98,7 @@ def sample_curve(
 def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, bands: int) -> FloatArray:
     """Return the electrons per W m-2 sr-1 of each band in an image pixel on the axis [e / (W m-2 sr-1)].
 
-    Irradiance behind an aplanatic lens: pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
+    The irradiance behind an aplanatic lens is pi / (4 N^2) of the radiance; Born & Wolf (1999), section 4.8.
     """
     d = sensor.detector
     if d is None:
@@ -106,16 +108,16 @@ def electrons_per_radiance(sensor: Sensor, optics: Optics, exposure_s: float, ba
 
 
 def white_balance(sensor: Sensor, optics: Optics, sunlight: ArrayLike) -> FloatArray:
-    """Return the factors on a detector's bands that make a white plate in sunlight grey (n,), the least 1.
+    """Return (n,) factors on a detector's bands that make a white plate in sunlight grey; the least is 1.
 
     Parameters
     ----------
-    sunlight : (n,) one over the Sun's irradiance in each band, up to a constant.
+    sunlight : (n,) relative inverse irradiance of the Sun in each band.
     """
     if sensor.detector is None:
         raise ValueError("a noise recipe on a 0..1 image has no electrons")
-    wanted = np.asarray(sunlight, float)
-    electrons = electrons_per_joule(sensor.detector, optics, wanted.size)
-    seen = electrons > 0  # channels without signal cannot be balanced
-    gain = np.divide(wanted, electrons, out=np.full(wanted.size, np.inf), where=seen)
-    return np.where(seen, gain / gain.min(), 1.0)
+    target = np.asarray(sunlight, float)
+    electrons = electrons_per_joule(sensor.detector, optics, target.size)
+    has_signal = electrons > 0  # channels without signal cannot be balanced
+    gain = np.divide(target, electrons, out=np.full(target.size, np.inf), where=has_signal)
+    return np.where(has_signal, gain / gain.min(), 1.0)

@@ -17,25 +17,28 @@ class Detector:
     Parameters
     ----------
     quantum_efficiency : electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
-    quantum_efficiency_curve : instead of that, (wavelength [m], electrons per photon) in ascending order, straight
-        between and nothing beyond; of a colour detector each band has its own stretch of it.
-    full_well_e : charge that a pixel holds [e]. gain_e_per_dn : system gain [e DN-1]. black_level_dn : offset.
-    read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise common to a row or column of one frame.
-    dark_current_e_s : at ``dark_reference_c``, doubling every ``dark_doubling_c`` kelvin; ``temperature_c`` now.
-    dsnu_e : offset that differs from pixel to pixel and stays. dark_nonuniformity : the same of dark current, a share.
-    prnu : share by which sensitivity differs from pixel to pixel.
+    quantum_efficiency_curve : replaces it: (wavelength [m], electrons per photon) in ascending order, linear between
+        and zero beyond; each band of a colour detector uses its interval.
+    full_well_e : full-well capacity [e]. gain_e_per_dn : system gain [e DN-1].
+    black_level_dn : offset added to the signal.
+    read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise shared by a row or column of one frame.
+    dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
+    temperature_c : temperature of the detector.
+    dsnu_e : fixed offset of each pixel. dark_nonuniformity : fixed relative variation of dark current.
+    prnu : fixed relative variation of sensitivity.
     hot_pixel_share, hot_pixel_e_s : share of pixels with additional dark current, exponentially distributed with that
-        mean. dead_pixel_share : share of pixels that see nothing.
-    blooming : share of the charge above the full well that runs over into the two neighbours of the column, and on.
+        mean.
+    dead_pixel_share : share of pixels without signal.
+    blooming : share of the charge above the full well that spills into the column's neighbours.
     cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
-        ``layer_m``.
-    colour_filter : ``none`` (each pixel sees every band there is) or a Bayer mosaic, its first two by two pixels row
-        by row. demosaic : give the interpolated RGB image instead of the mosaic itself.
-    binning : image pixels are this many physical ones wide and high. charge_binning : added before the read-out (one
-        read noise), else after it.
-    roi_x0_px, roi_y0_px : first physical pixel of the image, which the fixed pattern belongs to.
-    serial : which piece of the series: seed of the fixed pattern, the same in every frame and scenario.
-    shot_noise : off only in clean twins, where every other noise is off too.
+        thickness ``layer_m``.
+    colour_filter : ``none`` (each pixel sees every band) or a Bayer mosaic, named by its first two by two pixels.
+        demosaic : True to output the interpolated RGB image instead of the mosaic.
+    binning : width and height of an image pixel in physical ones. charge_binning : True to add charge before the
+        read-out (one read noise), False to add numbers after it.
+    roi_x0_px, roi_y0_px : first physical pixel of the image, for the fixed pattern.
+    serial : serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
+    shot_noise : False only in clean twins, where all other noise is off too.
     """
 
     quantum_efficiency: tuple[float, ...] = (0.6,)
@@ -91,18 +94,18 @@ class Detector:
 class Sensor:
     """Detector and its noise recipe.
 
-    Without ``detector`` the signal is 0..1 (1 = full scale) and the noise a recipe; with it, photons and electrons are
-    counted and ``full_scale_j_m2_sr``, ``speckle_variance`` and ``gaussian_variance`` have no part.
+    Without ``detector`` the signal is 0..1 (1 = full scale) and the noise a recipe. With it, photons and electrons are
+    counted, and ``full_scale_j_m2_sr``, ``speckle_variance`` and ``gaussian_variance`` are unused.
 
     Parameters
     ----------
     preset : name of the recipe or of the built-in detector.
-    full_scale_j_m2_sr : radiance times exposure that fills the scale, per band [J m-2 sr-1].
+    full_scale_j_m2_sr : radiance times exposure at full scale, per band [J m-2 sr-1].
     blur_sigma_px : standard deviation of the Gaussian PSF [px].
     speckle_variance : variance of the uniform multiplicative noise ``I + n I`` [1].
     gaussian_variance : variance of the additive noise [1].
-    bits : depth of the written image.
-    pixel_pitch_x_m, pixel_pitch_y_m : distance of an image's neighbouring pixels on the detector [m].
+    bits : bit depth of the written image.
+    pixel_pitch_x_m, pixel_pitch_y_m : distance of neighbouring image pixels on the detector [m].
     detector : the detector in electrons, or None.
     """
 
@@ -118,7 +121,7 @@ class Sensor:
 
     @property
     def saturation_e(self) -> float:
-        """Charge of an image pixel at saturation [e], of the full well or the converter.
+        """Return the charge of an image pixel at saturation [e], of the full well or the converter.
 
         Raises
         ------
@@ -133,7 +136,7 @@ class Sensor:
 
     @property
     def scale_dn(self) -> tuple[float, float]:
-        """Digital numbers of saturation above the black level, and the black level."""
+        """Digital numbers of saturation above the black level, and of the black level."""
         d = self.detector
         if d is None:
             return 2.0**self.bits - 1, 0.0
@@ -143,7 +146,7 @@ class Sensor:
 def with_bits(sensor: Sensor, bits: int) -> Sensor:
     """Return the sensor with images of another depth and the same full scale.
 
-    A step of a detector holds more or fewer electrons; its black level keeps its place on the scale.
+    The gain of a detector changes; its black level keeps its relative place.
     """
     d, steps = sensor.detector, (2**bits - 1) / (2**sensor.bits - 1)
     if d is not None and bits != sensor.bits:

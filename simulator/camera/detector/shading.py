@@ -1,4 +1,4 @@
-"""Vignetting, veiling glare and glow: the light that is lost, and the light that is scattered."""
+"""Vignetting, veiling glare and glow: light lost and light scattered in the lens."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ if TYPE_CHECKING:
 
 _STEP_PX = 16
 _NEAR_PX = 128
-_CORE_DEG = 0.3  # nearer to the Sun than its own disc the glare is part of the picture of the disc
-_GLOW_STEP_PX = 4  # pixels joined before so wide a blur: its error is far below a step of the picture
-# The tail is two Gaussians of half the light each, the second so much wider: nearer to a tail's power law than one.
+_CORE_DEG = 0.3  # nearer to the Sun's centre, glare is part of its disc
+_GLOW_STEP_PX = 4  # pixels binned before a wide blur; its error is far below one digital number
+# The tail is two Gaussians with half of the light each, the second wider by this factor: closer to a power law than
+# one.
 _WIDTH_RATIO = 3.0
-_SCATTER_TAPS = 2
-_SCATTER_POWER = 2.5  # power of the distance by which the wings of the PSF fall
+_SCATTER_TAPS = 2  # reach of the kernel on each side [samples]
+_SCATTER_POWER = 2.5  # exponent of the distance in the wings of the PSF
 
 
 @lru_cache(maxsize=4)
 def vignetting(camera: Camera, optics: Optics) -> Float32Array | None:
     """Return the (H, W) share of light that reaches each pixel, or None without vignetting.
 
-    cos^4 of the angle from the axis; and the aperture as a unit disc, part of which a rear rim (a disc of
-    ``rim_radius``) hides when it is seen from an angle: their centres are ``mechanical_vignetting`` x tan(angle) apart.
+    cos^4 of the angle from the axis; and the overlap of the aperture (a unit disc) with a rear rim (a disc of
+    ``rim_radius``) whose centre is shifted by ``mechanical_vignetting`` x tan(angle).
     """
     if not optics.natural_vignetting and optics.mechanical_vignetting <= 0:
         return None
@@ -64,7 +65,7 @@ def veiling_glare(
 
     Parameters
     ----------
-    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : per band; what is hidden of the Sun taken off.
+    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : irradiance of the visible part, per band.
 
     References
     ----------
@@ -77,7 +78,7 @@ def veiling_glare(
         or not np.any(sun_irradiance_w_m2 > 0)
     ):
         return None
-    # the square of the angle is smooth everywhere; what falls with it is not, near the Sun
+    # the square of the angle is smooth everywhere; its inverse is not, near the Sun
     field = _interpolated(camera, _square_deg2(_coarse_rays(camera), sun_direction))
     patch = _window_around(camera, sun_direction)
     if patch is not None:
@@ -131,13 +132,13 @@ def _weights(nodes: int, count: int) -> Float32Array:
 
 
 def glow(image: Float32Array, optics: Optics) -> Float32Array:
-    """Spread ``glow_share`` of the light, scattered by glass and dust, into a wide tail of the point spread function.
+    """Spread ``glow_share`` of the light into a wide tail of the point spread function.
 
-    Return the same object where there is none.
+    Return the same object if there is none.
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n) linear light. Beyond its border it is dark.
+    image : (H, W) or (H, W, n) linear light, dark beyond its border.
     """
     if optics.glow_share <= 0:
         return image
@@ -157,7 +158,7 @@ def glow(image: Float32Array, optics: Optics) -> Float32Array:
 def scatter(image: Float32Array, optics: Optics) -> Float32Array:
     """Spread ``scatter_share`` of the light into wings of the PSF that fall as a power of the distance.
 
-    Return the same object where there are none. Beyond the image's border its last pixels go on.
+    Return the same object if there are none. The image's border is replicated.
 
     References
     ----------

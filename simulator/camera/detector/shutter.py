@@ -26,7 +26,7 @@ class Shutter:
     Parameters
     ----------
     kind : ``global``, all rows at once; ``rolling``, one after the other from the top.
-    readout_s : of a rolling shutter: the rows' number times the time from one row to the next [s].
+    readout_s : time from the exposure of the first row to that after the last; for a rolling shutter [s].
     motion_blur : True to integrate the motion during the exposure; otherwise an image is an instant.
     """
 

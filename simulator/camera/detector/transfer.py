@@ -1,8 +1,8 @@
 """A camera's output from the detector's digital numbers: unchanged, or 8 bits encoded by a curve.
 
-Colour cameras mostly deliver 8 bits encoded by a curve, after a converter of more bits and with the black level taken
-off. sRGB has primaries of its own: before its curve a colour matrix makes them of the detector's bands. Linear images
-and raw mosaics keep the bands' own numbers.
+Colour cameras mostly deliver 8 encoded bits, from a converter with more bits, after subtracting the black level. sRGB
+has its own primaries: a colour matrix converts the detector's bands before the curve. Linear images and raw mosaics
+keep the bands' numbers.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def decode_numbers(
 ) -> tuple[NDArray[np.unsignedinteger], Sensor]:
     """Decode a delivered image to linear digital numbers. Return them with their sensor.
 
-    Those of an sRGB image in colour are of sRGB's primaries.
+    An sRGB image in colour yields numbers for sRGB's primaries.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def _black_dn(sensor: Sensor) -> float:
 
 @lru_cache(maxsize=16)
 def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
-    """Return the delivered number (65536,) of each of the converter's, and of what a matrix makes of them."""
+    """Return the delivered number for each of the converter's (65536,), or of those after the colour matrix."""
     full = 2**CONVERTER_BITS - 1
     light = np.clip((np.arange(1 << 16) - black_dn) / (full - black_dn), 0, 1)
     return np.rint(encode(light, encoding) * 255).astype(np.uint8)

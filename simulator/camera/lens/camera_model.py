@@ -34,10 +34,11 @@ LARGEST_IMAGE_PX = 16384
 FOCAL_PX = (1.0, 1e7)
 CENTRE_PX = (-1e5, 1e5)
 _NO_DISTORTION = Distortion()
+# number of angles at which a lens's distortion is tested, and the step of the derivative
 _NODES, _STEP_RAD = (
     25,
     1e-3,
-)  # number of angles at which a lens's distortion is tested, and the step of the derivative
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +80,7 @@ class Camera:
     def project(self, points_camera_m: ArrayLike) -> FloatArray:
         """Return pixel positions of points in the camera frame; NaN for points behind the camera.
 
-        What the image shows is projected as OpenCV does; what lies further out than the lens is used stays outside.
+        Visible points are projected as OpenCV does; points beyond the lens's domain stay outside the image.
 
         Parameters
         ----------
@@ -121,9 +122,7 @@ class Camera:
         return self.ray_solid_angle_sr(self.unproject(pixels_px))
 
     def ray_solid_angle_sr(self, xy: FloatArray) -> FloatArray:
-        """Return the solid angle (...) of one pixel where undistorted rays (..., 2) of (x / z, y / z) meet the image
-        [sr].
-        """
+        """Return the solid angle (...) of one pixel at undistorted rays (..., 2) of (x / z, y / z) [sr]."""
         area = 1 / (self.fx_px * self.fy_px * (1 + (xy**2).sum(axis=-1)) ** 1.5)
         if self.distortion.is_none:
             return np.asarray(area)
@@ -230,32 +229,32 @@ def _bending(camera: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
         before, after = camera.project(ray - step), camera.project(ray + step)
         along, aside = after - before, before + after - 2 * middle
         across = along[..., 0] * aside[..., 1] - along[..., 1] * aside[..., 0]
-        turned = np.abs(across) / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-12) / _STEP_RAD**2
-        bending = np.fmax(bending, turned)
+        curvature = np.abs(across) / np.maximum(np.hypot(along[..., 0], along[..., 1]), 1e-12) / _STEP_RAD**2
+        bending = np.fmax(bending, curvature)
     return x, y, bending
 
 
 @lru_cache(maxsize=256)
 def _domain(camera: Camera) -> LensDomain:
-    # two pixels beyond the edge: rays are interpolated there
-    # a window beyond the edges of an image may reach further than its lens does
+    # two pixels beyond the edge, because rays are interpolated there; a window beyond the image may reach further than
+    # the lens
     return lens_domain(camera.distortion, _border_xy(camera), strict=False)
 
 
 def _border_xy(camera: Camera) -> FloatArray:
-    with np.errstate(over="ignore"):  # raised for a focal length near zero
+    with np.errstate(over="ignore"):  # a focal length near zero overflows
         return (camera.border(margin_px=2.0) - (camera.cx_px, camera.cy_px)) / (camera.fx_px, camera.fy_px)
 
 
 def camera_problem(camera: Camera) -> str | None:
     """Return the first invalid parameter of a camera's lens: field, value, allowed range; None if it is usable."""
     distortion = camera.distortion
-    allowed = COEFFICIENT_COUNTS[distortion.model]
-    if len(distortion.coefficients) not in allowed:
-        counts = " or ".join(str(n) for n in allowed)
+    counts = COEFFICIENT_COUNTS[distortion.model]
+    if len(distortion.coefficients) not in counts:
+        allowed = " or ".join(str(n) for n in counts)
         return (
             f"distortion.coefficients has {len(distortion.coefficients)} numbers, "
-            f"model {distortion.model} takes {counts}"
+            f"model {distortion.model} takes {allowed}"
         )
     if not np.isfinite(distortion.coefficients).all():
         return f"distortion.coefficients is {list(distortion.coefficients)}, finite numbers are needed"

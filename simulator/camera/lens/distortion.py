@@ -7,13 +7,12 @@ Normalised coordinates are (x / z, y / z) of a point in the camera frame. Models
 - ``kannala_brandt``: k1 k2 k3 k4 of the angle from the axis, Kannala & Brandt (2006), A generic camera model and
   calibration method for conventional, wide-angle, and fish-eye lenses, IEEE TPAMI 28(8).
 
-A new model takes three steps: its name in `DistortionModel`, how many coefficients it has in `COEFFICIENT_COUNTS`, and
-the map and its derivative in `distort` and `jacobian`. The renderer has rays by a table, and the map in
-shaders/craft/lens.glsl.
-tests/simulator/camera/test_distortion.py runs every round trip over it, with OpenCV's projection beside.
+A new model takes its name in `DistortionModel`, its numbers of coefficients in `COEFFICIENT_COUNTS`, the map and its
+derivative in `distort` and `jacobian`, and the map in shaders/craft/lens.glsl.
+tests/simulator/camera/test_distortion.py then runs every round trip and OpenCV's projection.
 
-A polynomial turns back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image;
-beyond, the image goes on in proportion, so that what is outside the field of view can never land inside.
+A polynomial folds back somewhere. `LensDomain` holds the radius up to which it is used, just outside the image; beyond,
+the image is extended in proportion, so that points outside the field of view never land inside.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ COEFFICIENT_COUNTS: dict[str, tuple[int, ...]] = {
     "kannala_brandt": (4,),
 }
 MARGIN = 1.05
-"""Factor over the radius of the image's farthest corner up to which the polynomial is used, unless it folds back."""
+"""Radius up to which the polynomial is used, over that of the image's farthest corner, unless it folds back before."""
 LARGEST_ANGLE_RAD = np.deg2rad(85.0)
 """Largest angle from the axis; camera z, the depth of labels, is ill-conditioned beyond it [rad]."""
-_TABLE = 4096
-_NEWTON_STEPS = 12
+_TABLE = 4096  # angles in the inverse table
+_NEWTON_STEPS = 12  # at most, for the inverse
 
 
 @dataclass(frozen=True)
@@ -102,12 +101,11 @@ def _radial(distortion: Distortion, s: FloatArray) -> tuple[FloatArray, FloatArr
     angle = np.arctan(r)
     t = angle * angle
     series = 1 + t * (k1 + t * (k2 + t * (k3 + t * k4)))
-    d_series = 1 + t * (
-        3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4))
-    )  # derivative of angle * series by the angle
+    # derivative of angle * series by the angle
+    d_series = 1 + t * (3 * k1 + t * (5 * k2 + t * (7 * k3 + t * 9 * k4)))
     scale = angle * series / r
     d_scale = (d_series / (1 + s) - scale) / (2 * np.maximum(s, 1e-24))
-    # near the axis the difference loses its digits: first term of its series
+    # near the axis the difference loses its digits: use the first term of its series
     d_scale = np.where(s < 1e-8, k1 - 1 / 3, d_scale)
     return scale, d_scale
 
@@ -118,8 +116,8 @@ class LensDomain:
 
     Parameters
     ----------
-    limit : that radius [1], infinite for a pinhole.
-    radius, image_radius : table of undistorted and distorted radius, for first guesses.
+    limit : largest undistorted radius [1], infinite for a pinhole.
+    radius, image_radius : table of undistorted and distorted radius, for initial guesses.
     """
 
     distortion: Distortion
@@ -128,7 +126,7 @@ class LensDomain:
     image_radius: FloatArray
 
     def distort(self, xy: FloatArray) -> FloatArray:
-        """Return distorted coordinates (..., 2); beyond ``limit`` in proportion to the radius."""
+        """Return distorted coordinates (..., 2); beyond ``limit`` extended in proportion to the radius."""
         xy = np.asarray(xy, float)
         if self.distortion.is_none:
             return xy.copy()
@@ -171,12 +169,12 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
 
     Parameters
     ----------
-    strict : refuse an image that the lens does not fill; else the lens is used as far as it goes.
+    strict : True to refuse an image that the lens does not fill; otherwise the lens is used as far as it reaches.
 
     Raises
     ------
     ValueError
-        If the lens folds back inside the image or sees further off its axis than 85 degrees; one sentence.
+        If the lens folds back inside the image, or reaches beyond 85 degrees from its axis.
     """
     far = np.tan(LARGEST_ANGLE_RAD)
     too_wide = (
@@ -192,7 +190,7 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     with np.errstate(all="ignore"):
         scale, slope = _radial(distortion, radius**2)
         image_radius, rise = radius * scale, scale + 2 * radius**2 * slope
-    # the radial part is one to one until it first stops rising; a pole of the rational model ends it too
+    # the radial part is one to one until it stops increasing; a pole of the rational model ends it too
     bad = ~((rise > 0) & (scale > 0) & np.isfinite(image_radius))
     end = int(np.argmax(bad)) if bad.any() else _TABLE
     if end < 2:
@@ -217,7 +215,7 @@ def lens_domain(distortion: Distortion, border_xy: FloatArray, *, strict: bool =
     domain = LensDomain(distortion, limit, radius[:end], image_radius[:end])
     if not strict:
         return domain
-    # the tangential part bends too: over the whole disc the map must keep its orientation
+    # the tangential part may fold too: the map must preserve orientation over the whole disc
     r, turn = np.meshgrid(np.linspace(0, limit, 24), np.linspace(0, 2 * np.pi, 49))
     if np.linalg.det(jacobian(distortion, np.stack([r * np.cos(turn), r * np.sin(turn)], -1))).min() <= 0:
         raise ValueError("the distortion folds back inside the image: its tangential terms are too large")

@@ -71,7 +71,7 @@ def parse_camera(content: bytes, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If the text is none of these or has a mistake; ``where`` names the file.
+        If it is in none of these formats or has a mistake; ``where`` names the file.
     """
     return read_camera_document(parse_document(content, where), where)
 

@@ -19,7 +19,7 @@ from flyaround.simulator.camera.lens.camera_model import (
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.sections import within
 
-# a region or a binned picture may be smaller than any camera
+# a region or a binned image may be smaller than any camera
 SizePx = Annotated[int, Meta(ge=16, le=LARGEST_IMAGE_PX)]
 FocalPx = Annotated[float, within(FOCAL_PX)]
 CentrePx = Annotated[float, within(CENTRE_PX)]
@@ -36,8 +36,8 @@ class DistortionSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The camera object of CAMERA.json; pixel (0, 0) is the centre of the top-left pixel.
 
-    ``pixel_pitch_um``, across and down, is the sensor's where the scenario does not say another. ``encoding`` is the
-    transfer function of the images; absent, they are linear, or as the scenario's ``output.encoding`` has it.
+    ``pixel_pitch_um``, across and down, is the default for a scenario's. ``encoding`` is the transfer function of the
+    images; if absent, they are linear, or as the scenario's ``output.encoding``.
     """
 
     width_px: SizePx
@@ -58,7 +58,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
         Raises
         ------
         UserError
-            If the lens cannot be, for example folds back inside the image; ``where`` names the file.
+            If the lens is impossible, for example folds back inside the image; ``where`` names the file.
         """
         camera = Camera(
             width_px=self.width_px,

@@ -12,17 +12,17 @@ from flyaround.simulator.camera.lens.files_native import CameraFile, CentrePx, D
 from flyaround.simulator.errors import UserError
 
 CONSISTENT = 2e-3
-"""Relative tolerance between two ways to the same number; data sheets are rounded."""
+"""Relative tolerance between two derivations of the same number; data sheets are rounded."""
 _Positive = Annotated[float, Meta(gt=0, le=1e6)]
 # a list, not a tuple: msgspec 0.22 corrupts memory on a union of a number and a fixed tuple
 _Pair = _Positive | Annotated[list[_Positive], Meta(min_length=2, max_length=2)]
 
 
 class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A camera by its data sheet: any of four quantities that determine the rest.
+    """A camera by its data sheet: any of four quantities that determine the others.
 
-    For d the pitch, N the number of pixels and f the focal length: sensor size s = d N, aperture angle
-    alpha = 2 atan(d N / 2 f), focal length in pixels f / d; each across and down, where two numbers are given.
+    With pitch d, number of pixels N and focal length f: sensor size s = d N, aperture angle alpha = 2 atan(d N / 2 f),
+    focal length in pixels f / d; each across and down, if two numbers are given.
     """
 
     width_px: SizePx
@@ -56,7 +56,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             )
         pixel_um = self._pitch_um(pitch, size, fx, fy)
         if fy is None:
-            # one lens before both axes: oblong pixels make the focal length in pixels differ
+            # the focal length is resolved before the axes: with oblong pixels it differs in pixels
             fy = fx if pixel_um is None else fx * pixel_um[0] / pixel_um[1]
         elif pixel_um is not None:
             _agree(where, "the focal length [mm]", fx * pixel_um[0] * 1e-3, fy * pixel_um[1] * 1e-3)
@@ -108,7 +108,7 @@ class LensFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None, float | None]:
-    """Return the values across and down; a single number is both, or the one across."""
+    """Return the values across and down; for a single number, twice that, or (that, None)."""
     if value is None:
         return None, None
     if isinstance(value, list):
@@ -117,7 +117,7 @@ def _two(value: float | list[float] | None, *, both: bool) -> tuple[float | None
 
 
 def _agree(where: str, what: str, first: float | None, second: float | None) -> float | None:
-    """Return the number that two ways agree on, or the only one."""
+    """Return the number that two derivations agree on, or the only one."""
     if first is None or second is None:
         return second if first is None else first
     if abs(first / second - 1) > CONSISTENT:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 MAX_FILE_BYTES = 2**32
-MAX_NAMED = 5  # files of a kind
+MAX_NAMED = 5  # files named per kind
 
 
 def check_card(
@@ -33,25 +33,25 @@ def check_card(
 
     Parameters
     ----------
-    target : the model that was drawn, if it is at hand. layers_of_frames : names of each frame's layers.
+    target : model that was drawn, if available. layers_of_frames : names of each frame's layers.
     """
     if target is not None:
-        known = CardTarget.of(target)
-        if list(card.target.keypoints.items()) != list(known.keypoints.items()):
+        expected = CardTarget.of(target)
+        if list(card.target.keypoints.items()) != list(expected.keypoints.items()):
             yield "keypoints, or their order, differ from the target's"
         for name in ("parts", "part_classes"):
-            said = getattr(card.target, name)
-            if said and said != getattr(known, name):  # cards of earlier versions have none
+            recorded = getattr(card.target, name)
+            if recorded and recorded != getattr(expected, name):  # cards of earlier versions lack it
                 yield f"target.{name} differ from the target's"
     own_name = card.scenario.get("name")
     if own_name and card.scenario_name != own_name:
         yield f"scenario_name is {card.scenario_name!r}, the scenario's own name {own_name!r}"
-    named = set(card.labels)
-    seen = Counter(name for layers in layers_of_frames for name in layers)
-    yield from (f"labels does not name {name}, which frames have" for name in sorted(set(seen) - named))
+    listed = set(card.labels)
+    counts = Counter(name for layers in layers_of_frames for name in layers)
+    yield from (f"labels does not name {name}, which frames have" for name in sorted(set(counts) - listed))
     if layers_of_frames:
-        # flow of a single frame leads nowhere
-        lacking = named - set(seen) - ({"flow"} if len(layers_of_frames) == 1 else set())
+        # the last frame of a flight has no flow
+        lacking = listed - set(counts) - ({"flow"} if len(layers_of_frames) == 1 else set())
         yield from (f"labels names {name}, which no frame has" for name in sorted(lacking))
     if card.is_of_this_version:
         for field, text in (
@@ -70,8 +70,8 @@ def check_frames_listed(
 
     Parameters
     ----------
-    splits : of each frame in the data set's own list, by number. assigned : frames of each split, assigned again;
-        nothing where they cannot be.
+    splits : split of each frame in the data set's list, by number. assigned : frames of each split, assigned again;
+        empty if that is impossible.
     """
     for q in card.quarantined:
         if q.frame >= card.n_frames or is_whole(folder, q.frame):
@@ -107,7 +107,7 @@ def check_manifest(
         yield None, str(error)
         return
     if not store.exists(MANIFEST_NAME):
-        return  # converted sets have none, and --resume does without
+        return  # converted sets have none, and --resume works without
     files: dict[int, set[str]] = {k: set() for k in frames}
     for path in (folder / "images").iterdir():
         number = path.name.partition(".")[0]

@@ -1,4 +1,4 @@
-"""Check of the clean twin: the difference from the image has the sensor's noise, on the craft and everywhere."""
+"""Check of the clean twin: its difference from the image must be the sensor's noise."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from flyaround.simulator.labels.truth import Truth
     from flyaround.simulator.runtime.arrays import BoolArray, ByteArray, FloatArray
 
-LEVELS = np.linspace(0, 1, 129) ** 2  # denser where the light is little: noise goes by its root
-NOISE_SPREAD = (0.55, 1.1)  # mean |x| of a normal law is 0.80 of its sigma, of a uniform one 0.87
-MIXED_SPREAD = (0.2, 1.5)  # demosaicing averages neighbours, a colour matrix adds bands of unequal light
+LEVELS = np.linspace(0, 1, 129) ** 2  # denser for little light: the noise grows with its root
+NOISE_SPREAD = (0.55, 1.1)  # mean |x| is 0.80 sigma for a normal distribution, 0.87 for a uniform one
+MIXED_SPREAD = (0.2, 1.5)  # demosaicing averages neighbours, a colour matrix adds unequally lit bands
 SHIFT = 0.5
 """Tolerance of the median of the noise [sigma]."""
 QUIET_STEPS = 1.2
@@ -71,36 +71,35 @@ def _check_band(
 
     Parameters
     ----------
-    sensor : that both are linear numbers of.
-    gain : (bands,) by which the detector's bands were multiplied, their noise and their dark current too.
+    sensor : sensor whose linear numbers both images hold.
+    gain : (bands,) factors on the detector's bands, and so on their noise and dark current.
     """
     factor = float(np.linalg.norm(gain))
     detector, encoding = sensor.detector, truth.camera.pixel_encoding
-    full, black = sensor.scale_dn  # a detector saturates where its well does, above its black level
+    full, black = sensor.scale_dn  # a detector saturates at its full well, above its black level
     heat, spread_limits = 0.0, NOISE_SPREAD
     if detector is not None:
-        # the twin has no dark current, the image has its mean too
+        # the twin has no dark current, the image has its mean
         dark_e = detector.dark_e_s * truth.scene.exposure_s * detector.pixels_per_bin
         heat = float(gain.sum()) * dark_e / sensor.saturation_e
     if np.count_nonzero(gain) > 1 or (
         detector is not None and detector.colour_filter != "none" and detector.demosaic
     ):
         spread_limits = MIXED_SPREAD
-    # everything but the image hangs on the twin's number alone
+    # the expected noise depends on the twin's number alone
     signal_of = (np.arange(int(clean.max(initial=0)) + 1) - black) / full
     noise = [noise_sigma(sensor, float(level), truth.scene.exposure_s) for level in LEVELS]
     sigma_of = factor * np.interp(signal_of / factor, LEVELS, noise)
-    inside_of = (signal_of > 4 * sigma_of) & (
-        signal_of < 1 - 4 * sigma_of
-    )  # the ends of the scale cut the noise off
-    # digital numbers were rounded, multiplied, and rounded again: of the twin, which no noise dithers, by half of that
+    # the ends of the scale clip the noise
+    inside_of = (signal_of > 4 * sigma_of) & (signal_of < 1 - 4 * sigma_of)
+    # digital numbers were rounded, multiplied and rounded again; without noise to dither it, the twin's rounding stays
     step_of = np.full(signal_of.shape, factor / full)
     rounding_of = np.full(signal_of.shape, (factor if factor == 1 else factor + 1) / 2 / full)
     if encoding != "linear":
         top = 2**sensor.bits - 1 - black
         step_of = step_share(signal_of * full / top, encoding) * top / full
         rounding_of = step_of / 2
-    rows = np.s_[:: clean.size // SUFFICIENT_PIXELS | 1]  # odd: rows of both colours of a mosaic
+    rows = np.s_[:: clean.size // SUFFICIENT_PIXELS | 1]  # odd stride: rows of both colours of a mosaic
     for where, what in ((on_craft, "on the craft"), (rows, "in the picture")):
         twin = clean[where].ravel()
         sigma, inside, rounding = sigma_of[twin], inside_of[twin], rounding_of[twin]
@@ -125,6 +124,6 @@ def _check_band(
 
 def _is_off(residual: FloatArray, sigma: FloatArray, where: BoolArray, rounding: FloatArray) -> bool:
     """Return True if the median of the noise deviates from zero by more than its distribution and rounding allow."""
-    # the image's own median is a whole number, too
+    # the image's own median is an integer, too
     allowed = SHIFT + 2 * float(np.median(rounding[where])) / float(np.median(sigma[where]))
     return abs(float(np.median(residual[where] / sigma[where]))) > allowed

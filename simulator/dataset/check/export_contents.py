@@ -1,4 +1,4 @@
-"""Contents of an exported file, entry by entry, for comparison with the file of another set of frames."""
+"""Contents of an exported file, entry by entry, for comparison with an independently written one."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 JPEG_MOST_DN, JPEG_RMS_DN = 8.0, 1.5
-"""Bounds on the difference between two JPEG decoders of the same image [DN]."""
+"""Bounds on the difference between two decoders of the same JPEG image [DN]."""
 RELATIVE, ABSOLUTE = 1e-9, 1e-9
-"""Tolerances of numbers recomputed with other versions of the libraries."""
+"""Tolerances of numbers computed with other versions of the libraries."""
 MAX_ARRAYS_BYTES = 2**32
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".csv": b"\n", ".txt": b"\n"}
-LONGEST_END = 8
+LONGEST_END = 8  # bytes at a file's end that show whether it is complete
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Entry:
 
     Parameters
     ----------
-    key : unique within the file, or within the shards of a split. frame : number of the frame, if it belongs to one.
+    key : unique in the file, or in the shards of a split. frame : number of the frame, if the entry belongs to one.
     """
 
     key: str
@@ -61,7 +61,7 @@ class JpegPixels:
 
 
 def entries(name: str, data: bytes) -> Iterator[Entry]:
-    """Yield the contents of a file; an unknown file type is a single entry, its bytes.
+    """Yield the contents of a file; a file of unknown type is a single entry, its bytes.
 
     Raises
     ------
@@ -83,43 +83,43 @@ def is_cut(name: str, last_bytes: bytes) -> bool:
     """Return True if a file is truncated, judged by its type."""
     suffix = Path(name).suffix
     if not last_bytes:
-        return suffix != ".txt"  # YOLO's label of an empty picture
+        return suffix != ".txt"  # an empty image has an empty YOLO label
     return not last_bytes.endswith(_ENDS.get(suffix, b""))
 
 
-def is_same(expected: Any, found: Any) -> bool:  # noqa: ANN401 - any value of a file
+def is_same(expected: Any, actual: Any) -> bool:  # noqa: ANN401 - any value of a file
     """Return True if two values agree, numbers within rounding and JPEG pixels within the codec's error."""
     if isinstance(expected, JpegPixels):
-        a, b = expected.pixels.astype(np.float32), found.pixels.astype(np.float32)
+        a, b = expected.pixels.astype(np.float32), actual.pixels.astype(np.float32)
         if a.shape != b.shape:
             return False
         off = np.abs(a - b)
         return bool(off.max() <= JPEG_MOST_DN and math.sqrt(float(np.mean(off**2))) <= JPEG_RMS_DN)
     if isinstance(expected, np.ndarray):
-        if (expected.shape, expected.dtype) != (found.shape, found.dtype):
+        if (expected.shape, expected.dtype) != (actual.shape, actual.dtype):
             return False
         # bytes first: comparing floats that may be NaN takes several times as long
-        return expected.tobytes() == found.tobytes() or (
-            expected.dtype.kind == "f" and np.array_equal(expected, found, equal_nan=True)
+        return expected.tobytes() == actual.tobytes() or (
+            expected.dtype.kind == "f" and np.array_equal(expected, actual, equal_nan=True)
         )
     if isinstance(expected, dict):
         return (
-            isinstance(found, dict)
-            and expected.keys() == found.keys()
-            and all(is_same(value, found[key]) for key, value in expected.items())
+            isinstance(actual, dict)
+            and expected.keys() == actual.keys()
+            and all(is_same(value, actual[key]) for key, value in expected.items())
         )
     if isinstance(expected, list):
         return (
-            isinstance(found, list)
-            and len(expected) == len(found)
-            and all(is_same(a, b) for a, b in zip(expected, found, strict=True))
+            isinstance(actual, list)
+            and len(expected) == len(actual)
+            and all(is_same(a, b) for a, b in zip(expected, actual, strict=True))
         )
-    if isinstance(expected, bytes) and expected != found and expected.startswith(_PNG):
-        # another version of the library compresses otherwise
-        return bool(np.array_equal(decode_png(expected, "picture"), decode_png(found, "picture")))
-    if isinstance(expected, float) and isinstance(found, int | float):
-        return math.isclose(expected, found, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
-    return type(expected) is type(found) and bool(expected == found)
+    if isinstance(expected, bytes) and expected != actual and expected.startswith(_PNG):
+        # other versions of the library compress differently
+        return bool(np.array_equal(decode_png(expected, "picture"), decode_png(actual, "picture")))
+    if isinstance(expected, float) and isinstance(actual, int | float):
+        return math.isclose(expected, actual, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+    return type(expected) is type(actual) and bool(expected == actual)
 
 
 def _bytes(data: bytes) -> Iterator[Entry]:
@@ -154,11 +154,11 @@ def _json(data: bytes) -> Iterator[Entry]:
 
 
 def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    document = dict(pairs)
+    if len(document) < len(pairs):
         repeated = next(name for k, (name, _) in enumerate(pairs) if name in dict(pairs[:k]))
         raise ValueError(f"key {repeated!r} is there twice")
-    return found
+    return document
 
 
 def refuse_repeated_keys(data: bytes, where: str) -> None:
@@ -176,18 +176,18 @@ def refuse_repeated_keys(data: bytes, where: str) -> None:
 
 
 def _number_in(name: str) -> int | None:
-    found = re.search(r"\d+", Path(name).stem)
-    return int(found[0]) if found else None
+    digits = re.search(r"\d+", Path(name).stem)
+    return int(digits[0]) if digits else None
 
 
 def _lines(data: bytes) -> Iterator[Entry]:
     """Yield the lines of a table, with numbers rounded."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for line in data.decode().splitlines():
         text = ",".join(_rounded(cell) for cell in line.split(","))
-        seen[text] = seen.get(text, 0) + 1
+        counts[text] = counts.get(text, 0) + 1
         name = re.search(r"\w*?(\d+)(_rgb)?\.png", line)
-        yield Entry(f"line {text} ({seen[text]})", "", int(name[1]) if name else None)
+        yield Entry(f"line {text} ({counts[text]})", "", int(name[1]) if name else None)
 
 
 def _rounded(cell: str) -> str:

@@ -1,4 +1,4 @@
-"""Check of the exports: each file is compared with what the native frames give."""
+"""Check of the exports: each file is compared with one written again from the native frames."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
     from flyaround.simulator.world.frames.pose import Pose
 
-SHARE = 0.05
+SHARE = 0.05  # share of the frames that are compared
 MIN_FRAMES, MAX_OF_SMALL, PICTURES = 4, 10, 24
-"""Minimum number of compared frames, the number for few formats, and the product of frames and formats between."""
+"""Minimum number of compared frames, the number for few formats, and the limit on frames times formats."""
 MAX_BYTES = 2**30
-POSE_WITHIN = 1e-9
+POSE_WITHIN = 1e-9  # relative and absolute tolerance of a pose
 LISTS = (".json", ".csv")
 _SHARD = re.compile(r"(.*-)\d+(\.(?:tar|parquet|mcap))")
 
 
 @dataclass(frozen=True)
 class ExportCheck:
-    """Result of the comparison: number of compared frames of each export, faults, and what was not compared."""
+    """Result of the comparison: number of compared frames of each export, faults, and skipped comparisons."""
 
     n_frames: int
     faults: tuple[tuple[int | None, str], ...] = ()
@@ -50,12 +50,12 @@ class ExportCheck:
 class ExportsCheck:
     """Comparison of a data set's exports with its native frames, one frame at a time.
 
-    Of each frame's own files it is checked that they are there and not cut off, of lists of poses every row. The
-    contents are compared of a sample of the frames, or of all.
+    Each frame's own files must exist and not be truncated, and every row of pose lists is compared. Contents are
+    compared for a sample of the frames, or for all.
 
     Parameters
     ----------
-    numbers : of all whole frames. seed : decides which frames are compared. whole : compare all.
+    numbers : numbers of all intact frames. seed : seed of the sample. whole : True to compare all frames.
     """
 
     def __init__(
@@ -89,15 +89,15 @@ class ExportsCheck:
                 f"exports were written by another version, flyaround {card.machine.flyaround}"
             )
             return
-        # the card that a writer was given at the start of the capture
-        begun = msgspec.structs.replace(card, complete=False, quarantined=())
+        # writers received this card at the start of the capture
+        initial_card = msgspec.structs.replace(card, complete=False, quarantined=())
         for name in names:
             try:
                 form = find_format(name)
                 if form not in BUILT_IN:
                     self._not_checked.append(f"format {name} is of another package")
                     continue
-                self._comparisons.append(_Comparison(form, folder / name, begun, is_whole=whole))
+                self._comparisons.append(_Comparison(form, folder / name, initial_card, is_whole=whole))
             except UserError as error:
                 self._not_checked.append(str(error))
         self._sample = frozenset(numbers if whole else _sample(numbers, self.splits, seed, len(names)))
@@ -113,44 +113,44 @@ class ExportsCheck:
 
         Parameters
         ----------
-        poses : of all readable frames, by number.
+        poses : poses of all readable frames, by number.
         """
         if not poses:
             return ExportCheck(0, tuple(self._faults))
         for comparison in self._comparisons:
             comparison.finish()
-            found = [
+            faults = [
                 *comparison.faults,
                 *_check_others(comparison, poses, self.splits),
                 *_check_poses(comparison, poses),
             ]
-            self._faults += [(k, f"{comparison.form.name}/{what}") for k, what in found]
+            self._faults += [(k, f"{comparison.form.name}/{what}") for k, what in faults]
         return ExportCheck(len(self._sample & set(poses)), tuple(self._faults), tuple(self._not_checked))
 
 
 def _sample(numbers: Sequence[int], splits: Mapping[int, str], seed: int, n_formats: int) -> list[int]:
-    """Select the frames whose contents are compared, some of each split."""
+    """Select the frames whose contents are compared, some from each split."""
     order = np.random.default_rng([seed % 2**63, len(numbers), 1]).permutation(numbers).tolist()
     fewest = min(MAX_OF_SMALL, max(MIN_FRAMES, PICTURES // n_formats))
-    chosen = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
+    selected = set(order[: max(fewest, math.ceil(SHARE * len(numbers)))])
     for split in set(splits.values()):
-        chosen.add(next((k for k in order if splits.get(k) == split), order[0]))
-    return sorted(chosen)
+        selected.add(next((k for k in order if splits.get(k) == split), order[0]))
+    return sorted(selected)
 
 
 class _Comparison:
-    """Format output that compares each file with the existing one.
+    """Output of a format writer that compares each file with the existing one.
 
     Parameters
     ----------
-    is_whole : all frames are taken; else lists and shards that are there hold more than what is written here.
+    is_whole : True if all frames are passed; otherwise existing lists and shards may hold more than the written ones.
     """
 
     def __init__(self, form: DatasetFormat, root: Path, card: DatasetCard, *, is_whole: bool) -> None:
         self.form, self.root = form, root
         self.faults: list[tuple[int | None, str]] = []
         self.written: dict[int | None, list[str]] = {}
-        """Names of the files of each frame, and of all frames."""
+        """Names of the files of each frame, and of those for all frames."""
         self._is_whole = is_whole
         self._frame: int | None = None
         self._is_varied = False
@@ -186,7 +186,7 @@ class _Comparison:
         if not self._is_whole and (
             Path(name).suffix == ".md" or (self._is_varied and name.startswith("models/"))
         ):
-            return  # the text counts frames; models are numbered as frames come
+            return  # the text counts frames; models are numbered in order of appearance
         is_subset = of_frame is None and not self._is_whole
         for entry, what in self._compare(name, wanted, data, is_subset=is_subset):
             self.faults.append(
@@ -201,7 +201,7 @@ class _Comparison:
         if shard:
             of_split = (self.root / name).parent.glob(Path(shard[1]).name + "*" + shard[2])
             paths = sorted(p for p in of_split if _SHARD.fullmatch(p.name)) or paths
-            first = self._next_shard.get(shard[1], 0)  # frames are in order, here and there
+            first = self._next_shard.get(shard[1], 0)  # frames are ordered in both
         wanted: dict[str, Entry] | None = None
         missing: set[str] = set()
         for number, path in enumerate(paths[first:], first):

@@ -1,8 +1,8 @@
-"""Checks of the two shares that decide whether a frame is feasible, computed independently.
+"""Independent checks of the two shares that decide whether a frame is feasible.
 
 The silhouette is filled by OpenCV on the CPU. Steps along the wireframe are taken in double precision, sample by
-sample, from the clean twin or from an image that was drawn again; where that cannot tell on which side of the noise a
-step is, either answer is right.
+sample, from the clean twin or from a redrawn image. If a step is too close to the noise level to decide, either answer
+is accepted.
 """
 
 from __future__ import annotations
@@ -30,21 +30,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
     from flyaround.simulator.targets.model import Target
 
-FINE_PX = 2048  # longest side of the grid that a silhouette is filled on
-LABEL_PX = 512  # and of one half as fine as the label counts on: antennas along its rows err together
-SHARE = 0.002
-# Tolerance of a raster's pixel count on an outline, over the root of its length: four standard deviations of a random
-# error of half a pixel. Of 900 images of a CubeSat with antennas a pixel wide one needs 1.65.
+FINE_PX = 2048  # longest side of the grid for filling silhouettes
+LABEL_PX = 512  # longest side of the label's own grid, whose error the tolerance allows for
+SHARE = 0.002  # relative tolerance of an area
+# Tolerance of a raster's pixel count, over the root of its outline's length: four standard deviations of a random error
+# of half a pixel.
 OUTLINE = 2.0
-# Limit for near targets: of their surface, the part within one image size beside the image counts (docs/labels.md).
+# For nearer targets the label counts only surfaces within one image size of the image (docs/labels.md).
 NEAREST_M = 0.01
+# docs/labels.md: spacing of samples along an edge, and distance of the two sides
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
-)  # docs/labels.md: samples along an edge, and how far to its sides a step is taken
-DIRECTION_STEP = 1e-4  # step along an edge to find its direction, in x / z
-ON_GRID_PX = 1 / 32  # the places between pixels that OpenCV's lookup knows, in some of its versions
-ROUNDING = 1e-5
+)
+DIRECTION_STEP = 1e-4  # step along an edge for its direction, in x / z
+ON_GRID_PX = 1 / 32  # sub-pixel resolution of OpenCV's look-up, in some versions
+ROUNDING = 1e-5  # rounding of float32 coordinates
 
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
@@ -69,11 +70,11 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     if in_camera[:, 2].min() <= NEAREST_M:
         return []
     if not in_lens(camera, in_camera).all():
-        return []  # further out than the lens is known for, OpenCV's series folds
+        return []  # beyond the lens's domain OpenCV's polynomial folds back
     q = truth.q_camera_from_target_wxyz
     if camera.distortion.is_none:
         corners_px = project_with_opencv(camera, mesh.positions_m, q, t)[mesh.triangles]
-        # in a closed shell, faces towards the camera cover all that the shell does
+        # in a closed shell, front faces cover the whole silhouette
         corners_px = corners_px[shown_triangles(mesh, corners_px)]
     else:
         points = cut_for_the_lens(camera, mesh.positions_m[mesh.triangles], R, t).reshape(-1, 3)
@@ -81,25 +82,25 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
     low, high = corners_px.min(axis=(0, 1)), corners_px.max(axis=(0, 1))
     size = np.array([camera.width_px, camera.height_px])
     if np.all(low >= 0) and np.all(high <= size - 1):
-        wanted, tolerance = 1.0, 0.0
+        expected, tolerance = 1.0, 0.0
     elif np.any(high < -1) or np.any(low > size):
-        wanted, tolerance = 0.0, 0.0
+        expected, tolerance = 0.0, 0.0
     else:
         scale = min(4.0, FINE_PX / float((high - low).max()))
         shape = tuple(int(n) + 3 for n in np.ceil((high - low) * scale)[::-1])
-        # pixel (0, 0) of the fine grid begins where the silhouette does, less one pixel
+        # pixel (0, 0) of the fine grid is one pixel before the silhouette
         start = low - 1.0 / scale
         fine = np.zeros(shape, np.uint8)
         fill_triangles(fine, (corners_px - start) * scale - 0.5)
         whole, part = _area(fine, start, scale, size)
-        wanted = part / whole if whole else 0.0
+        expected = part / whole if whole else 0.0
         # the label counts pixels of the image, or coarser ones
         coarser = min(1.0, LABEL_PX / float((high - low).max())) / scale
         outline = np.count_nonzero(fine - cv2.erode(fine, np.ones((3, 3), np.uint8))) * coarser
         tolerance = SHARE + OUTLINE * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
-    if abs(truth.silhouette_inside - wanted) > tolerance:
+    if abs(truth.silhouette_inside - expected) > tolerance:
         what = (
-            f"silhouette_inside is {truth.silhouette_inside:.4f}, the projected craft says {wanted:.4f} "
+            f"silhouette_inside is {truth.silhouette_inside:.4f}, the projected craft says {expected:.4f} "
             f"to {tolerance:.4f}"
         )
         return [what]
@@ -107,7 +108,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
 
 
 def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) -> tuple[float, float]:
-    """Return the area of a filled silhouette without half of its outline, and the part of it inside the image."""
+    """Return the area of a filled silhouette minus half of its outline, and the part of it inside the image."""
     inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
     share = (fine.astype(float) + inner) / 510
     x, y = ((np.arange(n) + 0.5) / scale + s for n, s in zip(fine.shape[::-1], start, strict=True))
@@ -122,11 +123,11 @@ def check_step_share(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale. doubt : by how much each of its numbers may be off.
-    relative : and by what share of itself besides.
+    signal : (H, W) noise-free signal, 1 at full scale. doubt : absolute uncertainty of its values.
+        relative : relative uncertainty of its values.
     """
-    within = np.clip(signal, 0, 1)
-    level = float(within.mean())
+    clipped = np.clip(signal, 0, 1)
+    level = float(clipped.mean())
     of_level = doubt + relative * level
     sigmas = [
         noise_sigma(truth.scene.sensor, x, truth.scene.exposure_s)
@@ -134,7 +135,7 @@ def check_step_share(
     ]
     surely = perhaps = count = 0
     for pixels, normal in _samples(truth, target):
-        sides = np.array([_sides(within, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
+        sides = np.array([_sides(clipped, pixels, normal, grid_px) for grid_px in (0.0, ON_GRID_PX)])
         steps = np.abs(sides[:, 0] - sides[:, 1])
         off = 2 * (doubt + ROUNDING) + relative * sides.sum(axis=1).max(axis=0)
         surely += int(np.count_nonzero(steps.min(axis=0) - off >= max(sigmas)))
@@ -155,15 +156,15 @@ def check_step_share(
 
 
 def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield pixels (S, 2) of each visible stretch in the image, and the normal (S, 2) at each."""
+    """Yield pixels (S, 2) of each visible interval in the image, and the normal (S, 2) at each."""
     camera, pose = truth.camera, truth.scene.camera_from_target
     still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
     # the visibility of edges is checked by rays elsewhere
     for view in view_edges(camera, pose, target, mesh_of(target)):
         ends_m = pose.apply(np.array([view.edge.a_m, view.edge.b_m]))
-        # beyond the range of OpenCV's series the label's own lens continues
-        known = in_lens(camera, ends_m).all()
-        ends_px = project_with_opencv(camera, ends_m, *still) if known else camera.project(ends_m)
+        # beyond OpenCV's domain, use the label's own lens
+        inside = in_lens(camera, ends_m).all()
+        ends_px = project_with_opencv(camera, ends_m, *still) if inside else camera.project(ends_m)
         length = float(np.hypot(*(ends_px[1] - ends_px[0])))
         if length < 1.0:
             continue
@@ -189,7 +190,7 @@ def _sides(image: FloatArray, pixels: FloatArray, normal: FloatArray, grid_px: f
 
     Parameters
     ----------
-    grid_px : of places between pixels that a lookup knows, 0 for any place.
+    grid_px : sub-pixel grid of the look-up [px]; 0 for exact positions.
     """
     sides = [pixels + sign * REACH_PX * normal for sign in (-1, 1)]
     if grid_px:

@@ -1,4 +1,4 @@
-"""Checks of projected labels: keypoints, pose, boxes, silhouette, computed independently."""
+"""Independent checks of projected labels: keypoints, pose, boxes, silhouette."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-# Exported pixels carry float64 through JSON: only rounding in the projection may differ.
+# Exported pixels are float64 in JSON: only rounding in the projection may differ.
 PIXEL_TOLERANCE_PX = 1e-6
 POSE_TOLERANCE_RAD = 1e-6
 POSE_TOLERANCE_RELATIVE = 1e-6
-# The outline filled on the CPU and the raster's may differ by one pixel, never two.
+# The outline filled on the CPU and the raster's may differ by one pixel, not by two.
 OUTLINE_TOLERANCE_PX = 1
+# termination of OpenCV's iterative undistortion
 ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-12)
 BENT_PX = 0.1  # largest distance of an edge's midpoint from the line between its ends
+# least covered share of a pixel in the inner and in the outer mask
 SURELY_COVERED, SURELY_TOUCHED = 0.9, 0.1
 
 
@@ -51,7 +53,7 @@ def project_with_opencv(
 
 
 def in_lens(camera: Camera, points_camera_m: FloatArray) -> BoolArray:
-    """Return which points (K, 3) lie within the lens model's valid radius; beyond it OpenCV's polynomial folds back."""
+    """Return (K,) True for points (K, 3) within the lens's domain; beyond it OpenCV's polynomial folds back."""
     if camera.distortion.is_none:
         return np.ones(len(points_camera_m), bool)
     xy = points_camera_m[:, :2] / points_camera_m[:, 2:]
@@ -70,13 +72,13 @@ def rays_with_opencv(camera: Camera, pixels_px: FloatArray) -> FloatArray:
 
 
 def check_keypoints(truth: Truth, card: DatasetCard) -> list[str]:
-    """Check names, projections, the pose that they give, and which are out of the frame."""
+    """Check names, projections, the pose that they imply, and out-of-frame states."""
     wrong = []
     variation = truth.scene.target.variation
-    known = card.target.keypoints
+    nominal = card.target.keypoints
     if not isinstance(variation, msgspec.UnsetType):
-        known = {name: vec3(variation.moved(at)) for name, at in known.items()}
-    if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in known.items()}:
+        nominal = {name: vec3(variation.moved(at)) for name, at in nominal.items()}
+    if {k.name: tuple(k.target_m) for k in truth.keypoints} != {n: tuple(p) for n, p in nominal.items()}:
         wrong.append("keypoints differ from the card's")
     elif [k.name for k in truth.keypoints] != list(card.target.keypoints):
         wrong.append("keypoints are in another order than the card's")
@@ -114,7 +116,7 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
     out = np.empty((len(points), 2))
     for scene in {id(s): s for s in scenes}.values():
         which = [s is scene for s in scenes]
-        # the record's own pose where the scene is its mid-exposure: the two are compared elsewhere
+        # the record's own pose if the scene is its mid-exposure: the two are compared elsewhere
         own = scene is truth.scene
         q = truth.q_camera_from_target_wxyz if own else scene.q_camera_from_target_wxyz
         t = truth.t_camera_from_target_m if own else scene.t_camera_from_target_m
@@ -123,11 +125,11 @@ def _projected(truth: Truth, points: FloatArray, scenes: tuple[SceneState, ...])
 
 
 def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[str]:
-    """Check the pose by PnP started from the label: the pixels must agree with it to 1e-6."""
+    """Check the pose by PnP, started from the label: the pixels must agree with it to 1e-6."""
     R = matrix_from_quat(truth.q_camera_from_target_wxyz)
     t = np.asarray(truth.t_camera_from_target_m)
     coefficients = np.array(truth.camera.distortion.coefficients or [0.0] * 5)
-    if truth.camera.distortion.model == "kannala_brandt":  # solvePnP knows no fish-eye: it is given rays
+    if truth.camera.distortion.model == "kannala_brandt":  # solvePnP has no fish-eye model, so it gets rays
         rays = rays_with_opencv(truth.camera, pixels)
         pixels = rays * (truth.camera.fx_px, truth.camera.fy_px) + (truth.camera.cx_px, truth.camera.cy_px)
         coefficients = np.zeros(5)
@@ -151,29 +153,29 @@ def _check_pose(truth: Truth, points: FloatArray, pixels: FloatArray) -> list[st
 
 
 def check_visible_on_mask(truth: Truth, mask: ByteArray) -> list[str]:
-    """Check that most visible keypoints lie within 3 px of the mask; a tip thinner than a pixel may not."""
+    """Check that visible keypoints lie within 3 px of the mask; a few tips thinner than a pixel may not."""
     near = cv2.dilate(mask, np.ones((7, 7), np.uint8))
-    seen, off = 0, []
+    n_visible, off = 0, []
     for k in truth.keypoints:
         if k.state in {"visible", "shadowed", "eclipsed", "saturated"} and k.pixel_px is not None:
-            seen += 1
+            n_visible += 1
             u, v = (int(x) for x in np.rint(k.pixel_px))
             if not near[np.clip(v, 0, mask.shape[0] - 1), np.clip(u, 0, mask.shape[1] - 1)]:
                 off.append(k.name)
-    if mask.any() and len(off) > 3 and 2 * len(off) > seen:
+    if mask.any() and len(off) > 3 and 2 * len(off) > n_visible:
         return [f"keypoints {', '.join(off)} are seen but lie off the mask"]
     return []
 
 
 def check_box_3d(truth: Truth, target: Target) -> list[str]:
-    """Check the box of the mesh in three dimensions, and the projection of its corners."""
+    """Check the bounding box of the mesh in three dimensions, and the projection of its corners."""
     if not truth.box_3d_target_m:
         return []
     positions = np.concatenate([part.positions_m for part in target.parts]).astype(float)
     corners = np.array(truth.box_3d_target_m)
     bits = np.arange(8)[:, None] >> np.array([2, 1, 0]) & 1
-    wanted = np.where(bits, positions.max(axis=0), positions.min(axis=0))
-    if corners.shape != (8, 3) or not np.allclose(corners, wanted, rtol=0, atol=1e-9):
+    expected = np.where(bits, positions.max(axis=0), positions.min(axis=0))
+    if corners.shape != (8, 3) or not np.allclose(corners, expected, rtol=0, atol=1e-9):
         return ["box_3d_target_m is not the box about the mesh"]
     in_camera = corners @ matrix_from_quat(truth.q_camera_from_target_wxyz).T + truth.t_camera_from_target_m
     ahead = in_camera[:, 2] > 1e-9
@@ -189,7 +191,7 @@ def check_box_3d(truth: Truth, target: Target) -> list[str]:
     )
     error = np.abs(projected - np.array([p for p in truth.box_3d_px if p is not None]))
     error[~in_lens(truth.camera, in_camera[ahead])] = 0
-    # far off the axis a pixel number is large, and so is its last digit
+    # far off the axis pixel numbers are large, and so are their last digits
     if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(projected) / 1e3)):
         return [f"a corner of box_3d_px is {error.max():.3g} px from its projection"]
     return []
@@ -215,13 +217,13 @@ def doubtful_pixels(
         return _at_their_rows(truth, pixels, points_m) - origin_px
 
     corners_px, triangles = on_image(mesh.positions_m)[mesh.triangles], mesh.triangles
-    shown = shown_triangles(mesh, corners_px)
-    corners_px, triangles = corners_px[shown], triangles[shown]
+    front = shown_triangles(mesh, corners_px)
+    corners_px, triangles = corners_px[front], triangles[front]
     if not truth.camera.distortion.is_none:
         corners_m = cut_for_the_lens(truth.camera, mesh.positions_m[triangles], R, t)
         corners_px = on_image(corners_m.reshape(-1, 3)).reshape(-1, 3, 2)
     inner, outer = filled_silhouette(corners_px, mask.shape)
-    # most of the image is dark in all of them
+    # most of the image is zero in all of them
     x, y, width, height = cv2.boundingRect(cv2.bitwise_or(mask, outer))
     around = np.s_[max(y - 1, 0) : y + height + 1, max(x - 1, 0) : x + width + 1]
     mask, inner, outer = mask[around], inner[around], outer[around]
@@ -233,7 +235,7 @@ def doubtful_pixels(
 
 
 def shown_triangles(mesh: TriangleMesh, corners_px: FloatArray) -> BoolArray:
-    """Return which projected triangles (M, 3, 2) a silhouette needs: in a closed shell those that face the camera.
+    """Return (M,) True for projected triangles (M, 3, 2) that a silhouette needs: in a closed shell, front faces.
 
     They cover all that the shell does.
     """
@@ -249,11 +251,11 @@ def _twice_area(corners_px: FloatArray) -> FloatArray:
 
 
 def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: FloatArray) -> FloatArray:
-    """Subdivide the target's triangles (M, 3, 3) until the lens bends none of their edges.
+    """Subdivide the target's triangles (M, 3, 3) until the lens bends none of their edges visibly.
 
     Parameters
     ----------
-    R, t_m : the camera's frame from the target's; all of the triangles lie before the camera.
+    R, t_m : transform from the target to the camera frame; all triangles lie in front of the camera.
     """
     straight = []
     for _ in range(8):
@@ -261,11 +263,11 @@ def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: 
         ends, between = (camera.project(points @ R.T + t_m) for points in (corners_m, middles_m))
         way, aside = np.roll(ends, -1, axis=1) - ends, between - ends
         across = np.abs(way[..., 0] * aside[..., 1] - way[..., 1] * aside[..., 0])
-        bent = np.any(across > BENT_PX * np.hypot(way[..., 0], way[..., 1]), axis=1)
-        straight.append(corners_m[~bent])
-        if not bent.any():
+        is_bent = np.any(across > BENT_PX * np.hypot(way[..., 0], way[..., 1]), axis=1)
+        straight.append(corners_m[~is_bent])
+        if not is_bent.any():
             break
-        (a, b, c), (ab, bc, ca) = corners_m[bent].swapaxes(0, 1), middles_m[bent].swapaxes(0, 1)
+        (a, b, c), (ab, bc, ca) = corners_m[is_bent].swapaxes(0, 1), middles_m[is_bent].swapaxes(0, 1)
         corners_m = np.concatenate(
             [np.stack(t, axis=1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
         )
@@ -275,9 +277,7 @@ def cut_for_the_lens(camera: Camera, corners_m: FloatArray, R: FloatArray, t_m: 
 
 
 def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) -> FloatArray:
-    """Return the positions of points as a rolling shutter sees them: each moves on a line and is exposed by its own
-    row.
-    """
+    """Return the positions of points as a rolling shutter sees them: each at the time of its own row."""
     if len(truth.row_poses) < 2:
         return pixels
     first, last = truth.row_poses[0], truth.row_poses[-1]
@@ -295,11 +295,10 @@ def _at_their_rows(truth: Truth, pixels: FloatArray, positions_m: FloatArray) ->
 
 
 def filled_silhouette(corners_px: FloatArray, shape: tuple[int, ...]) -> tuple[ByteArray, ByteArray]:
-    """Fill projected triangles (M, 3, 2) on a grid FILL_SCALE times finer. Return the surely and the possibly covered
-    part.
+    """Fill projected triangles (M, 3, 2) on a grid FILL_SCALE times finer; return certain and possible coverage.
 
-    OpenCV fills the pixels a border touches too, which closes slots narrower than a pixel: ``outer`` has them
-    closed, ``inner`` has one fine pixel taken off every border, which opens them.
+    OpenCV also fills pixels that a border touches, which closes slots narrower than a pixel: in ``outer`` they are
+    closed; ``inner`` has every border eroded by one fine pixel, which opens them.
     """
     height, width = shape
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 4, 0, (width, height)).astype(int)

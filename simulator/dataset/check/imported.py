@@ -1,4 +1,4 @@
-"""Checks of an imported image's labels, which follow from pose, camera and model, by OpenCV's projection."""
+"""Checks, by OpenCV's projection, of an imported image's labels, which follow from pose, camera and model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def check_imported(
     card: DatasetCard,
     target: Target | None,
 ) -> list[str]:
-    """Return everything wrong with imported frame k, one sentence each."""
+    """Return all faults of imported frame k, one sentence each."""
     size = (truth.camera.height_px, truth.camera.width_px)
     if image.shape[:2] != size or mask.shape != size:
         return [f"image is {image.shape[:2]}, mask {mask.shape}, camera says {size}"]
@@ -71,8 +71,8 @@ def _check_places(truth: ImportedTruth, target: Target | None) -> list[str]:
     if target is not None and truth.box_amodal_px is not None:
         vertices = mesh_of(target).positions_m
         if in_lens(truth.camera, vertices @ matrix_from_quat(q).T + t).all():
-            seen = project_with_opencv(truth.camera, vertices, q, t)
-            box = np.concatenate([seen.min(axis=0), seen.max(axis=0)])
+            vertices_px = project_with_opencv(truth.camera, vertices, q, t)
+            box = np.concatenate([vertices_px.min(axis=0), vertices_px.max(axis=0)])
             if np.abs(box - truth.box_amodal_px).max() > PIXEL_TOLERANCE_PX * max(
                 1.0, np.abs(box).max() / 1e3
             ):

@@ -1,8 +1,7 @@
 """Checks of the keypoints' geometric states and of the craft's box, by rays through the whole mesh.
 
-The labels project the mesh to a screen and compare depths there; here each keypoint sends a ray to the camera and one
-to the Sun, and is hidden if they meet a triangle (Moeller and Trumbore 1997, Fast, minimum storage ray/triangle
-intersection).
+The labels compare depths of the projected mesh. Here each keypoint sends a ray to the camera and one to the Sun, and is
+hidden if they intersect a triangle (Moeller and Trumbore 1997, Fast, minimum storage ray/triangle intersection).
 """
 
 from __future__ import annotations
@@ -22,10 +21,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 AWAY_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
+# tolerances of that distance, and of the hit point in a triangle: within them either answer is accepted
 DOUBT_M, DOUBT = (
     1e-4,
     1e-6,
-)  # tolerances of that distance, and of the hit point in a triangle: either answer is right
+)
 NEAREST_M = 1e-3
 ECLIPSED_BELOW = 0.02
 BY_PICTURE = ("visible", "saturated", "below_noise")
@@ -41,15 +41,15 @@ class Triangles:
         middle = corners.mean(axis=1)
         self._reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-6
         self._middle = np.ascontiguousarray(middle.T)
-        # the part of the distance that does not depend on the ray
+        # part of the distance that is independent of the ray
         self._within = (middle**2).sum(axis=1) - self._reach**2
 
     def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
-        """Return whether a triangle surely, and whether one possibly, intersects a ray.
+        """Return two flags: a triangle certainly intersects a ray, and one possibly does.
 
         Parameters
         ----------
-        start_m : (3,) its beginning. way : (3,) unit vector. length_m : where it ends; infinite for the Sun.
+        start_m : (3,) start. way : (3,) unit vector. length_m : length; infinite for the Sun.
         """
         along = way @ self._middle - way @ start_m
         near = np.flatnonzero(
@@ -62,33 +62,33 @@ class Triangles:
         p = np.cross(way, e2)
         area = (e1 * p).sum(axis=1)
         scale = np.linalg.norm(e1, axis=1) * np.linalg.norm(e2, axis=1)
-        met = np.abs(area) > 1e-12 * np.maximum(scale, 1e-30)  # seen edge-on it hides nothing
-        safe = np.where(met, area, 1.0)
+        can_hide = np.abs(area) > 1e-12 * np.maximum(scale, 1e-30)  # an edge-on triangle hides nothing
+        safe = np.where(can_hide, area, 1.0)
         s = start_m - a
         u = (s * p).sum(axis=1) / safe
         q = np.cross(s, e1)
         v = (q @ way) / safe
         t = (e2 * q).sum(axis=1) / safe
         inside = np.minimum(np.minimum(u, v), 1 - u - v)
-        perhaps = met & (inside > -DOUBT) & (t > AWAY_M - DOUBT_M) & (t < length_m)
-        surely = met & (inside > DOUBT) & (t > AWAY_M + DOUBT_M) & (t < length_m - AWAY_M)
+        perhaps = can_hide & (inside > -DOUBT) & (t > AWAY_M - DOUBT_M) & (t < length_m)
+        surely = can_hide & (inside > DOUBT) & (t > AWAY_M + DOUBT_M) & (t < length_m - AWAY_M)
         return bool(surely.any()), bool(perhaps.any())
 
 
 @cached_per_object
 def triangles_of(target: Target) -> Triangles:
-    """Return `Triangles`, cached for the targets in use."""
+    """Return `Triangles`, cached by target."""
     return Triangles(target)
 
 
 def check_states(truth: Truth, target: Target) -> list[str]:
-    """Return the keypoints whose geometric state contradicts a ray."""
+    """Return faults for keypoints whose geometric state contradicts a ray."""
     mesh = triangles_of(target)
     to_sun = matrix_from_quat(truth.q_camera_from_target_wxyz).T @ np.asarray(truth.sun_direction_camera)
     wrong = []
     for keypoint in truth.keypoints:
         if keypoint.state == "out_of_frame" or keypoint.pixel_px is None:
-            continue  # its place in the image follows from its pixel
+            continue  # its position in the image follows from its pixel
         possible = _possible(truth, keypoint, mesh, to_sun)
         state = "in sight" if keypoint.state in BY_PICTURE else keypoint.state
         if state not in possible:
@@ -101,9 +101,7 @@ def check_states(truth: Truth, target: Target) -> list[str]:
 def _possible(
     truth: Truth, keypoint: KeypointLabel, mesh: Triangles, to_sun: FloatArray
 ) -> list[KeypointState | str]:
-    """Return the states that the geometry allows: the first that applies and, if a ray grazes something, the next
-    one too.
-    """
+    """Return the states that the geometry allows: the first that applies and, if a ray is grazing, the next one too."""
     point = np.array(keypoint.target_m)
     row = 0.0 if keypoint.pixel_px is None else keypoint.pixel_px[1]
     eye = np.asarray(pose_of_row(truth, row).inverse().t_m) - point
@@ -140,19 +138,19 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
         c = truth.camera
         pixels = (sides / depth).T * (c.fx_px, c.fy_px) + (c.cx_px, c.cy_px)
     else:
-        known = in_lens(truth.camera, points @ R.T + t)
-        pixels = project_with_opencv(truth.camera, points[known], truth.q_camera_from_target_wxyz, t)
-        if not known.all():  # points beyond the lens's known range can only enlarge the box
+        inside = in_lens(truth.camera, points @ R.T + t)
+        pixels = project_with_opencv(truth.camera, points[inside], truth.q_camera_from_target_wxyz, t)
+        if not inside.all():  # points outside the lens's domain can only enlarge the box
             low, high = pixels.min(axis=0, initial=np.inf), pixels.max(axis=0, initial=-np.inf)
             box = np.array(truth.box_amodal_px)
             holds = np.all(box[:2] <= low + PIXEL_TOLERANCE_PX) and np.all(
                 box[2:] >= high - PIXEL_TOLERANCE_PX
             )
             return [] if holds else [f"box_amodal_px {truth.box_amodal_px} does not hold the projected craft"]
-    wanted = (*pixels.min(axis=0), *pixels.max(axis=0))
-    error = np.abs(np.subtract(wanted, truth.box_amodal_px))
-    # far off the axis a pixel number is large, and so is its last digit
-    if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(wanted) / 1e3)):
-        rounded = tuple(round(float(x), 3) for x in wanted)
+    expected = (*pixels.min(axis=0), *pixels.max(axis=0))
+    error = np.abs(np.subtract(expected, truth.box_amodal_px))
+    # far off the axis pixel numbers are large, and so are their last digits
+    if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(expected) / 1e3)):
+        rounded = tuple(round(float(x), 3) for x in expected)
         return [f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {rounded}"]
     return []

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray, IntArray
     from flyaround.simulator.targets.model import Target
 
-MAX_DOUBTS = 300
-MAX_BAD = 6
+MAX_DOUBTS = 300  # differing pixels of a mask that rays may decide
+MAX_BAD = 6  # wrong pixels after which the search stops
 # Half precision keeps a normal to 5e-4.
 NORMAL_TOLERANCE = 2e-3
 NORMAL_ANGLE_RAD = 0.05
@@ -43,16 +43,16 @@ FLOW_PX = 2e-3
 
 
 def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None = None) -> list[str]:
-    """Return everything wrong with the layers of a frame, one sentence each.
+    """Return all faults of a frame's layers, one sentence each.
 
     Parameters
     ----------
-    layers : by name, as drawn or as read. target : asked by a ray where the pixels are too coarse to tell.
+    layers : layers by name, as drawn or read. target : model for deciding by a ray where pixels are too coarse.
     """
-    named = {name for name in truth.layers if name != "wireframe"}
-    if named != set(truth.layer_sha256):
-        return [f"layers are {sorted(named)}, their hashes are of {sorted(truth.layer_sha256)}"]
-    wrong = [f"layer {name} is missing" for name in sorted(named - set(layers))]
+    recorded = {name for name in truth.layers if name != "wireframe"}
+    if recorded != set(truth.layer_sha256):
+        return [f"layers are {sorted(recorded)}, their hashes are of {sorted(truth.layer_sha256)}"]
+    wrong = [f"layer {name} is missing" for name in sorted(recorded - set(layers))]
     wrong += [
         f"layer {name} is not the one that the record describes"
         for name, layer in layers.items()
@@ -66,7 +66,7 @@ def check_layers(truth: Truth, mask: ByteArray, layers: Layers, target: Target |
 
 
 def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target | None) -> list[str]:
-    """Check for one common support, unit normals towards the camera, named parts, and keypoints at their depth."""
+    """Check for common support, unit normals towards the camera, valid parts, and keypoints at their depth."""
     wrong, on = [], mask > 0
     if "depth" in layers:
         depth = layers["depth"]
@@ -90,7 +90,7 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
         elif parts.max(initial=0) > len(truth.parts):
             wrong.append(f"part {parts.max()} has no name among {len(truth.parts)}")
     if "normals" in layers:
-        # as bits less the sign: comparing half floats takes longer than all else here
+        # as bits without the sign: comparing half floats is by far the slowest step
         bits = np.ascontiguousarray(layers["normals"], np.float16).view(np.uint16)
         there = (_in_any_channel(bits) & 0x7FFF) > 0
         normals = layers["normals"][on].astype(float)
@@ -104,11 +104,11 @@ def _check_support(truth: Truth, mask: ByteArray, layers: Layers, target: Target
 
 
 def _in_any_channel(values: NDArray[Any]) -> NDArray[Any]:
-    """Return (H, W) from (H, W, C): bits or flags that are set in any channel; NumPy is slow along short axes."""
-    found = values[..., 0].copy()
+    """Return (H, W) from (H, W, C): bits or flags set in any channel; NumPy is slow along short axes."""
+    combined = values[..., 0].copy()
     for k in range(1, values.shape[2]):
-        found |= values[..., k]
-    return found
+        combined |= values[..., k]
+    return combined
 
 
 def _check_facing(truth: Truth, on: NDArray[np.bool_], n: FloatArray) -> list[str]:
@@ -131,8 +131,8 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
     u, v = (int(x) for x in np.rint(keypoint.pixel_px))
     patch = depth_m[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
     if patch.size < 9 or not np.isfinite(patch).all():
-        return True  # next to an outline, the hiding part may be between the pixels' centres
-    # about a rod's root or an edge the surface leaves the point by as much as the pixels are wide
+        return True  # next to an outline, the hiding surface may lie between the pixels' centres
+    # at a rod's root or an edge, depth varies by up to a pixel's width
     tolerance = 3e-3 * max(1.0, z_m) + 1.5 * z_m / min(truth.camera.fx_px, truth.camera.fy_px)
     if keypoint.state == "self_occluded":
         return bool(patch.min() < z_m + tolerance)
@@ -142,23 +142,23 @@ def keypoint_at_depth(truth: Truth, keypoint: KeypointLabel, depth_m: NDArray[np
 
 
 def keypoint_by_ray(truth: Truth, keypoint: KeypointLabel, target: Target) -> bool:
-    """Return True if a ray to a keypoint is blocked exactly when its label says that it is hidden.
+    """Return True if a ray to a keypoint is blocked exactly if its label says that it is hidden.
 
-    What is thinner than a pixel, a wing seen edge-on, hides a point without any pixel's centre showing it.
+    A surface thinner than a pixel, such as a wing seen edge-on, may hide a point without covering a pixel's centre.
     """
     if keypoint.pixel_px is None:
         return False
     pose = pose_of_row(truth, keypoint.pixel_px[1])
     point = pose.apply(np.array(keypoint.target_m))
     z_m = float(point[2])
-    found = ray_oracle(target, pose).hits(point / z_m).z_m
+    hits = ray_oracle(target, pose).hits(point / z_m).z_m
     surface_m = SURFACE_TOLERANCE_M * z_m / float(np.linalg.norm(point))
-    hidden = bool(len(found) and found[0] < z_m - surface_m)
-    return hidden == (keypoint.state == "self_occluded")
+    is_hidden = bool(len(hits) and hits[0] < z_m - surface_m)
+    return is_hidden == (keypoint.state == "self_occluded")
 
 
 def _check_amodal(truth: Truth, mask: ByteArray, layers: Layers) -> list[str]:
-    """Check that the amodal mask contains the image and equals the mask there."""
+    """Check that the amodal mask contains the image and equals the visible mask there."""
     if "amodal" not in layers:
         return []
     amodal, origin = layers["amodal"], truth.amodal_origin_px
@@ -210,7 +210,7 @@ def check_against_mesh(truth: Truth, mask: ByteArray, layers: Layers, target: Ta
 
 
 def _sentence(name: str, bad: Iterable[IntArray]) -> list[str]:
-    """Return what is wrong by its first pixels; a layer wrong everywhere is not evaluated to its end."""
+    """Return a sentence with the first wrong pixels; the search stops after a few."""
     first = list(itertools.islice(bad, MAX_BAD))
     if not first:
         return []
@@ -223,7 +223,7 @@ def _mask_agrees(value: int, rays: SampledRays) -> bool:
 
 
 def _depth_in_a_band(truth: Truth) -> float:
-    """Return the relative change of depth during the exposure of a rolling shutter's band."""
+    """Return the relative change of depth during the exposure of one band of a rolling shutter."""
     return BAND_PX / 2 / min(truth.camera.fx_px, truth.camera.fy_px) if truth.row_poses else 0.0
 
 
@@ -239,7 +239,7 @@ def _part_agrees(part: int, rays: SampledRays) -> bool:
 
 
 def _normal_agrees(normal: NDArray[np.float16], ray: FloatArray, rays: SampledRays) -> bool:
-    """Return True if the normal is that of a surface there, turned towards the camera and not past its horizon."""
+    """Return True if the normal is that of a surface there, towards the camera and not beyond the horizon."""
     away = np.array([*ray, 1.0]) / np.sqrt(ray @ ray + 1)
     both = np.concatenate([rays.normals, -rays.normals])
     both = both - np.maximum(both @ away, 0)[:, None] * away
@@ -272,10 +272,10 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
         points = points[points[:, 2] > 1e-9]
         if not len(points):
             return False
-        moved = project_with_opencv(truth.camera, points, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
+        next_px = project_with_opencv(truth.camera, points, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
         # from the nearest to the farthest surface that the pixel may show
-        low, high = (f(moved, axis=0) - pixel for f in (np.min, np.max))
-        tolerance = FLOW_PX + 2e-6 * np.abs(moved).max()
+        low, high = (f(next_px, axis=0) - pixel for f in (np.min, np.max))
+        tolerance = FLOW_PX + 2e-6 * np.abs(next_px).max()
         value = flow[pixel[1], pixel[0]]
         return bool(np.all((value >= low - tolerance) & (value <= high + tolerance)))
 
@@ -288,7 +288,7 @@ def _check_flow(truth: Truth, flow: NDArray[np.float32], pixels: IntArray, sampl
 def _check_mask(
     truth: Truth, mask: ByteArray, origin_px: tuple[int, int], target: Target, sampler: RaySampler, name: str
 ) -> list[str]:
-    """Check a mask against the triangles filled on the CPU; single differing pixels are resolved by rays."""
+    """Check a mask against the triangles filled on the CPU; isolated differing pixels are decided by rays."""
     doubts = doubtful_pixels(truth, mask, target, origin_px)
     if len(doubts) > MAX_DOUBTS:
         return [f"{name} differs from the projected craft at {len(doubts)} pixels"]

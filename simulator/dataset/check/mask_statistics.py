@@ -1,4 +1,4 @@
-"""Mask statistics, in a third or less of the time of `numpy.argwhere` and `numpy.isin`."""
+"""Mask statistics, at least three times as fast as `numpy.argwhere` and `numpy.isin`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def is_binary(mask: ByteArray) -> bool:
     """Return True if a mask consists of bytes that are 0 or 255."""
-    # 255 and 0 become 0 and 1, all else is more
+    # 255 and 0 become 0 and 1, everything else becomes larger
     if mask.dtype != np.uint8:
         return False
     return mask.size == 0 or int((mask + np.uint8(1)).max()) <= 1
@@ -21,5 +21,5 @@ def is_binary(mask: ByteArray) -> bool:
 
 def lit_pixels(mask: ByteArray) -> IntArray:
     """Return (K, 2) non-zero pixels x, y of a mask (H, W), row by row from the top."""
-    found = cv2.findNonZero(np.ascontiguousarray(mask)) if mask.size else None
-    return np.zeros((0, 2), np.int64) if found is None else found.reshape(-1, 2).astype(np.int64)
+    pixels = cv2.findNonZero(np.ascontiguousarray(mask)) if mask.size else None
+    return np.zeros((0, 2), np.int64) if pixels is None else pixels.reshape(-1, 2).astype(np.int64)

@@ -1,8 +1,8 @@
-"""Raster tolerance: the triangles that a rasteriser may show at a pixel's centre after rounding their vertices.
+"""Raster tolerance: the triangles that a rasteriser may draw at a pixel's centre after rounding their vertices.
 
-A raster moves every corner by up to 1/512 px each way before it asks which centres a triangle covers, and then takes
-depth and normal from the unrounded plane. On rods, edges and cracks narrower than that, rays through and about the
-centre say too little; here every triangle that could be shown is asked how far its rounding reaches.
+A rasteriser moves every corner by up to 1/512 px along each axis before it tests coverage, and then takes depth and
+normal from the unrounded plane. Rays through and around the centre are insufficient on rods, edges and cracks narrower
+than that, so every nearby triangle is tested with its rounding.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 SNAP_PX = 1 / 128
-"""Rounding of a vertex and of the opposite edge together, doubled for the rasteriser's own arithmetic [px]."""
+"""Rounding of a vertex and of the opposite edge together, doubled for the rasteriser's arithmetic [px]."""
 MAX_BEYOND = 4.0
-"""Largest distance, in its own heights, that a triangle thinner than the rounding may be shown beyond itself."""
+"""Extent, in its own heights, by which a triangle thinner than the rounding may be drawn beyond itself."""
 ON_HORIZON = 0.01
 """Cosine to the line of sight below which a normal may have been clamped to the horizon."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShowableTriangles:
-    """Triangles that a rasteriser may show at one pixel's centre.
+    """Triangles that a rasteriser may draw at one pixel's centre.
 
     Parameters
     ----------
-    nearest_m, farthest_m : (M,) camera z that each may give there. parts : (M,) numbers of their parts, from 1.
-    cones : (M, 3, 3) camera frame, corners' normals (rows) moved outward by the rounding: what is shown is a positive
-        combination of the three. is_sure : True if one of them covers the centre whatever the rounding.
+    nearest_m, farthest_m : (M,) bounds of each one's camera z there. parts : (M,) part numbers, from 1.
+    cones : (M, 3, 3) normals at the corners (rows), camera frame, extrapolated by the rounding: any drawn normal is a
+        positive combination of the three.
+    is_sure : True if one of them covers the centre for any rounding.
     """
 
     nearest_m: FloatArray
@@ -42,11 +43,11 @@ class ShowableTriangles:
     is_sure: bool
 
     def has_normal(self, normal: FloatArray, ray: FloatArray, within_rad: float) -> bool:
-        """Return True if a normal turned towards the camera is that of a surface here.
+        """Return True if a normal towards the camera is that of a surface here.
 
         Parameters
         ----------
-        ray : (3,) unit direction from the camera through the pixel.
+        ray : (3,) unit vector from the camera through the pixel.
         """
         clamped = [-ray] if abs(normal @ ray) < ON_HORIZON else []
         return any(
@@ -59,12 +60,13 @@ class ShowableTriangles:
 def triangles_near(
     corners_px: FloatArray, inverse_z: FloatArray, normals: FloatArray, parts: IntArray, doubt_px: float
 ) -> ShowableTriangles:
-    """Return the triangles that may be shown at the origin of the plane of ``corners_px``.
+    """Return the triangles that may be drawn at the origin of the plane of ``corners_px``.
 
     Parameters
     ----------
-    corners_px : (K, 3, 2) relative to the pixel's centre. inverse_z : (K, 3) 1 / camera z of the corners [1/m].
-    normals : (K, 3, 3) unit, camera frame. parts : (K,). doubt_px : how far from the centre a shown point may be.
+    corners_px : (K, 3, 2) corners relative to the pixel's centre. inverse_z : (K, 3) 1 / camera z of the corners [1/m].
+    normals : (K, 3, 3) unit normals, camera frame. parts : (K,) part numbers. doubt_px : largest distance of a drawn
+        point from the centre.
     """
     inside, border_px = _inside_by(corners_px)
     close = inside | (border_px <= doubt_px)
@@ -76,24 +78,24 @@ def triangles_near(
     low, high = _inverse_range(corners, inverse, area2, beyond, doubt_px)
     nearest, farthest = 1 / np.maximum(high, 1e-9), 1 / np.maximum(low, 1e-9)
     first = farthest[sure].min(initial=np.inf)
-    shown = nearest <= first
+    possible = nearest <= first
     n, e = normals[close], beyond[:, None, None]
     cones = n * (1 + 2 * e) - e * (np.roll(n, 1, axis=1) + np.roll(n, 2, axis=1))
     return ShowableTriangles(
-        nearest[shown], farthest[shown], parts[close][shown], cones[shown], bool(sure.any())
+        nearest[possible], farthest[possible], parts[close][possible], cones[possible], bool(sure.any())
     )
 
 
 def _inverse_range(
     corners: FloatArray, inverse: FloatArray, area2: FloatArray, beyond: FloatArray, doubt_px: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (M,) bounds of 1/z within ``doubt_px`` of the origin, no farther off a triangle than its rounding."""
+    """Return (M,) bounds of 1/z within ``doubt_px`` of the origin, extrapolated by no more than the rounding."""
     span = np.ptp(inverse, axis=1) * beyond
     low, high = inverse.min(axis=1) - span, inverse.max(axis=1) + span
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d1, d2 = inverse[:, 1] - inverse[:, 0], inverse[:, 2] - inverse[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        # the plane's gradient; 1/z is linear in the image
+        # gradient of the plane; 1/z is linear in the image
         g = np.stack([d1 * e2[:, 1] - d2 * e1[:, 1], d2 * e1[:, 0] - d1 * e2[:, 0]], axis=1) / area2[:, None]
         here = inverse[:, 0] - (g * corners[:, 0]).sum(axis=1)
         reach = np.hypot(*g.T) * doubt_px
@@ -101,7 +103,7 @@ def _inverse_range(
 
 
 def _inside_by(corners: FloatArray) -> tuple[np.typing.NDArray[np.bool_], FloatArray]:
-    """Return whether triangles (K, 3, 2) contain the origin, and its distance from their borders [px]."""
+    """Return (K,) True for triangles (K, 3, 2) that contain the origin, and its distance from their borders [px]."""
     following = np.roll(corners, -1, axis=1)
     way = following - corners
     side = corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]

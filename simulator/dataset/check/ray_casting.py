@@ -1,6 +1,6 @@
-"""Rays through sampled pixels against the mesh, in double precision, with the tolerance of a rasteriser's rounding.
+"""Rays through sampled pixels against the mesh, in double precision, with a rasteriser's rounding as tolerance.
 
-An oracle of its own: nothing here is shared with the engine that makes the labels.
+It shares no code with the engine that makes the labels.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ if TYPE_CHECKING:
 
 Layers = Mapping[str, NDArray[Any]]
 
-N_SAMPLES = 32
-N_ROLLING = 12  # a rolling shutter has a pose, and so a mesh to project, for each sample
-# A raster rounds vertices to 1/256 px.
+N_SAMPLES = 32  # rays per frame
+N_ROLLING = 12  # samples; each needs the mesh projected at the pose of its row
+# A rasteriser rounds vertices to 1/256 px.
 _RING = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
 OFFSETS_PX = np.concatenate([[[0.0, 0.0]], 0.25 * _RING, 0.6 * _RING, _RING])
 DOUBT_PX = 0.03
 DOUBT_LENS_PX = 0.06  # a bent edge is drawn in straight pieces
-DOUBT_ROLLING_PX = 0.03 + BAND_PX / 2  # its bands are drawn at their middle row's time
+DOUBT_ROLLING_PX = 0.03 + BAND_PX / 2  # bands are drawn at the time of their middle row
 DEPTH_RELATIVE, DEPTH_M = 2e-5, 1e-4
 COPLANAR_M = 1e-3
 NEAR_M = 1e-3
-FLAT = 1e-14  # twice the area of a triangle seen edge-on, in the plane z = 1
+FLAT = 1e-14  # twice the area of an edge-on triangle, in the plane z = 1
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Everything along one ray, nearest first: camera z [m], part (from 1), unit normals (N, 3) camera frame."""
+    """All hits along one ray, nearest first: camera z [m], part (from 1), unit normals (N, 3), camera frame."""
 
     z_m: FloatArray
     parts: IntArray
@@ -75,17 +75,17 @@ class RayOracle:
         self._normals, self._R = _normals(target), camera_from_target.R
         n_ahead = (vertices[triangles, 2] > NEAR_M).sum(axis=1)
         self._triangles, parts = triangles[n_ahead == 3], self._parts[n_ahead == 3]
-        cut = np.flatnonzero((n_ahead > 0) & (n_ahead < 3))
-        if len(cut):
-            pieces = [_ahead_of_camera(vertices, self._normals, triangles[k]) for k in cut]
+        crossing = np.flatnonzero((n_ahead > 0) & (n_ahead < 3))
+        if len(crossing):
+            pieces = [_ahead_of_camera(vertices, self._normals, triangles[k]) for k in crossing]
             sizes = np.array([len(points) for points, _ in pieces])
             first = len(vertices) + np.concatenate([[0], np.cumsum(sizes)[:-1]])
-            # a triangle or a quadrilateral of each, as a fan from its first corner
+            # each gives a triangle or a quadrilateral, as a fan from its first corner
             fans = [(i, i + k, i + k + 1) for i, m in zip(first, sizes, strict=True) for k in range(1, m - 1)]
             vertices = np.concatenate([vertices, *(points for points, _ in pieces)])
             self._normals = np.concatenate([self._normals, *(normals for _, normals in pieces)])
             self._triangles = np.concatenate([self._triangles, np.array(fans)])
-            parts = np.concatenate([parts, np.repeat(self._parts[cut], sizes - 2)])
+            parts = np.concatenate([parts, np.repeat(self._parts[crossing], sizes - 2)])
         self._parts = parts
         corners = vertices[self._triangles]
         self._xy = corners[..., :2] / corners[..., 2:]
@@ -94,7 +94,7 @@ class RayOracle:
         self._low, self._high = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
 
     def largest_triangles(self) -> FloatArray:
-        """Return (K, 2) x/z, y/z of the centres of the three apparently largest triangles of each part."""
+        """Return (K, 2) x/z, y/z of the centres of the three triangles of each part with the largest images."""
         e1, e2 = self._xy[:, 1] - self._xy[:, 0], self._xy[:, 2] - self._xy[:, 0]
         order = np.lexsort((-np.abs(_cross(e1, e2)), self._parts))
         _, first, count = np.unique(self._parts[order], return_index=True, return_counts=True)
@@ -102,11 +102,11 @@ class RayOracle:
         return np.asarray(self._xy[order[rank < 3]].mean(axis=1))
 
     def triangles_near(self, ray: FloatArray, px_per_ray: FloatArray, doubt_px: float) -> ShowableTriangles:
-        """Return the triangles that a rasteriser may show at the pixel of the ray through (x, y, 1), camera frame.
+        """Return the triangles that a rasteriser may draw at the pixel of the ray through (x, y, 1), camera frame.
 
         Parameters
         ----------
-        px_per_ray : (2, 2) how a step of the ray moves the pixel. doubt_px : how far from its centre they may be.
+        px_per_ray : (2, 2) derivative of the pixel by the ray. doubt_px : largest distance from the pixel's centre.
         """
         reach = doubt_px * np.abs(np.linalg.inv(px_per_ray)).sum(axis=1)
         low, high = self._low, self._high
@@ -135,7 +135,7 @@ class RayOracle:
         area = weights.sum(axis=1)
         inside = (np.abs(area) > FLAT) & (np.all(weights >= 0, axis=1) | np.all(weights <= 0, axis=1))
         near, weights = near[inside], weights[inside] / area[inside, None]
-        # shares on the screen; over depth they are the shares on the triangle
+        # barycentric coordinates in the image; divided by depth, those on the triangle
         inverse = (weights * self._inverse[near]).sum(axis=1)
         on_triangle = weights * self._inverse[near] / inverse[:, None]
         normals = (on_triangle[..., None] * self._normals[self._triangles[near]]).sum(axis=1) @ self._R.T
@@ -147,7 +147,7 @@ class RayOracle:
 def _ahead_of_camera(
     vertices: FloatArray, normals: FloatArray, triangle: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Clip a triangle to the half-space in front of the camera. Return its corners (3 or 4, 3) in order, and their
+    """Clip a triangle to the half-space in front of the camera; return its corners (3 or 4, 3) in order and their
     normals.
     """
     points, along = [], []
@@ -165,7 +165,7 @@ def _ahead_of_camera(
 
 @lru_cache(maxsize=2)
 def ray_oracle(target: Target, camera_from_target: Pose) -> RayOracle:
-    """Return a target at a pose, cached for the next check of the same frame."""
+    """Return a target at a pose, cached for further checks of the same frame."""
     return RayOracle(target, camera_from_target)
 
 
@@ -175,9 +175,9 @@ def _cross(p: FloatArray, q: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class SampledRays:
-    """First surfaces that rays around one pixel's centre hit: depths, parts and normals (N, 3); whether one misses.
+    """First surfaces hit by rays around one pixel's centre: depths, parts and normals (N, 3); and if a ray misses.
 
-    ``showable`` is what a raster's rounding may show there instead, when that was asked.
+    ``showable`` holds the alternatives under a rasteriser's rounding, if requested.
     """
 
     z_m: FloatArray
@@ -190,11 +190,11 @@ class SampledRays:
     def of(along: list[Hits]) -> SampledRays:
         """Merge the first surfaces of several rays; at an outline, all surfaces.
 
-        There a raster's rounding may leave out the first and show the edge of what lies behind it.
+        There, rounding may omit the first surface and show the edge of the next one.
         """
-        found = [h for h in along if len(h.z_m)]
-        misses = len(found) < len(along)
-        hits = found if misses else [_first(h) for h in found]
+        with_hits = [h for h in along if len(h.z_m)]
+        misses = len(with_hits) < len(along)
+        hits = with_hits if misses else [_first(h) for h in with_hits]
         return SampledRays(
             np.concatenate([h.z_m for h in hits] or [np.zeros(0)]),
             frozenset(int(p) for h in hits for p in h.parts),
@@ -204,7 +204,7 @@ class SampledRays:
 
 
 class RaySampler:
-    """Tests labels of pixels against a target at a record's pose; each row of a rolling shutter has its own pose."""
+    """Tests labels of pixels against a target at a record's pose; with a rolling shutter each row has its own pose."""
 
     def __init__(self, truth: Truth, target: Target) -> None:
         self._truth, self._target = truth, target
@@ -220,8 +220,8 @@ class RaySampler:
         return self._casters[key]
 
     def agrees(self, pixel: IntArray, is_right: Callable[[SampledRays], bool]) -> bool:
-        """Return True if a label is right by the ray through a pixel's centre, by the rays around it, or by what a
-        rasteriser's rounding may show of the triangles there.
+        """Return True if a label is right by the ray through a pixel's centre, by the rays around it, or under a
+        rasteriser's rounding of the triangles there.
         """
         doubt_px = DOUBT_PX if self._truth.camera.distortion.is_none else DOUBT_LENS_PX
         if self._truth.row_poses:
@@ -233,16 +233,16 @@ class RaySampler:
         )
 
     def _rounded(self, pixel: IntArray, doubt_px: float) -> SampledRays:
-        """Return what the triangles around a pixel's centre may show after rounding their vertices."""
+        """Return what may be drawn at a pixel's centre after rounding the vertices around it."""
         key = (int(pixel[0]), int(pixel[1]))
         if key not in self._near:
             at = pixel + np.array([[0.0, 0.0], [0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
             rays = rays_with_opencv(self._truth.camera, at)
             px_per_ray = np.linalg.inv(np.stack([rays[1] - rays[2], rays[3] - rays[4]], axis=1))
-            found = self._caster(key[1]).triangles_near(rays[0], px_per_ray, doubt_px)
-            z_m = np.concatenate([found.nearest_m, found.farthest_m])
-            parts = frozenset(int(p) for p in found.parts)
-            self._near[key] = SampledRays(z_m, parts, np.zeros((0, 3)), not found.is_sure, found)
+            triangles = self._caster(key[1]).triangles_near(rays[0], px_per_ray, doubt_px)
+            z_m = np.concatenate([triangles.nearest_m, triangles.farthest_m])
+            parts = frozenset(int(p) for p in triangles.parts)
+            self._near[key] = SampledRays(z_m, parts, np.zeros((0, 3)), not triangles.is_sure, triangles)
         return self._near[key]
 
     def _ask(
@@ -256,7 +256,7 @@ class RaySampler:
         return known[key]
 
     def where_parts_should_be(self, margin_px: float = 1.0) -> IntArray:
-        """Return (K, 2) pixels in the image at the centres of the largest triangles of each part, visible or not."""
+        """Return (K, 2) pixels in the image at the centres of each part's largest triangles, visible or not."""
         pixels = self._caster((self._truth.camera.height_px - 1) // 2).largest_triangles()
         pixels = np.rint(self._truth.camera.project(np.insert(pixels, 2, 1.0, axis=1)))
         c = self._truth.camera
@@ -273,16 +273,18 @@ def _first(hits: Hits) -> Hits:
 
 
 def sample_pixels(truth: Truth, mask: ByteArray, layers: Layers, sampler: RaySampler) -> IntArray:
-    """Select (K, 2) pixels x, y to test: random ones on the mask and next to it, and some on every part."""
+    """Select (K, 2) pixels x, y to test: random ones on and next to the mask, and some on every part."""
     rng = np.random.default_rng([truth.seed, truth.frame_index, 0x1ABE1])
     n = N_ROLLING if truth.row_poses else N_SAMPLES
     on = lit_pixels(mask)
     near = np.asarray(cv2.dilate(mask, np.ones((9, 9), np.uint8)))
-    beside = lit_pixels(np.where(mask == 0, near, np.uint8(0)))
-    chosen = [group[rng.integers(0, len(group), m)] for group, m in ((on, n), (beside, n // 4)) if len(group)]
+    beside_mask = lit_pixels(np.where(mask == 0, near, np.uint8(0)))
+    samples = [
+        group[rng.integers(0, len(group), m)] for group, m in ((on, n), (beside_mask, n // 4)) if len(group)
+    ]
     if "parts" in layers and len(on) and not truth.row_poses:
         parts = layers["parts"][on[:, 1], on[:, 0]]
         order = rng.permutation(len(on))
         _, first = np.unique(parts[order], return_index=True)
-        chosen += [on[order[first]], sampler.where_parts_should_be()]
-    return np.concatenate(chosen) if chosen else np.zeros((0, 2), np.int64)
+        samples += [on[order[first]], sampler.where_parts_should_be()]
+    return np.concatenate(samples) if samples else np.zeros((0, 2), np.int64)

@@ -1,4 +1,4 @@
-"""Check of the recorded scenes against those of the card's scenario or recipe, planned again."""
+"""Check of the recorded scenes: the card's scenario or recipe is planned again."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
 RELATIVE = 1e-7
 """Relative tolerance of a propagated state on another machine."""
 ABSOLUTE = {"_m": 1e-5, "_m_s": 1e-6}
-"""Absolute tolerance by the suffix of a field's name [m, m/s]; differences of large ECI vectors carry it."""
-ABSOLUTE_OF_OTHERS = 1e-9
-MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as some labels do
+"""Absolute tolerance by unit suffix [m, m/s], for differences of large ECI vectors."""
+ABSOLUTE_OF_OTHERS = 1e-9  # tolerance of all other numbers
+MAX_SAMPLES = 50  # per recipe: a constrained pose takes as long as the labels of a frame
 NOT_COMPARED = ("camera", "target")
 """Fields that other checks cover."""
 
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Wrong fields by frame, and what was not recomputed, with the reason."""
+    """Wrong fields by frame, and comparisons that were skipped, with the reason."""
 
     faults: tuple[tuple[int | None, str], ...] = ()
     not_checked: tuple[str, ...] = ()
@@ -56,7 +56,7 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
-    scenes : of the records, by number. seed : decides which samples of a recipe are compared.
+    scenes : recorded scenes by number. seed : seed of the sample of a recipe's frames.
     """
     if not scenes:
         return SceneCheck()
@@ -103,7 +103,7 @@ def _read_document(card: DatasetCard) -> Recipe | Scenario:
     ValueError
         If it is neither, or a field is wrong.
     UserError
-        If physics does not allow it.
+        If it is physically impossible.
     """
     kind = card.scenario.get("schema")
     if kind == "flyaround.recipe":
@@ -122,7 +122,7 @@ def _read_document(card: DatasetCard) -> Recipe | Scenario:
 def _wrong_fields(
     card: DatasetCard, document: Recipe | Scenario, scenes: Mapping[int, SceneState], numbers: list[int]
 ) -> tuple[list[str], dict[int, list[str]]]:
-    """Return what was not compared, and the names of each frame's wrong fields."""
+    """Return the skipped comparisons, and the names of each frame's wrong fields."""
     left_out = set(NOT_COMPARED)
     if document.sensor.auto_exposure is not None:
         left_out.add("exposure_s")  # slow to compute
@@ -138,7 +138,7 @@ def _wrong_fields(
     reasons = []
     if isinstance(document, Scenario):
         camera = document.camera_in(_usual(scenes, "bands"))
-        if card.camera not in (camera, replace(camera, encoding=UNSET)):  # colour was linear in older sets
+        if card.camera not in (camera, replace(camera, encoding=UNSET)):  # older sets have linear colour
             reasons.append("the camera is not the scenario's")
         if not _has_usual_times(card, document, scenes):
             reasons.append("the frames' times are not those that the scenario's duration gives")
@@ -164,14 +164,14 @@ def _plan_again(
     plan: Any
     if isinstance(document, Recipe):
         target = card.target.name
-        made = plan_recipe(
+        recipe_plan = plan_recipe(
             document, card.n_frames, seed=first_seed, target=target, environment=environment, **options
         )
-        plan = replace(made, camera=card.camera)
+        plan = replace(recipe_plan, camera=card.camera)
     else:
         times = tuple(_times(card, document, scenes))
-        flown = plan_flight(document, times=times, seed=first_seed, **options)
-        plan = replace(flown, camera=card.camera, exposures=None)
+        flight_plan = plan_flight(document, times=times, seed=first_seed, **options)
+        plan = replace(flight_plan, camera=card.camera, exposures=None)
         vary = card.scenario.get("vary")
         plan = plan if vary is None else varied_plan(plan, msgspec.convert(vary, Vary))
     return SecondCameraPlan.of(plan, plan.second_camera) if is_second else plan
@@ -190,15 +190,15 @@ def _has_usual_times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int,
 
 
 def _times(card: DatasetCard, scenario: Scenario, scenes: Mapping[int, SceneState]) -> list[float]:
-    """Return the times of the frames: those of the command line, unless the records follow other ones."""
+    """Return the times of the frames: those of the command line, unless the records follow others."""
     if _has_usual_times(card, scenario, scenes):
         return list(frame_times(scenario.duration_s, card.n_frames, card.every_s).tolist())
     return [scenes[k].t_s if k in scenes else 0.0 for k in range(card.n_frames)]
 
 
-def _differences(expected: SceneState, found: SceneState, left_out: Container[str]) -> list[str]:
+def _differences(expected: SceneState, recorded: SceneState, left_out: Container[str]) -> list[str]:
     """Return the names of the fields in which two scenes differ by more than rounding."""
-    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, found))
+    a, b = (msgspec.to_builtins(SceneRecord.of(scene)) for scene in (expected, recorded))
     return [
         name
         for name in sorted(a.keys() | b.keys())

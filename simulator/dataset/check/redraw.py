@@ -1,8 +1,8 @@
-"""Check of the images: a sample is drawn again from its records and must be the same image.
+"""Check of the images: a sample is drawn again from its records and compared.
 
-A record's hash tells of accidents only: who changes an image can change its hash. The same renderer draws the same
-bytes; another one may round otherwise, so images are compared blurred, each pixel to what the noise and a shift of a
-fraction of a pixel would leave.
+A record's hash detects accidents only, because anyone who alters an image can alter its hash. The same renderer draws
+the same bytes. Another one may round differently, so images are compared after blurring, with a tolerance for noise and
+for a shift of a fraction of a pixel.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 SHARE = 0.02  # share of a data set's frames that are rendered again
 MIN_FRAMES = 3
 BLUR_PX = 2.0
-LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # white noise left after that blur
+LEFT_OF_NOISE = 1 / (2 * math.sqrt(math.pi) * BLUR_PX)  # standard deviation of white noise after that blur
 SIGMAS = 6.0
 SHIFT_PX = 0.25  # largest shift of an edge
 RELATIVE, ABSOLUTE = 0.01, 0.004  # tolerances between renderers, as shares of the signal and of full scale
-MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may be others
-FEW = 4
-EXACT = 1e-6
+MAX_OTHER, MAX_OF_MASK = 2e-4, 0.01  # share of the image's pixels, and of the craft's, that may differ
+FEW = 4  # pixels that may differ in any image
+EXACT = 1e-6  # tolerance of statistics if the images are equal
 LAYER_RELATIVE = {"depth": 2e-5}
 """Relative tolerance for another renderer or processor."""
 LAYER_ABSOLUTE = {"depth": 1e-3, "normals": 0.02, "flow": 0.02, "clean": 1.0}
@@ -58,7 +58,7 @@ FEW_EDGE_PX = 6
 
 @dataclass(frozen=True)
 class Redrawn:
-    """Result of drawing again: number of frames drawn, faults, and why none was drawn, if so."""
+    """Result of redrawing: number of frames, faults, and the reason if none was drawn."""
 
     n_frames: int
     faults: tuple[tuple[int, str], ...]
@@ -75,13 +75,13 @@ def sample(frames: Sequence[int], share: float, seed: int) -> list[int]:
 
     Parameters
     ----------
-    seed : selects the frames; it must not be known beforehand to anyone who could alter the data set.
+    seed : seed of the sample; it must be unpredictable for anyone who could alter the data set.
     """
     if share <= 0 or not frames:
         return []
     count = min(len(frames), max(MIN_FRAMES, math.ceil(share * len(frames))))
-    chosen = np.random.default_rng([seed % 2**63, len(frames)]).choice(len(frames), count, replace=False)
-    return [frames[k] for k in sorted(chosen.tolist())]
+    selected = np.random.default_rng([seed % 2**63, len(frames)]).choice(len(frames), count, replace=False)
+    return [frames[k] for k in sorted(selected.tolist())]
 
 
 def check_pictures(
@@ -91,7 +91,7 @@ def check_pictures(
 
     Parameters
     ----------
-    frames : to be drawn, all of them readable. target : that the card and the records name.
+    frames : numbers of readable frames to draw. target : target named by card and records.
     """
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same
@@ -113,8 +113,8 @@ def check_pictures(
             image = read_png(frame_paths(folder, k).image)
             mask = np.asarray(read_png(frame_paths(folder, k).mask), np.uint8)
             layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
-            found = check_drawn_again(renderer, truth, image, mask, craft, layers)
-            faults += [(k, what) for what in found]
+            frame_faults = check_drawn_again(renderer, truth, image, mask, craft, layers)
+            faults += [(k, what) for what in frame_faults]
             progress()
     return Redrawn(len(frames), tuple(faults))
 
@@ -127,11 +127,11 @@ def check_drawn_again(
     target: Target,
     layers: Layers | None = None,
 ) -> list[str]:
-    """Return every difference between a frame and what its record gives when drawn again.
+    """Return all differences between a frame and its redrawn record.
 
     Parameters
     ----------
-    layers : the label layers of the frame by name, as read.
+    layers : label layers of the frame by name, as read.
     """
     request = LabelRequest(layers=tuple(layers or ()), flow=truth.flow)
     again = take_frame(renderer, truth.scene, target, labels=request if layers else False)
@@ -141,7 +141,7 @@ def check_drawn_again(
         wrong += check_same_layers(layers, again.layers, mask, is_same_renderer=is_same)
     signal = expose_scene(truth.scene, again.radiance)
     mono = np.asarray(mono_signal(signal), float)
-    # the same renderer's light is the same; another one's is another by as much as its image may be
+    # the same renderer repeats the light exactly; another one within the tolerance of its image
     doubt, relative = (EXACT, 0.0) if np.array_equal(image, again.image) else (ABSOLUTE, RELATIVE)
     return wrong + check_step_share(truth, target, mono, doubt, relative)
 
@@ -159,29 +159,29 @@ def check_same_picture(
         return []
     encoding = truth.camera.pixel_encoding
     (one, sensor), (two, _) = (decode_numbers(x, truth.scene.sensor, encoding) for x in (image, again))
-    full, black = sensor.scale_dn  # a detector saturates where its well does, above its black level
-    mine, other = (
+    full, black = sensor.scale_dn  # a detector saturates at its full well, above its black level
+    read, redrawn = (
         cv2.GaussianBlur((x.astype(np.float32) - black) / full, (0, 0), BLUR_PX) for x in (one, two)
     )
-    off = np.abs(mine - other)
+    off = np.abs(read - redrawn)
     levels = np.linspace(0, 1, 33)
     sigma = np.array([noise_sigma(sensor, float(x), truth.scene.exposure_s) for x in levels])
-    # demosaicing spreads the noise of one pixel in four over all, which a blur halves less; white balance and a colour
+    # demosaicing spreads the noise of one pixel in four over all, so a blur reduces it less; white balance and a colour
     # matrix multiply it
     spread = np.maximum(3.0, 2.0 * np.linalg.norm(band_gains(truth), axis=1)) if image.ndim == 3 else 1.0
-    noise = np.interp(other, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
+    noise = np.interp(redrawn, levels, sigma) * (SIGMAS * math.sqrt(2) * LEFT_OF_NOISE * spread)
     near = np.ones((3, 3), np.uint8)
-    slope = cv2.dilate(other, near) - cv2.erode(other, near)
-    bad = off > ABSOLUTE + RELATIVE * np.maximum(other, 0) + noise + SHIFT_PX * slope
+    slope = cv2.dilate(redrawn, near) - cv2.erode(redrawn, near)
+    bad = off > ABSOLUTE + RELATIVE * np.maximum(redrawn, 0) + noise + SHIFT_PX * slope
     bad = bad if bad.ndim == 2 else bad.any(axis=2)
     about = cv2.dilate(mask, np.ones((9, 9), np.uint8)) > 0
-    on_craft, beside = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
-    if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), FEW) and beside <= max(
+    on_craft, off_craft = (int(np.count_nonzero(bad & where)) for where in (about, ~about))
+    if on_craft <= max(MAX_OF_MASK * np.count_nonzero(mask), FEW) and off_craft <= max(
         MAX_OTHER * bad.size, FEW
     ):
         return []
     what = (
-        f"the image is not what its record gives when it is drawn again: {on_craft + beside} pixels differ by more "
+        f"the image is not what its record gives when it is drawn again: {on_craft + off_craft} pixels differ by more "
         "than noise and rounding"
     )
     return [what]
@@ -194,34 +194,34 @@ def check_same_layers(
     *,
     is_same_renderer: bool,
 ) -> list[str]:
-    """Compare the layers of a frame with those that its record gives.
+    """Compare the layers of a frame with redrawn ones.
 
     Parameters
     ----------
-    layers, again : as they were read, and as they are drawn, by name.
-    is_same_renderer : the image is the same to the byte, so that rounding at few pixels alone is allowed.
+    layers, again : layers as read, and as redrawn, by name.
+    is_same_renderer : True if the image is equal to the byte, so that only rounding at few pixels is allowed.
     """
     most = FEW_EDGE_PX if is_same_renderer else max(FEW_EDGE_PX, MAX_OF_MASK * np.count_nonzero(mask))
     wrong = []
     for name in sorted(layers.keys() & again.keys()):
-        mine, other = layers[name], again[name]
-        if not is_same_renderer and (name == "clean" or mine.shape != other.shape):
-            continue  # another renderer's light is another, and its amodal mask may begin elsewhere
-        if mine.shape != other.shape:
-            wrong.append(f"{name} is {mine.shape}, drawn again {other.shape}")
+        read, redrawn = layers[name], again[name]
+        if not is_same_renderer and (name == "clean" or read.shape != redrawn.shape):
+            continue  # under another renderer the light differs, and the amodal mask may begin elsewhere
+        if read.shape != redrawn.shape:
+            wrong.append(f"{name} is {read.shape}, drawn again {redrawn.shape}")
             continue
-        bad = _differing(name, mine, other)
+        bad = _differing(name, read, redrawn)
         if bad > most:
             wrong.append(f"{name} differs at {bad} pixels from what the record gives when it is drawn again")
     return wrong
 
 
-def _differing(name: str, mine: NDArray[Any], other: NDArray[Any]) -> int:
+def _differing(name: str, read: NDArray[Any], redrawn: NDArray[Any]) -> int:
     """Count the pixels that differ by more than rounding."""
-    if np.array_equal(mine, other, equal_nan=mine.dtype.kind == "f"):
+    if np.array_equal(read, redrawn, equal_nan=read.dtype.kind == "f"):
         return 0
-    a, b = mine.astype(np.float64), other.astype(np.float64)
-    # one unknown and one known value differ, and so do two that are too far apart
+    a, b = read.astype(np.float64), redrawn.astype(np.float64)
+    # NaN and a number differ, and so do two values that are too far apart
     near = np.abs(a - b) <= LAYER_ABSOLUTE.get(name, 0.0) + LAYER_RELATIVE.get(name, 0.0) * np.abs(b)
     bad = ~(near | (np.isnan(a) & np.isnan(b)))
     return int(np.count_nonzero(bad if bad.ndim == 2 else bad.any(axis=2)))

@@ -36,7 +36,7 @@ def pose_of_row(truth: Truth, row: float) -> Pose:
 
 
 def check_rows(truth: Truth) -> list[str]:
-    """Check row poses: ordered in time, around the record's own pose, and rotating as the scene says."""
+    """Check row poses: ordered in time, around the record's own pose, and consistent with the scene's rates."""
     scene, poses = truth.scene, truth.row_poses
     if scene.shutter.is_rolling != bool(poses):
         return ["row poses and the shutter's kind disagree"]
@@ -55,12 +55,12 @@ def check_rows(truth: Truth) -> list[str]:
     reach = np.linalg.norm(scene.omega_camera_rad_s) + np.linalg.norm(scene.omega_target_rad_s)
     for pose in poses:
         # rates are constant to first order; the remainder grows with the square of the rotation
-        turned = reach * abs(pose.dt_s)
+        rotation_rad = reach * abs(pose.dt_s)
         turn = matrix_from_quat(pose.q_camera_from_target_wxyz) @ R_ct.T
         angle = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
-        if np.linalg.norm(angle - rate * pose.dt_s) > 1e-7 + turned**2:
+        if np.linalg.norm(angle - rate * pose.dt_s) > 1e-7 + rotation_rad**2:
             return [f"the pose of row {pose.row_px} is not turned as the rates say"]
         shift = np.asarray(pose.t_camera_from_target_m) - t0 - v * pose.dt_s
-        if np.linalg.norm(shift) > 1e-6 + turned**2 * (np.linalg.norm(t0) + 1) + 1e-4 * pose.dt_s**2:
+        if np.linalg.norm(shift) > 1e-6 + rotation_rad**2 * (np.linalg.norm(t0) + 1) + 1e-4 * pose.dt_s**2:
             return [f"the pose of row {pose.row_px} is not moved as the velocity says"]
     return []

@@ -1,4 +1,4 @@
-"""Check of the keypoint states that depend on the image: visible, saturated, below the noise; from the clean twin."""
+"""Check of the image-dependent keypoint states (visible, saturated, below_noise) from the clean twin."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ MEAN_OF_SRGB = np.full(3, 1 / 3) @ np.linalg.inv(SRGB_FROM_BANDS)
 def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> list[str]:
     """Return the keypoints whose visible, saturated or below-noise state contradicts the noise-free image.
 
-    Its digital numbers give the signal to half a step; where that leaves two answers, either is right. A colour that
-    reaches full scale in one band alone, and a detector that blooms or mixes its pixels' colours, are not judged.
+    Its digital numbers give the signal to half a step; if that allows two answers, either is accepted. Colours that
+    saturate in one band only, and detectors that bloom or mix their pixels' colours, are not checked.
     """
     signal = _signal(truth, clean)
     if signal is None:
@@ -54,13 +54,13 @@ def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsign
     """Check the share of the wireframe above the noise, if the clean twin gives the signal."""
     signal = _signal(truth, clean)
     if signal is None or _is_matrixed(truth, signal):
-        return []  # a colour beyond the screen's was cut off, and its light is not known
+        return []  # a colour outside the screen's gamut was clipped, so its light is unknown
     mono = signal if signal.ndim == 2 else signal.mean(axis=2)
     return check_step_share(truth, target, mono, 0.51 * _step(truth, mono))
 
 
 def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.float64] | None:
-    """Return the clean twin's signal, 1 at full scale; ``None`` if a number is not one pixel's signal."""
+    """Return the clean twin's signal, 1 at full scale; ``None`` if a number mixes several pixels' signals."""
     detector = truth.scene.sensor.detector
     if detector is not None and (detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb"):
         return None
@@ -70,7 +70,7 @@ def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.floa
 
 
 def _is_matrixed(truth: Truth, signal: NDArray[np.float64]) -> bool:
-    """Return True if a colour matrix made the image's primaries of the detector's bands."""
+    """Return True if a colour matrix converted the detector's bands to the image's primaries."""
     return signal.ndim == 3 and truth.camera.pixel_encoding == "srgb"
 
 

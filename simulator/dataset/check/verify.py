@@ -1,7 +1,7 @@
-"""Verify every label of a data set again from its files alone, independently of the code that made them.
+"""Verification of every label of a data set from its files alone, independent of the code that made them.
 
-Pixels by ``cv2.projectPoints``, the pose by PnP on the exported keypoints, the mask against a silhouette
-filled by OpenCV on the CPU, boxes against the mask, images against the camera, exports against the records.
+Pixels by ``cv2.projectPoints``, the pose by PnP on the exported keypoints, the mask against a silhouette filled by
+OpenCV on the CPU, boxes against the mask, redrawn images, exports against the records.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class CheckReport:
 
     Parameters
     ----------
-    n_redrawn : frames that were drawn again from their records. not_redrawn : why none was, where some should be.
-    redraw_seed : decides which; with it the same ones are drawn again.
+    n_redrawn : number of frames redrawn from their records. not_redrawn : reason if none was, although requested.
+    redraw_seed : seed of the redrawn sample, to repeat it.
     n_exported : frames whose contents were compared in each export. not_checked : impossible checks, with the reason.
     """
 
@@ -94,14 +94,15 @@ def check_dataset(
     redraw_seed: int | None = None,
     whole_exports: bool = False,
 ) -> CheckReport:
-    """Check every frame of a data set, and draw some images again; a stereo pair's two sets are both checked.
+    """Check every frame of a data set, and redraw some images; both sets of a stereo pair are checked.
 
     Parameters
     ----------
-    redraw : share of the frames to draw again from their records, at least three; 0 for none. Where there is no OpenGL
-        none is, and the report says so. redraw_seed : decides which; fresh where none is given, as who alters a data
-        set must not know them beforehand. whole_exports : compare the contents of all frames in the exports, not of a
-        sample.
+    redraw : share of the frames to redraw from their records, at least three; 0 for none. Without OpenGL none is, and
+        the report says so.
+    redraw_seed : seed of the sample; by default unpredictable, so that nobody who alters a data set can know it
+        beforehand.
+    whole_exports : True to compare the contents of all frames in the exports instead of a sample.
 
     Raises
     ------
@@ -136,10 +137,10 @@ def check_dataset(
     scenes: dict[int, SceneState] = {}
     if card.complete:
         faults += [Fault(k, "files are missing") for k in range(card.n_frames) if not is_whole(folder, k)]
-    drawn = sample(frames, redraw, seed)
+    redrawn = sample(frames, redraw, seed)
     n_labels = n_imported = 0
     previous: Truth | None = None
-    for done, k in enumerate(frames):
+    for n_done, k in enumerate(frames):
         frame = frame_from_folder(folder, k, exports.splits.get(k, ""))  # decoded once for all checks
         try:
             truth = read_label_record(frame_paths(folder, k).truth)
@@ -152,7 +153,7 @@ def check_dataset(
                 faults += [Fault(k, what) for what in imported]
                 n_imported += 1
                 n_labels += len(truth.keypoints) + 7
-                progress(done + 1, len(frames))
+                progress(n_done + 1, len(frames))
                 continue
             layers = {name: read_layer(folder / "images", f"{k:06d}", name) for name in truth.layer_sha256}
             frame.decoded.update(layers)
@@ -167,16 +168,16 @@ def check_dataset(
         faults += _check_flow_to(k, truth, previous)
         previous = truth
         craft = None if target is None else truth.scene.target.drawn(target)
-        found = check_frame(k, truth, image, mask, card, craft, layers)
-        faults += [Fault(k, what) for what in found]
+        faults_of_frame = check_frame(k, truth, image, mask, card, craft, layers)
+        faults += [Fault(k, what) for what in faults_of_frame]
         n_labels += len(truth.keypoints) + len(truth.layers) + 7
-        progress(done + 1, len(frames) + len(drawn))
-    again = Redrawn(0, (), "the pictures were imported" if n_imported and drawn else "")
-    readable_drawn = [k for k in drawn if k in readable]
+        progress(n_done + 1, len(frames) + len(redrawn))
+    again = Redrawn(0, (), "the pictures were imported" if n_imported and redrawn else "")
+    readable_drawn = [k for k in redrawn if k in readable]
     if target is not None and readable_drawn:
         steps = itertools.count(len(frames) + 1)
         again = check_pictures(
-            folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(drawn))
+            folder, readable_drawn, target, lambda: progress(next(steps), len(frames) + len(redrawn))
         )
         faults += [Fault(k, what) for k, what in again.faults]
     faults += [Fault(None, what) for what in check_card(card, target, layers_of_frames)]
@@ -252,11 +253,11 @@ def check_frame(
     target: Target | None,
     layers: Layers | None = None,
 ) -> list[str]:
-    """Return everything wrong with frame k, one sentence each.
+    """Return all faults of frame k, one sentence each.
 
     Parameters
     ----------
-    layers : the label layers of the frame by name, as drawn or as read.
+    layers : label layers of the frame by name, as drawn or read.
     """
     layers = layers or {}
     wrong: list[str] = []
@@ -315,8 +316,8 @@ def _check_directions(truth: Truth) -> list[str]:
     ):
         if label is not None and not np.allclose(label, to_camera @ way / np.linalg.norm(way), atol=1e-9):
             wrong.append(f"{name} is not the direction that the scene's positions give")
-    seen = sun_fraction_past_bodies(scene.bodies, target, sun)
-    if abs(truth.sun_visible_fraction - seen) > 1e-9:
+    visible_share = sun_fraction_past_bodies(scene.bodies, target, sun)
+    if abs(truth.sun_visible_fraction - visible_share) > 1e-9:
         wrong.append("sun_visible_fraction is not what Earth and Moon leave of the Sun's disc")
     if truth.exposure_s is not None and truth.exposure_s != scene.exposure_s:
         wrong.append("exposure_s differs from the scene's")

@@ -1,4 +1,4 @@
-"""Check of the wireframe: edges by name and place, and their visibility against rays."""
+"""Check of the wireframe: edges by name and position, and their visibility against rays."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 EDGE_NEAR_M = 0.05
 LONG_PX = 6.0
-MAX_STRETCHES = 60
-CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # closer than this to being seen, either label may stand
+MAX_STRETCHES = 60  # stretches of edges that are tested per frame
+CLEAR_M, CLEAR_COSINE = 1e-3, 0.02  # within these margins of being visible, either label is accepted
 OWN_RADII = 1.15
 """Radii around a rod's axis within which a surface counts as the rod's own, even if it tapers."""
 SHARPEST_COSINE = 0.985
@@ -27,7 +27,7 @@ SHARPEST_COSINE = 0.985
 
 
 def check_wireframe(truth: Truth, target: Target) -> list[str]:
-    """Check edges by name and place, and the middles of visible and hidden stretches against rays."""
+    """Check edges by name and position, and the midpoints of visible and hidden intervals against rays."""
     if "wireframe" not in truth.layers:
         return ["edges are listed though the wireframe was not asked for"] if truth.wireframe else []
     pose = Pose.of("camera", "target", truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m)
@@ -35,9 +35,9 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
     if [e.name for e in ahead] != [w.name for w in truth.wireframe]:
         return ["the wireframe's edges are not the target's"]
     wrong, caster = [], ray_oracle(target, pose)
-    asked = 0
+    n_tested = 0
     order = np.random.default_rng([truth.seed, truth.frame_index, 0xED6E]).permutation(len(ahead))
-    # rods are few and thin: all of them; of the other edges others in every frame
+    # all rods, which are few and thin; a different selection of the other edges in every frame
     for number in sorted(order.tolist(), key=lambda k: ahead[k].radius_m == 0):
         edge, wire = ahead[number], truth.wireframe[number]
         ends = np.array([edge.a_m, edge.b_m])
@@ -54,36 +54,36 @@ def check_wireframe(truth: Truth, target: Target) -> list[str]:
             continue
         length = float(np.hypot(*(projected[1] - projected[0])))
         for k, (a, b) in enumerate(itertools.pairwise(bounds)):
-            if (b - a) * length < LONG_PX or asked >= MAX_STRETCHES:
+            if (b - a) * length < LONG_PX or n_tested >= MAX_STRETCHES:
                 continue
-            asked += 1
-            seen, middle = k % 2 == 1, (a + b) / 2
-            if not _stretch_agrees(caster, pose, edge, middle, seen=seen):
-                word = "seen" if seen else "hidden"
+            n_tested += 1
+            is_visible, middle = k % 2 == 1, (a + b) / 2
+            if not _stretch_agrees(caster, pose, edge, middle, is_visible=is_visible):
+                word = "seen" if is_visible else "hidden"
                 wrong.append(f"edge {wire.name} is {word} at {middle:.3f} of it, which a ray contradicts")
     return wrong
 
 
-def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, seen: bool) -> bool:
+def _stretch_agrees(caster: RayOracle, pose: Pose, edge: Edge, share: float, *, is_visible: bool) -> bool:
     """Return True if the point at a share of the projected edge is visible or hidden as labelled."""
     ends = pose.apply(np.array([edge.a_m, edge.b_m]))
     z = ends[:, 2]
-    # shares of the projection are shares of the edge over depth
+    # shares of the projection, divided by depth, are shares of the edge
     along = share / z[1] / ((1 - share) / z[0] + share / z[1])
     point = ends[0] + along * (ends[1] - ends[0])
     hits = caster.hits(point[:2] / point[2])
     if edge.radius_m > 0:
-        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, seen=seen)
+        return _rod_agrees(hits.z_m, edge.radius_m, ends, point, is_visible=is_visible)
     nearest = float(hits.z_m[0]) if len(hits.z_m) else np.inf
-    if seen:
+    if is_visible:
         return nearest > point[2] - (5e-3 + 2e-4 * float(point[2]))
-    # hidden: by something before it, or because all its faces look away
+    # hidden: by a surface in front of it, or because all its faces face away
     facing = [float(pose.R @ np.asarray(n) @ -point) / float(np.linalg.norm(point)) for n in edge.normals]
     return nearest < point[2] - CLEAR_M or max(facing, default=1.0) < CLEAR_COSINE
 
 
 def _rod_agrees(
-    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, seen: bool
+    hits_z_m: FloatArray, radius_m: float, ends: FloatArray, point: FloatArray, *, is_visible: bool
 ) -> bool:
     """Return True if a point of a rod's axis is visible or hidden as labelled, ignoring the rod's own surface.
 
@@ -95,6 +95,6 @@ def _rod_agrees(
     before = hits_z_m[hits_z_m < point[2] - CLEAR_M]
     places = before[:, None] * (point / point[2])
     off = np.linalg.norm(np.cross(places - ends[0], way), axis=1)
-    if seen:
+    if is_visible:
         return not np.any(off > 5e-3 + 2.5 * radius_m + 2e-4 * float(point[2]))
     return bool(np.any(off > OWN_RADII * radius_m + CLEAR_M))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
 Arrays: TypeAlias = "dict[str, NDArray[Any]]"
-NO_CHANNELS = ("amodal",)  # reaches beyond the image
+NO_CHANNELS = ("amodal",)  # larger than the image
 
 
 class NpzWriter:
@@ -68,7 +68,7 @@ def arrays_of(frame: LabelledFrame) -> Arrays:
     """Return every number and name of a frame, by name."""
     truth, camera = frame.truth, frame.camera
     nan = (np.nan, np.nan)
-    known: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         "number": frame.number,
         "image": frame.image,
         "image_bits": image_bits(frame),
@@ -86,8 +86,8 @@ def arrays_of(frame: LabelledFrame) -> Arrays:
         "keypoints_pixel_px": np.array([k.pixel_px or nan for k in truth.keypoints], float).reshape(-1, 2),
         "keypoints_state": np.array([k.state for k in truth.keypoints], "U"),
     }
-    known |= {name: frame.layer(name) for name in frame.layers}
-    return {name: np.asarray(value) for name, value in known.items()}
+    arrays |= {name: frame.layer(name) for name in frame.layers}
+    return {name: np.asarray(value) for name, value in arrays.items()}
 
 
 class ExrWriter:

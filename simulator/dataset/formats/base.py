@@ -1,4 +1,4 @@
-"""The definition of a data-set format: what it holds, its reader and its writer."""
+"""The interface of a data-set format: its contents, reader and writer."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ArraysOutput(FormatOutput, Protocol):
 
 
 class FormatWriter(Protocol):
-    """Writer that takes labelled frames in the order of their numbers, and finally writes what concerns all of them."""
+    """A writer that takes labelled frames in order, and finally writes the files that concern all of them."""
 
     def write(self, frame: LabelledFrame) -> None:
         """Take one frame."""
@@ -100,13 +100,13 @@ class DatasetFormat:
     Parameters
     ----------
     name : name on the command line, and of the folder next to the native layout. title : description.
-    carries, lacks : its contents and omissions, as parts of a sentence.
-    writer : makes the writer of a data set, given card and output; None for a format that is only read.
-    read : the images with poses of a folder or a list, None of a folder of another kind; None of a format that is
-        written alone.
-    problem : why a data set of a card cannot be written so, or None.
-    needs : the module that writing needs, and the extra that installs it.
-    deep_images : its readers take images of more than eight bits as they are; they get eight otherwise.
+    carries, lacks : contents and omissions of the format, as parts of a sentence.
+    writer : function that makes a writer from output and card; None for a read-only format.
+    read : function that returns the images with poses of a folder or list, or None for one of another kind; None for a
+        write-only format.
+    problem : function that returns why a data set cannot be written in this format, or None.
+    needs : module required for writing, and the extra that installs it.
+    deep_images : True if its readers accept images of more than eight bits.
     """
 
     name: str
@@ -120,13 +120,13 @@ class DatasetFormat:
     deep_images: bool = False
 
     def sentence(self, card: DatasetCard) -> str:
-        """Return what the format holds of a data set, and what it omits."""
+        """Return a sentence on the contents that the format keeps of a data set, and those that it omits."""
         without = f", without {self.lacks}" if self.lacks else ""
         bits = card.image_bits or 8
-        scaled = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
+        scaling = f"; its {scale_sentence(bits)}" if bits > 8 and not self.deep_images else ""
         encoding = card.camera.pixel_encoding
         encoded = "" if encoding == "linear" else f"; its numbers are {encoding}-encoded"
-        return f"{self.name} holds {self.carries}{without}{scaled}{encoded}"
+        return f"{self.name} holds {self.carries}{without}{scaling}{encoded}"
 
     def open_writer(self, output: FormatOutput, card: DatasetCard) -> FormatWriter:
         """Open the writer of a data set.
@@ -134,7 +134,7 @@ class DatasetFormat:
         Raises
         ------
         UserError
-            As of `check`.
+            If `check` raises it.
         """
         self.check(card)
         if self.writer is None:
@@ -148,7 +148,7 @@ class DatasetFormat:
         Raises
         ------
         UserError
-            If it is read alone, cannot hold this data set, or a library that it needs is not installed.
+            If it is read-only, cannot hold this data set, or a required library is not installed.
         """
         if self.writer is None:
             raise UserError(f"format {self.name} is read, not written; choose another with --format")

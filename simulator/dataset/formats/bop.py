@@ -2,8 +2,8 @@
 
 ``SPLIT/000000/rgb`` or ``gray``, ``mask``, ``mask_visib`` and, with the layer, ``depth``; ``scene_gt.json``,
 ``scene_gt_info.json`` and ``scene_camera.json``; ``models/obj_000001.ply`` (one for each shape that ``model_error_mm``
-made) and ``models_info.json``; ``camera.json``. Nothing stands before the craft, so that its whole mask within the
-image is its visible one. Pixel (0, 0) is a centre, as here.
+made) and ``models_info.json``; ``camera.json``. Nothing occludes the craft, so its whole mask within the image is its
+visible one. Pixel (0, 0) is a centre, as here.
 
 References
 ----------
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.pose import Pose
 
 MM = 1000.0
-_CANVAS_PX = 2048  # larger canvases of craft and surroundings are counted on a coarser grid
+_CANVAS_PX = 2048  # larger canvases around the image are counted on a coarser grid
 FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
@@ -78,7 +78,7 @@ class BopWriter:
         scale = 1.0
         if "depth" in frame.layers:
             depth_mm = np.nan_to_num(frame.layer("depth") * MM)
-            # 16 bits reach 65 m at 1 mm, and less coarse for nearer ones
+            # 16 bits reach 65 m in steps of 1 mm; nearer craft get finer steps
             scale = max(np.ceil(float(depth_mm.max()) / 65535 * 10) / 10, 0.1)
             self._output.write(
                 f"{scene}/depth/{k:06d}.png", encode_png(np.rint(depth_mm / scale).astype(np.uint16))
@@ -131,28 +131,28 @@ class BopWriter:
 def gt_info(frame: LabelledFrame, target: Target) -> dict[str, Any]:
     """Return an entry of ``scene_gt_info.json`` by the definitions of the toolkit's `calc_gt_info.py`.
 
-    Boxes are x, y of the first pixel and its way to the last, -1 where nothing is visible; the silhouette of the whole
-    craft reaches up to the image's size beyond the image.
+    Boxes are x, y of the first pixel and the offset of the last, -1 if nothing is visible; the silhouette is clipped at
+    the image's size beyond the image.
     """
     rows, columns = np.nonzero(frame.mask)
     visible, inside = len(rows), frame.truth.silhouette_inside
-    whole, seen, obj = visible, [-1, -1, -1, -1], [-1, -1, -1, -1]
+    whole, visible_box, obj = visible, [-1, -1, -1, -1], [-1, -1, -1, -1]
     bounds = np.full((2, 2), np.nan)
     if inside < 1 or not visible:
-        beside = pixels_beside(frame.camera, frame.pose, target)
-        if beside is None:  # no raster reaches behind the camera
+        outside = pixels_beside(frame.camera, frame.pose, target)
+        if outside is None:  # no raster reaches behind the camera
             whole = round(visible / (inside or 1.0))
         else:
-            whole, bounds = visible + beside[0], beside[1]
+            whole, bounds = visible + outside[0], outside[1]
     if visible:
         own = np.array([[columns.min(), rows.min()], [columns.max(), rows.max()]])
-        seen = _way(*own)
+        visible_box = _way(*own)
         obj = _way(np.fmin(own[0], bounds[0]), np.fmax(own[1], bounds[1]))
     return {
         "bbox_obj": obj,
-        "bbox_visib": seen,
+        "bbox_visib": visible_box,
         "px_count_all": whole,
-        "px_count_valid": visible,  # depth is known on the whole mask
+        "px_count_valid": visible,  # depth is valid on the whole mask
         "px_count_visib": visible,
         "visib_fract": visible / whole if whole else 0.0,
     }
@@ -163,14 +163,14 @@ def pixels_beside(camera: Camera, pose: Pose, target: Target) -> tuple[int, Floa
 
     Returns
     -------
-    Their number and the (2, 2) x, y of the first and last column and row, NaN of none; None near the camera.
+    Their number, and the (2, 2) x, y of the first and last column and row, NaN if there are none; None near the camera.
     """
     mesh = mesh_of(target)
     in_camera = pose.apply(mesh.positions_m)
     if in_camera[:, 2].min() <= NEAREST_M:
         return None
     size = np.array([camera.width_px, camera.height_px])
-    vertices = camera.project(in_camera) + size + 0.5  # from the corner of a canvas of three images by three
+    vertices = camera.project(in_camera) + size + 0.5  # in a canvas of three by three images
     across = np.diff(np.clip([vertices.min(axis=0), vertices.max(axis=0)], 0, 3 * size), axis=0)
     scale = min(1.0, _CANVAS_PX / max(float(np.sqrt(across.prod())), 1.0))
     width, height = np.ceil(3 * size * scale).astype(int).tolist()

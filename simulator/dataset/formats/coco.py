@@ -2,8 +2,8 @@
 
 ``images/SPLIT/NNNNNN.png``; ``annotations/SPLIT.json`` with run lengths, which are the mask exactly;
 ``annotations/SPLIT_polygons.json`` with outlines, for loaders that take no others (holes are filled);
-``annotations/SPLIT_parts.json`` with a category for each class of parts, from the layer ``parts``. COCO's pixel (0,
-0) is the corner of the first pixel: all that is ours is moved by half of one.
+``annotations/SPLIT_parts.json`` with a category for each class of parts, from the layer ``parts``. COCO's pixel (0, 0)
+is the corner of the first pixel, so all positions are moved by half a pixel.
 
 References
 ----------
@@ -56,7 +56,7 @@ def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
     """Return COCO's uncompressed run lengths of a mask (H, W), column by column, zeros first."""
     height, width = mask.shape
     _, columns = craft_window(mask)
-    flat = (mask[:, columns] > 0).T.ravel()  # columns without any of it are part of the first and last run
+    flat = (mask[:, columns] > 0).T.ravel()  # empty columns belong to the first and last run
     starts = np.flatnonzero(np.diff(flat, prepend=False)) + columns.start * height
     counts = np.diff(np.concatenate([[0], starts, [width * height]])).tolist()
     if flat.size and flat[-1] and columns.stop < width:
@@ -66,7 +66,7 @@ def run_lengths(mask: NDArray[Any]) -> dict[str, Any]:
 
 
 def polygons(mask: ByteArray) -> list[list[float]]:
-    """Return outlines of a mask's pieces, x y at pixel corners, a quarter pixel inside; holes are filled."""
+    """Return outlines of a mask's components, x y at pixel corners, a quarter pixel inside; holes are filled."""
     rows, columns = craft_window(mask)
     part = (mask[rows, columns] > 0).astype(np.uint8)
     if not part.size:
@@ -112,11 +112,11 @@ class CocoWriter:
             }
         )
         box = frame.truth.box_px
-        if box is None:  # nothing of the craft is to be seen: an image without annotations
+        if box is None:  # the craft is not visible: an image without annotations
             return
         triples = keypoint_triples(frame)
-        found = {
-            "id": frame.number + 1,  # COCO's evaluation takes 0 for none
+        annotation = {
+            "id": frame.number + 1,  # COCO's evaluation treats 0 as "none"
             "image_id": frame.number,
             "category_id": CRAFT_ID,
             "bbox": box_xywh(box),
@@ -126,7 +126,7 @@ class CocoWriter:
             "num_keypoints": sum(v > 0 for _, _, v in triples),
             "segmentation": run_lengths(frame.mask),
         }
-        self._objects.setdefault(split, []).append((found, polygons(frame.mask)))
+        self._objects.setdefault(split, []).append((annotation, polygons(frame.mask)))
         if "parts" in frame.layers:
             self._parts.setdefault(split, []).extend(self._parts_of(frame))
 
@@ -136,11 +136,11 @@ class CocoWriter:
             [0, *(FIRST_CLASS_ID + classes.index(name) for name in self._card.target.part_classes)], np.uint8
         )
         ids = of_part[np.minimum(parts, len(of_part) - 1)]
-        found = []
+        annotations = []
         for category in np.unique(ids[ids > 0]).tolist():
             mask = (ids == category).astype(np.uint8)
             x, y, width, height = cv2.boundingRect(mask)
-            found.append(
+            annotations.append(
                 {
                     "id": frame.number * 16 + category,
                     "image_id": frame.number,
@@ -151,7 +151,7 @@ class CocoWriter:
                     "segmentation": run_lengths(mask),
                 }
             )
-        return found
+        return annotations
 
     def finish(self) -> None:
         """Write the lists of each split."""

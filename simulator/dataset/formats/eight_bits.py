@@ -18,18 +18,18 @@ IMAGES = ("png", "clean.png")
 
 
 def image_bits(frame: LabelledFrame) -> int:
-    """Return the bit depth of a frame's digital numbers; of imported images that of their files."""
+    """Return the bit depth of a frame's digital numbers; for imported images that of their files."""
     truth = frame.truth
     return truth.scene.sensor.bits if isinstance(truth, Truth) else 8 * frame.image.itemsize
 
 
 def scale_sentence(bits: int) -> str:
-    """Return how 8-bit values follow from digital numbers of ``bits``."""
+    """Return a sentence on how 8-bit values follow from digital numbers of ``bits``."""
     return f"images have 8 bits: digital numbers of {bits} bits times 255 / {2**bits - 1}, rounded"
 
 
 def with_eight_bits(frame: LabelledFrame) -> LabelledFrame:
-    """Return a frame with 8-bit images, full scale 255; the frame itself if they have no more."""
+    """Return a frame with 8-bit images, full scale 255; the frame itself if they are."""
     bits = image_bits(frame)
     if bits <= 8:
         return frame

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MAX_SIDE_PX = 16_384  # largest side of a camera
+MAX_SIDE_PX = 16_384  # largest side of an image
 MAX_PIXELS = MAX_SIDE_PX**2
 MAX_CHANNELS = 4
 MAX_BYTES = 2**32  # largest file of that many numbers
@@ -40,12 +40,12 @@ def encode_channels(planes: Mapping[str, NDArray[Any]]) -> bytes:
 
 
 def decode_exr(data: bytes, names: tuple[str, ...], where: str) -> NDArray[Any]:
-    """Decode an OpenEXR file's channels from its bytes, as `read_exr` does; ``where`` names it in errors.
+    """Decode an OpenEXR file's channels from its bytes, as `read_exr` does; ``where`` names it in messages.
 
     Raises
     ------
     UserError
-        As of `read_exr`.
+        If the file is damaged, too large, or lacks a channel.
     """
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / Path(where).name
@@ -59,7 +59,7 @@ def read_exr(path: Path, names: tuple[str, ...]) -> NDArray[Any]:
     Raises
     ------
     UserError
-        If the file is missing, damaged, larger than any camera's, or lacks a channel.
+        If the file is missing, damaged, larger than any camera's image, or lacks a channel.
     """
     if not path.is_file():
         raise UserError(f"cannot read {path}; it is missing")

@@ -39,10 +39,12 @@ class LabelledFrame:
 
     Parameters
     ----------
-    number : in its data set. read : the bytes of one of its files by the ending of its native name: ``png``,
-        ``mask.png``, ``json``, ``depth.exr``. where : name in messages.
-    split : train, validation, test, or empty where the data set is not split.
-    decoded : layers that were decoded before, by name.
+    number : number in its data set.
+    read : function that returns the bytes of a file by its native suffix: ``png``, ``mask.png``, ``json``,
+        ``depth.exr``.
+    where : name of the file in error messages.
+    split : train, validation, test, or empty if the data set is not split.
+    decoded : layers that have been decoded already, by name.
     """
 
     number: int
@@ -63,7 +65,7 @@ class LabelledFrame:
 
     @cached_property
     def truth(self) -> LabelRecord:
-        """The whole record."""
+        """The label record."""
         return parse_label_record(self.read("json"), Path(f"{self.where}.json"))
 
     @property
@@ -121,9 +123,9 @@ def layer_ending(name: str) -> str:
 
 def frame_from_files(number: int, files: EncodedFrame, split: str = "") -> LabelledFrame:
     """Return a frame from its encoded files."""
-    known = {"png": files.image, "mask.png": files.mask, "json": files.truth}
-    known |= {f"{name}.{layer_ending(name)}": data for name, data in files.layers.items()}
-    return LabelledFrame(number, known.__getitem__, f"frame {number:06d}", split)
+    contents = {"png": files.image, "mask.png": files.mask, "json": files.truth}
+    contents |= {f"{name}.{layer_ending(name)}": data for name, data in files.layers.items()}
+    return LabelledFrame(number, contents.__getitem__, f"frame {number:06d}", split)
 
 
 def frame_from_folder(folder: Path, number: int, split: str = "") -> LabelledFrame:

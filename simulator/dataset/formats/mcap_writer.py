@@ -1,6 +1,6 @@
 """MCAP with ROS 2 messages: ``SPLIT-NNNNN.mcap`` of images, cameras, true poses, masks and whole records.
 
-Times are the frames' own, in UTC; of imported images those from the first one.
+Times are the frames' own, in UTC; imported images count from the first one.
 """
 
 from __future__ import annotations

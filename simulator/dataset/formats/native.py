@@ -50,10 +50,10 @@ def frame_paths(folder: Path, k: int) -> FramePaths:
 
 
 def encode_png(image: NDArray[np.unsignedinteger]) -> bytes:
-    """PNG bytes of a mono or RGB image of 8 or 16 bits.
+    """Encode a mono or RGB image of 8 or 16 bits as PNG.
 
-    OpenCV's own choice of one filter and run lengths takes a third of the time of any level that is requested, also the
-    lowest, for the same size: noise does not compress.
+    OpenCV's default strategy (one filter, run lengths) takes a third of the time of any explicit level, for the same
+    size, because noise does not compress.
     """
     bgr = image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
     ok, data = cv2.imencode(".png", bgr)
@@ -68,7 +68,7 @@ def read_png(path: Path) -> NDArray[np.unsignedinteger]:
     Raises
     ------
     UserError
-        If the file is missing, not an image, larger than any camera's, or not of 8 or 16 bits.
+        If the file is missing, not an image, too large, or not of 8 or 16 bits.
     """
     try:
         data = read_regular(path, MAX_BYTES)
@@ -94,14 +94,14 @@ def read_bytes(path: Path) -> bytes:
 
 
 def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
-    """Decode a PNG from its bytes, as `read_png` does; ``where`` names it in errors.
+    """Decode a PNG from its bytes, as `read_png` does; ``where`` names it in messages.
 
     Raises
     ------
     UserError
-        As of `read_png`.
+        If it is not a PNG, too large, or not of 8 or 16 bits.
     """
-    # a PNG says its size in its first chunk; Pillow knows the others, of up to 13,000 x 13,000 pixels
+    # a PNG states its size in its first chunk; for other formats Pillow reads it, up to 13,000 x 13,000 pixels
     size = (
         struct.unpack_from(">II", data, 16)
         if data.startswith(_PNG) and len(data) >= 24
@@ -122,7 +122,7 @@ def decode_png(data: bytes, where: str) -> NDArray[np.unsignedinteger]:
 
 
 def layer_path(folder: Path, stem: str, name: str) -> Path:
-    """Return the path of a layer of the frame called ``stem``."""
+    """Return the path of a layer of the frame with file name stem ``stem``."""
     return folder / f"{stem}.{name}.{'png' if name in PNG_LAYERS else 'exr'}"
 
 
@@ -146,7 +146,7 @@ def write_layers(folder: Path, stem: str, frame: Frame) -> None:
 
 
 def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
-    """Read a layer as drawn, with the type and shape that the record's hash is of.
+    """Read a layer as drawn, in the type and shape that the record's hash refers to.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def read_layer(folder: Path, stem: str, name: str) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class EncodedFrame:
-    """A frame as the bytes of its files: image, mask, record, layers by name, and measurements of other sensors."""
+    """A frame as the bytes of its files: image, mask, record, layers by name, and measurements of plug-in sensors."""
 
     image: bytes
     mask: bytes
@@ -187,12 +187,18 @@ def write_frame(folder: Path, k: int, frame: Frame) -> FramePaths:
 
 
 def frame_files(k: int, files: EncodedFrame) -> list[tuple[str, bytes]]:
-    """Return names and bytes of frame k's files, its truth record last: a record means a whole frame."""
+    """Return names and bytes of frame k's files, its truth record last: a record marks a complete frame."""
     paths = frame_paths(Path(), k)
     layers = {layer_path(Path("images"), f"{k:06d}", name): data for name, data in files.layers.items()}
-    beside = {Path("images") / f"{k:06d}.{name}": data for name, data in files.sensors.items()}
-    named = {paths.image: files.image, paths.mask: files.mask, **layers, **beside, paths.truth: files.truth}
-    return [(path.as_posix(), data) for path, data in named.items()]
+    measurements = {Path("images") / f"{k:06d}.{name}": data for name, data in files.sensors.items()}
+    files_by_path = {
+        paths.image: files.image,
+        paths.mask: files.mask,
+        **layers,
+        **measurements,
+        paths.truth: files.truth,
+    }
+    return [(path.as_posix(), data) for path, data in files_by_path.items()]
 
 
 def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
@@ -209,12 +215,12 @@ def write_encoded(folder: Path, k: int, files: EncodedFrame) -> FramePaths:
 
 
 def is_whole(folder: Path, k: int) -> bool:
-    """Return True if frame k was written to the end.
+    """Return True if frame k is complete.
 
     Raises
     ------
     UserError
-        If one of its files is reached by a link out of the folder.
+        If a link leads one of its files out of the folder.
     """
     paths = frame_paths(folder, k)
     if not (paths.truth.is_file() and paths.image.is_file() and paths.mask.is_file()):

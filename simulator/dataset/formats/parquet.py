@@ -1,6 +1,6 @@
 """Parquet for the Hugging Face library `datasets`: ``data/SPLIT-NNNNN.parquet`` and the card ``README.md``.
 
-Images are PNG bytes that the library decodes; ``truth_json`` is the whole record, layers are the native files' bytes.
+Images are PNG bytes that the library decodes; ``truth_json`` is the label record, layers are the native files' bytes.
 
 References
 ----------
@@ -44,7 +44,7 @@ class ParquetWriter:
     def _shard(self, split: str, number: int, rows: list[Row]) -> None:
         table = self._arrow.Table.from_pylist(rows, schema=self._schema())
         place = io.BytesIO()
-        # pictures are compressed already
+        # images are compressed already
         self._parquet.write_table(table, place, compression="zstd", row_group_size=100)
         self._output.write(f"data/{split}-{number:05d}.parquet", place.getvalue())
 
@@ -152,10 +152,8 @@ def readme(card: DatasetCard, counts: dict[str, int], fields: dict[str, str]) ->
     bits = card.image_bits or 8
     scale = ["", f"The {scale_sentence(bits)}."] if bits > 8 else []
     size = f"{card.camera.width_px} x {card.camera.height_px} pixels"
-    of = ", ".join(f"{n} {name}" for name, n in counts.items())
-    summary = (
-        f"{sum(counts.values())} images ({of}), {size}, seed {card.seed}, flyaround {card.machine.flyaround}."
-    )
+    sizes = ", ".join(f"{n} {name}" for name, n in counts.items())
+    summary = f"{sum(counts.values())} images ({sizes}), {size}, seed {card.seed}, flyaround {card.machine.flyaround}."
     lines += [
         "---",
         "",

@@ -1,4 +1,4 @@
-"""Images with poses from data sets of others: the common result of every reader, and its text-file helpers."""
+"""Images with poses from foreign data sets: the common result of all readers, and helpers for text files."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.encoding import Encoding
     from flyaround.simulator.camera.lens.camera_model import Camera
 
-MAX_BYTES = 500_000_000  # largest list of labels: a million images
+MAX_BYTES = 500_000_000  # size limit of a list of labels, for a million images
 MAX_CAMERA_BYTES = 4_000_000
 NEAREST_M, FARTHEST_M = 0.01, 1e6
 UNIT_WITHIN = 1e-3  # published quaternions are rounded, some to four digits
@@ -39,7 +39,7 @@ class PosedPicture:
 
     Parameters
     ----------
-    name : as the set's own list has it. path : the file. t_s : from the first of a sequence.
+    name : name in the set's own list. path : image file. t_s : time since the first image of a sequence [s].
     """
 
     name: str
@@ -54,9 +54,9 @@ class PosedPictures:
 
     Parameters
     ----------
-    labels : the list that they were read from. camera : of the set itself; None where it holds none.
-    usual_camera, usual_target : names of built-in ones that such a set was made with; empty where that differs.
-    encoding : transfer function of the images of a set without a camera's file.
+    labels : path of the list. camera : camera of the set; None if it has none.
+    usual_camera, usual_target : names of the built-in ones for such sets; empty if they vary.
+    encoding : transfer function of the images of a set without a camera file.
     """
 
     labels: Path
@@ -73,7 +73,7 @@ def read_json(path: Path, *, most_bytes: int = MAX_BYTES) -> Any:  # noqa: ANN40
     Raises
     ------
     UserError
-        If it cannot be read, is a link out of its folder, too long, too deep, or no JSON.
+        If it cannot be read, is a link out of its folder, too long, too deep, or not JSON.
     """
     refuse_link_out(path, path.parent)
     try:
@@ -114,12 +114,12 @@ def read_csv(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
 
 
 def find_camera(folder: Path, levels: int = 2) -> Camera | None:
-    """Return the camera of the nearest ``camera.json``, in a folder or some levels above it; None without one.
+    """Return the camera of the nearest ``camera.json``, in a folder or some levels above it; None if there is none.
 
     Raises
     ------
     UserError
-        If there is one and it has a mistake.
+        If the file has a mistake.
     """
     for place in (folder, *folder.resolve().parents[:levels]):
         path = place / "camera.json"
@@ -135,7 +135,7 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
     Parameters
     ----------
-    labels : the list. places : folders that are looked into, the likeliest first.
+    labels : path of the list. places : folders to search, in order.
 
     Raises
     ------
@@ -155,13 +155,13 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
 
 def checked_pose(q_wxyz: Any, t_m: Any, where: str) -> Pose:  # noqa: ANN401 - values of a file
-    """Return the target's pose in the camera from values of a foreign file. Raise if they are no pose.
+    """Return the target's pose in the camera from values of a foreign file.
 
     Raises
     ------
     UserError
-        If these are not four and three finite numbers, the quaternion is not of unit length, or the target not before
-        the camera; ``where`` says which.
+        If these are not four and three finite numbers, the quaternion is not of unit length, or the target is behind
+        the camera; the message starts with ``where``.
     """
     numbers = []
     for what, values, count in (("quaternion", q_wxyz, 4), ("position", t_m, 3)):

@@ -33,8 +33,8 @@ BUILT_IN = (SPEED, SPEEDPLUS, SHIRT, URSO, SPARK, BOP, COCO, YOLO, WEBDATASET, P
 
 def formats() -> dict[str, DatasetFormat]:
     """Return all formats except the native layout, by name."""
-    added = {name: _added(plugin) for name, plugin in plugins("format").items()}
-    return {**added, **{form.name: form for form in BUILT_IN}}
+    plugin_formats = {name: _added(plugin) for name, plugin in plugins("format").items()}
+    return {**plugin_formats, **{form.name: form for form in BUILT_IN}}
 
 
 def _added(plugin: Plugin) -> DatasetFormat:
@@ -43,7 +43,7 @@ def _added(plugin: Plugin) -> DatasetFormat:
     Raises
     ------
     UserError
-        If it cannot be imported, or is none.
+        If it cannot be imported, or is not a format.
     """
     form = plugin.load()
     if not isinstance(form, DatasetFormat) or form.name != plugin.name:
@@ -69,12 +69,12 @@ def find_format(name: str) -> DatasetFormat:
     UserError
         If there is none.
     """
-    known = formats()
-    if name not in known:
-        near = near_names(name, list(known), 3)
-        meant = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
-        raise UserError(f"unknown data-set format '{name}': {meant}")
-    return known[name]
+    all_formats = formats()
+    if name not in all_formats:
+        near = near_names(name, list(all_formats), 3)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(all_formats)}"
+        raise UserError(f"unknown data-set format '{name}': {hint}")
+    return all_formats[name]
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -99,30 +99,30 @@ def parse_formats(text: str) -> tuple[str, ...]:
 
 
 def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
-    """Return a sentence per format: what it will hold of a data set, and what it omits.
+    """Return a sentence per format on the contents that it keeps of a data set, and those that it omits.
 
     Raises
     ------
     UserError
         If one cannot hold it.
     """
-    chosen = [find_format(name) for name in names if name != NATIVE]
-    for form in chosen:
+    chosen_formats = [find_format(name) for name in names if name != NATIVE]
+    for form in chosen_formats:
         form.check(card)
-    return [form.sentence(card) for form in chosen]
+    return [form.sentence(card) for form in chosen_formats]
 
 
 def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, str]:
-    """Read the images with poses of a foreign data set. Return them with the name of its format.
+    """Read the images with poses of a foreign data set, and return them with the name of its format.
 
     Parameters
     ----------
-    place : the folder or the list of labels. name : of the format; found out unless given.
+    place : folder or list of labels. name : name of the format; by default it is detected.
 
     Raises
     ------
     UserError
-        If it is of no format that is read, of another, or has a mistake.
+        If it is in no readable format, in another one, or has a mistake.
     """
     if not place.exists():
         raise UserError(f"there is no data set {place}; check the path")
@@ -132,9 +132,9 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
             raise UserError(f"format {name} is written, not read; read are {', '.join(readers)}")
         readers = {name: readers[name]}
     for form, read in readers.items():
-        found = read(place)
-        if found is not None:
-            if not found.pictures:
-                raise UserError(f"{found.labels} lists no picture; give a list with some")
-            return found, form
+        pictures = read(place)
+        if pictures is not None:
+            if not pictures.pictures:
+                raise UserError(f"{pictures.labels} lists no picture; give a list with some")
+            return pictures, form
     raise UserError(f"{place} holds no data set of a format that is read here ({', '.join(readers)})")

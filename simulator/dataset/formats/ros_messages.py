@@ -1,7 +1,7 @@
 """Images, cameras and poses as ROS 2 messages: definitions and field values.
 
-Poses are those of the target in the camera's optical frame (x right, y down, z forward: REP 103's ``_optical``), the
-model's axes for the target. Quaternions are x, y, z, w here, as in ROS.
+Poses are those of the target in the camera's optical frame (x right, y down, z forward: REP 103's ``_optical``); the
+target's axes are those of its model. Quaternions are x, y, z, w, as in ROS.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _PARTS = {"builtin_interfaces/Time": _TIME, "std_msgs/Header": _HEADER}
 
 
 def ros_definition(fields: str, **parts: str) -> str:
-    """Return a message's definition with those of its parts, as rosbag2 stores it."""
-    named = {name.replace("__", "/"): text for name, text in parts.items()} | _PARTS
+    """Return a message's definition followed by those of its parts, as rosbag2 stores it."""
+    definitions = {name.replace("__", "/"): text for name, text in parts.items()} | _PARTS
     rule = "=" * 80
-    return fields + "".join(f"{rule}\nMSG: {name}\n{text}" for name, text in named.items())
+    return fields + "".join(f"{rule}\nMSG: {name}\n{text}" for name, text in definitions.items())
 
 
 DEFINITIONS = {

@@ -9,15 +9,15 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 MAX_BYTES, MAX_FRAMES = 128_000_000, 1000
-"""Limits of a shard, which is gathered in memory before it is written."""
+"""Limits of a shard, which is collected in memory before it is written."""
 
 
 class Shards(Generic[Item]):
-    """Gathers items by split and passes each full shard on.
+    """Collects items by split and passes each full shard on.
 
     Parameters
     ----------
-    write : takes a split's name, the shard's number in it, and its items.
+    write : function that takes a split's name, the shard's number in it, and its items.
     """
 
     def __init__(self, write: Callable[[str, int, list[Item]], None]) -> None:

@@ -86,19 +86,19 @@ def read_spark(place: Path) -> PosedPictures | None:
     if len(lists) > 1:
         raise UserError(f"{place} holds several sets ({', '.join(map(str, lists))}); give one of these lists")
     labels = lists[0]
-    beside = labels.parent
+    folder = labels.parent
     pictures = []
     for k, row in enumerate(read_csv(labels, COLUMNS)):
         where = f"{labels} line {k + 2}"
         pose = checked_pose(
             [row["Qw"], row["Qx"], row["Qy"], row["Qz"]], [row["Tx"], row["Ty"], row["Tz"]], where
         )
-        places = [beside / "images" / labels.stem, beside / "images", beside]
+        places = [folder / "images" / labels.stem, folder / "images", folder]
         if row.get("sequence"):
             places = [*(place / row["sequence"] for place in places if _plain(row["sequence"])), *places]
         name = row["filename"]
         pictures.append(PosedPicture(name, find_picture(labels, places, name), pose))
-    return PosedPictures(labels, tuple(pictures), find_camera(beside, levels=1), encoding="srgb")
+    return PosedPictures(labels, tuple(pictures), find_camera(folder, levels=1), encoding="srgb")
 
 
 def _plain(name: str) -> bool:
@@ -106,7 +106,7 @@ def _plain(name: str) -> bool:
 
 
 def _is_spark(path: Path) -> bool:
-    if not path.is_file():  # a pipe would wait
+    if not path.is_file():  # opening a pipe would block
         return False
     with path.open("rb") as file:
         head = file.readline(1000)

@@ -34,7 +34,7 @@ SHIRT_LISTS = ("roe1.json", "roe2.json")
 
 
 def read_speed(place: Path) -> PosedPictures | None:
-    """Read a folder like SPEED; None for another kind. Errors as of `read_speedplus`."""
+    """Read a folder like SPEED; None for another kind. Raises as `read_speedplus` does."""
     return _read(place, "speed")
 
 
@@ -52,7 +52,7 @@ def read_speedplus(place: Path) -> PosedPictures | None:
 def read_shirt(place: Path) -> PosedPictures | None:
     """Read a trajectory's folder of SHIRT, `lightbox` or `synthetic`; None for a folder of another kind.
 
-    Errors as of `read_speedplus`.
+    Raises as `read_speedplus` does.
     """
     return _read(place, "shirt")
 
@@ -64,22 +64,26 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
     else:
         lists = [path for path in lists if path.name not in SHIRT_LISTS]
     rows = {path: _rows(path) for path in lists if path.suffix == ".json"}
-    wanted = "speed" if kind == "speed" else "speedplus"
-    known = {path: found for path, found in rows.items() if found and _kind(found) == wanted}
-    if not known:
-        bare = [path for path, found in rows.items() if found and _kind(found) == ""]
+    list_kind = "speed" if kind == "speed" else "speedplus"
+    readable = {
+        path: rows_of_list
+        for path, rows_of_list in rows.items()
+        if rows_of_list and _kind(rows_of_list) == list_kind
+    }
+    if not readable:
+        bare = [path for path, rows_of_list in rows.items() if rows_of_list and _kind(rows_of_list) == ""]
         if bare and kind == "speedplus":
             raise UserError(
                 f"{bare[0]} has no poses (the public test lists have none); give a list with poses, such as train.json"
             )
         return None
-    if len(known) > 1:
-        names = ", ".join(str(path) for path in known)
+    if len(readable) > 1:
+        names = ", ".join(str(path) for path in readable)
         raise UserError(f"{place} holds several sets ({names}); give one of these lists")
-    (labels, found), *_ = known.items()
+    (labels, rows_of_list), *_ = readable.items()
     folders = _picture_folders(place, labels, kind)
     pictures = []
-    for k, row in enumerate(found):
+    for k, row in enumerate(rows_of_list):
         where = f"{labels} entry {k + 1}"
         if not isinstance(row, dict) or QUATERNION[kind] not in row or POSITION not in row:
             raise UserError(f"{where} has no {QUATERNION[kind]} or no {POSITION}; give a list with poses")
@@ -87,7 +91,7 @@ def _read(place: Path, kind: str) -> PosedPictures | None:
         name = row.get("filename")
         t_s = SHIRT_SPACING_S * k if kind == "shirt" else 0.0
         pictures.append(PosedPicture(str(name), find_picture(labels, folders, name), pose, t_s))
-    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent), wanted, "tango")
+    return PosedPictures(labels, tuple(pictures), find_camera(labels.parent), list_kind, "tango")
 
 
 def _lists(folder: Path, kind: str) -> list[Path]:
@@ -96,9 +100,9 @@ def _lists(folder: Path, kind: str) -> list[Path]:
     if kind == "shirt":
         levels.insert(0, folder.parent.glob("*.json"))
     for level in levels:
-        found = sorted(path for path in level if path.name not in NOT_LISTS and path.is_file())
-        if found:
-            return found
+        lists = sorted(path for path in level if path.name not in NOT_LISTS and path.is_file())
+        if lists:
+            return lists
     return []
 
 
@@ -119,14 +123,14 @@ def _kind(rows: list[Any]) -> str | None:
 
 
 def _picture_folders(place: Path, labels: Path, kind: str) -> list[Path]:
-    beside = labels.parent
+    folder = labels.parent
     if kind == "shirt":
-        if place.is_dir() and place != beside:
+        if place.is_dir() and place != folder:
             return [place / "images", place]
-        domains = [name for name in ("lightbox", "synthetic") if (beside / name).is_dir()]
+        domains = [name for name in ("lightbox", "synthetic") if (folder / name).is_dir()]
         if len(domains) > 1:
             raise UserError(
                 f"{place} has pictures of {' and '.join(domains)}; give one of these folders within it"
             )
-        return [*(beside / name / "images" for name in domains), beside / "images", beside]
-    return [beside / "images" / labels.stem, beside / "images", beside]
+        return [*(folder / name / "images" for name in domains), folder / "images", folder]
+    return [folder / "images" / labels.stem, folder / "images", folder]

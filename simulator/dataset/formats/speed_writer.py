@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.card import DatasetCard
     from flyaround.simulator.dataset.formats.labelled_frame import LabelledFrame
 
-# The public images are JPEG; at 95 the coding error (below 1 DN rms) stays far under the noise (12 DN).
+# The public images are JPEG; at quality 95 the coding error (below 1 DN rms) is far below the noise (12 DN).
 JPEG_QUALITY = 95
 _LISTS = {"speed": ("train", "test", "real", "real_test"), "speedplus": ("train", "validation")}
 
@@ -89,9 +89,9 @@ class SpeedWriter:
 
 
 def speed_camera(camera: Camera) -> dict[str, Any]:
-    """Return ``camera.json`` of SPEED+, and of SPEED with its focal lengths in pixels added."""
-    known = msgspec.convert(msgspec.to_builtins(camera), CameraFile)
-    table: dict[str, Any] = json.loads(camera_text(known, "speed", "camera"))
+    """Return ``camera.json`` of SPEED+, and of SPEED with focal lengths in pixels added."""
+    camera_file = msgspec.convert(msgspec.to_builtins(camera), CameraFile)
+    table: dict[str, Any] = json.loads(camera_text(camera_file, "speed", "camera"))
     return table | {"fx_px": camera.fx_px, "fy_px": camera.fy_px}
 
 

@@ -1,8 +1,7 @@
 """URSO: ``N_rgb.png``, ``SPLIT_images.csv`` and ``SPLIT_poses_gt.csv`` (x, y, z, q1 to q4, the scalar last).
 
-Its axes are left-handed, x forward, y right, z up. A position (x, y, z) here is (z, x, -y) there. The model is
-mirrored with
-the camera: its y is turned round, so that R there is P R diag(1, -1, 1) with P the change of the camera's axes.
+Its axes are left-handed, x forward, y right, z up. A position (x, y, z) here is (z, x, -y) there. The model is mirrored
+with the camera (its y is negated), so R there is P R diag(1, -1, 1), where P is the change of the camera's axes.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""WebDataset: ``SPLIT-NNNNNN.tar`` of the native files of some frames each, and the card.
+"""WebDataset: ``SPLIT-NNNNNN.tar``, each with the native files of some frames, and the card.
 
 A sample's key is the frame's number; its fields are the native endings: ``png``, ``mask.png``, ``json``, ``depth.exr``.
 
@@ -41,7 +41,7 @@ class WebWriter:
         place = io.BytesIO()
         with tarfile.open(fileobj=place, mode="w", format=tarfile.USTAR_FORMAT) as tar:
             for name, data in (file for files in items for file in files):
-                # neither time nor owner: the same frames give the same bytes
+                # neither time nor owner, so that the same frames give the same bytes
                 info = tarfile.TarInfo(name)
                 info.size = len(data)
                 tar.addfile(info, io.BytesIO(data))

@@ -1,6 +1,6 @@
 """YOLO-pose as Ultralytics reads it: ``data.yaml``, ``images/SPLIT/NNNNNN.png`` and ``labels/SPLIT/NNNNNN.txt``.
 
-A line of a label: class, box centre and size, then x, y, v of each keypoint, shares of the image from its corner.
+A label line: class, box centre and size, then x, y, v of each keypoint, relative to the image's size, from its corner.
 
 References
 ----------
@@ -34,7 +34,7 @@ class YoloWriter:
         self._splits: set[str] = set()
 
     def write(self, frame: LabelledFrame) -> None:
-        """Write the image and its line; an empty file if the craft is not visible."""
+        """Write the image and its label line; an empty file if the craft is not visible."""
         split = FOLDERS[frame.split]
         self._splits.add(split)
         self._output.write(f"images/{split}/{frame.number:06d}.png", frame.read("png"))
@@ -55,8 +55,8 @@ class YoloWriter:
     def finish(self) -> None:
         """Write ``data.yaml``. Trainers require a validation list; without a split it is the training one.
 
-        Ultralytics takes a relative ``path`` from its own settings' folder or the working directory, and the folder of
-        the file where there is none: so there is none.
+        There is no key ``path``: Ultralytics resolves a relative one against its own settings or the working directory,
+        and without one uses the folder of the file.
         """
         names = list(self._target.keypoints)
         lines = [

@@ -1,1 +1,1 @@
-"""Storage of a data set: a folder or an object store, in batches that survive a loss of power, with hashes."""
+"""Storage of a data set: a folder or an object store, in durable batches, with hashes."""

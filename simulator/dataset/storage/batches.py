@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 MAX_BYTES = 64_000_000
 MAX_S = 2.0
-"""Largest amount of frames that a loss of power may cost, in bytes or seconds."""
+"""Limits of a batch in bytes and seconds, and so of the frames that a loss of power may cost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class FrameFiles:
 
     Parameters
     ----------
-    parts : all but its record. record : gets its name after all of them. lines : of the manifest.
+    parts : all files but the record. record : file renamed last. lines : lines of the manifest.
     """
 
     parts: Files
@@ -38,9 +38,9 @@ class FrameFiles:
 
 
 class FrameBatches:
-    """Writes frames into a store, a batch at a time, while the next is collected. Use as a context manager.
+    """Writes frames into a store in batches, in the background. Use as a context manager.
 
-    Leaving it writes what is still held, also after an error elsewhere: a data set is valid as far as it went.
+    Leaving it writes the remaining frames, also after an error elsewhere, so that the data set stays valid.
 
     Raises
     ------
@@ -85,11 +85,11 @@ class FrameBatches:
             try:
                 under_way.result()
             except BaseException:
-                self._held = []  # the disk that took no more takes these no more either
+                self._held = []  # retrying the same batch on a full disk would fail again
                 raise
 
     def _write(self, batch: list[FrameFiles]) -> None:
-        # the lines first: a frame that has its name when the process is killed can be verified for ever
+        # manifest first: a frame that gets its name before the process is killed can always be verified
         self._store.append(MANIFEST_NAME, b"".join(frame.lines for frame in batch))
         self._store.write(
             [part for frame in batch for part in frame.parts], [frame.record for frame in batch]

@@ -1,7 +1,7 @@
 """manifest.sha256: the hash of every file of the native layout, for ``sha256sum -c`` and for resuming.
 
-Lines are added before the files have their names, so that no frame is without them; of a capture that was broken off
-the last lines may name files that are not there, which resume takes away. A frame's record comes last.
+Lines are written before the files get their names, so every frame has its lines; after an interruption the last lines
+may name missing files, and resuming removes them. A frame's record comes last.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def manifest_lines(files: Files) -> bytes:
 
 
 def read_manifest(store: Store) -> dict[int, dict[str, str]]:
-    """Return hashes by name for each frame; the last line of a name counts. Empty without a manifest.
+    """Return hashes by name for each frame; the last line of a name wins. Empty without a manifest.
 
     An incomplete last line, after a loss of power, is ignored: its file is verified by other means.
 
@@ -53,9 +53,9 @@ def read_manifest(store: Store) -> dict[int, dict[str, str]]:
         ) from error
     frames: dict[int, dict[str, str]] = {}
     for line in text.splitlines():
-        found = _LINE.fullmatch(line)
-        if found:
-            frames.setdefault(int(found[3]), {})[found[2]] = found[1]
+        match = _LINE.fullmatch(line)
+        if match:
+            frames.setdefault(int(match[3]), {})[match[2]] = match[1]
     return frames
 
 

@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Store
     from flyaround.simulator.scene.state import SceneState
 
-# Noise does not compress, so an image takes all of its bits; the others were measured on eval-earth at 1920x1200.
+# Noise does not compress, so an image takes all of its bits; other sizes are typical of eval-earth at 1920x1200.
 _IMAGE = 1.02
-_MASK_PER_PIXEL = 0.01
+_MASK_PER_PIXEL = 0.01  # bytes of a compressed mask
 _RECORD_BYTES = 40_000
-# a pixel of a layer; most are empty off the craft, but clean, amodal and a near craft's are not
+# bytes per pixel of a layer; most are empty off the craft, except clean and amodal
 _LAYER_PER_PIXEL = {
     "depth": 1.0,
     "normals": 1.5,

@@ -38,12 +38,12 @@ class Store(Protocol):
         """Append to a text file; durable after `close` at the latest."""
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """Read the bytes of a file.
+        """Read the contents of a file.
 
         Raises
         ------
         OSError
-            If there is none or it cannot be read. A longer one than ``most_bytes`` is a `UserError`.
+            If there is none or it cannot be read. A file longer than ``most_bytes`` raises `UserError`.
         """
 
     def exists(self, name: str) -> bool:
@@ -66,11 +66,11 @@ class Store(Protocol):
 
 
 class FolderStore:
-    """A folder that exists.
+    """An existing folder as a store.
 
     Parameters
     ----------
-    others : names in it that are no part of the data set.
+    others : names in it that do not belong to the data set.
     """
 
     def __init__(self, folder: Path, others: frozenset[str] = frozenset()) -> None:
@@ -83,7 +83,7 @@ class FolderStore:
         return str(self.folder)
 
     def write(self, *waves: Files) -> None:
-        """Write files; all are on the disk before the first gets its name, and they get their names in order."""
+        """Write files: all are on the disk before the first gets its name, and they get their names in order."""
         self._refuse_if_moved()
         files = [(self.folder / name, data) for wave in waves for name, data in wave]
         for parent in {path.parent for path, _ in files}:
@@ -94,7 +94,7 @@ class FolderStore:
         write_lasting(files)
 
     def _refuse_if_moved(self) -> None:
-        """Raise if the folder was moved: one made again in its place would hold half a data set that looks whole."""
+        """Raise if the folder was moved: a new one in its place would hold half a data set that looks whole."""
         with contextlib.suppress(OSError):
             if os.path.samestat(self._place, self.folder.stat()):
                 return
@@ -116,7 +116,7 @@ class FolderStore:
             raise write_error(path, error) from error
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """Read the bytes of a file."""
+        """Read the contents of a file."""
         return read_regular(self.folder / name, most_bytes)
 
     def exists(self, name: str) -> bool:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.dataset.storage.store import Files
 
 _APPENDED_EVERY_S = 30.0
-"""Objects cannot be appended to, so the appended text is kept and the whole object is rewritten at this interval."""
+"""Interval at which appended text is rewritten as a whole object, because objects cannot be appended to."""
 
 
 def is_url(place: str | Path) -> bool:
@@ -27,22 +27,22 @@ def is_url(place: str | Path) -> bool:
 class UrlStore:
     """A folder at a URL such as ``s3://bucket/set`` or ``memory://set``; objects are written whole.
 
-    Who signs in, and where the server is, fsspec's own ways tell: ``FSSPEC_S3_ENDPOINT_URL``, a configuration file, ...
+    Credentials and servers are configured as for fsspec: ``FSSPEC_S3_ENDPOINT_URL``, a configuration file, ...
 
     Raises
     ------
     UserError
-        If the kind of URL is not known, its package is missing, or the store does not answer.
+        If the kind of URL is unknown, its package is missing, or the store does not answer.
     """
 
     def __init__(self, url: str) -> None:
         try:
-            from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra: a folder needs none of it
+            from fsspec.core import url_to_fs  # noqa: PLC0415 - an extra, not needed for folders
         except ImportError as error:
             raise missing_extra(f"output {without_secrets(url)}", "stores", error) from error
         self._title = without_secrets(url.rstrip("/"))
         self._ends: dict[str, tuple[bytearray, float]] = {}
-        # some connect when they are made
+        # some file systems connect on creation
         with self._refusals("reach"):
             try:
                 self._fs, self._root = url_to_fs(url.rstrip("/"))
@@ -69,7 +69,7 @@ class UrlStore:
             self._ends.pop(name, None)  # earlier appended data is replaced
         for wave in waves:
             with self._refusals("write to"):
-                # object stores have no folders, and would make a bucket that is not there
+                # object stores have no folders, and would create a missing bucket
                 if not self._fs.async_impl:
                     for folder in {self._path(name).rpartition("/")[0] for name, _ in wave}:
                         self._fs.makedirs(folder, exist_ok=True)
@@ -87,7 +87,7 @@ class UrlStore:
             self._ends[name] = (whole, time.monotonic())
 
     def read(self, name: str, most_bytes: int) -> bytes:
-        """Read the bytes of a file, including appended text."""
+        """Read the contents of a file, including appended text."""
         if name in self._ends:
             return bytes(self._ends[name][0])
         try:

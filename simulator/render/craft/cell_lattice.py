@@ -1,4 +1,4 @@
-"""Lattices of solar cells on a mesh: which cell a place lies in, and where in it."""
+"""Lattices of solar cells on a mesh, which map a point to a cell and a position within it."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 MOST_LATTICES = 16
-_LEAST_CELLS = 4
+_LEAST_CELLS = 4  # fewer cells form no lattice
 _WELD_M = 1e-5
-_SAME_M = 1e-3  # centres nearer than this along an axis are of one row
-_LARGEST_M = 0.3  # pitch of cells; windows and lenses are dark under glass too
-_EVEN = 0.02  # of the pitch, by which rows of one lattice may be off
+_SAME_M = 1e-3  # largest difference along an axis between centres of one row
+_LARGEST_M = 0.3  # largest pitch of a cell; larger dark glass is a window or a lens
+_EVEN = 0.02  # irregularity allowed in the rows of one lattice, as a share of the pitch
+# steps of a normal's components, and of a plane's distance to a metre, that tell planes apart
 _PLANE = (
     50,
     200,
-)  # steps of a normal's components, and of a plane's distance to a metre, that tell planes apart
+)
 
 
 def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
-    """(K, 4, 4) lattices of at most ``MOST_LATTICES``: those of most cells.
+    """Return (K, 4, 4) lattices, at most ``MOST_LATTICES``: those with the most cells.
 
-    Rows 0 and 1 take a place (x, y, z, 1) in metres to its column and row, from 0 to their numbers; row 2 to its
-    distance from the plane of the cells [m]; row 3 is the number of columns and of rows, and the two pitches [m].
-    Columns are those whose pitch is larger.
+    Rows 0 and 1 map a point (x, y, z, 1) [m] to its column and row, starting at 0; row 2 to its distance from the plane
+    of the cells [m]; row 3 holds the number of columns and rows, and the two pitches [m]. The larger pitch is that of
+    the columns.
 
     Parameters
     ----------
-    positions_m : (V, 3). triangles : (T, 3) of cells alone, each cell a piece of its own.
+    positions_m : (V, 3) vertices. triangles : (T, 3) triangles of cells only, each cell a connected component.
     """
     welded, vertex = np.unique(
         np.rint(positions_m[triangles].reshape(-1, 3) / _WELD_M).astype(np.int64), axis=0, return_inverse=True
@@ -46,7 +47,7 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
         return np.zeros((0, 4, 4))
     order = np.argsort(piece, kind="stable")
     starts = np.searchsorted(piece[order], np.arange(count))
-    # of the boxes around them: cells with cut corners have their mean elsewhere
+    # centres of bounding boxes: the mean of a cell's corners is elsewhere if corners are cut
     low, high = (end.reduceat(places[order], starts) for end in (np.minimum, np.maximum))
     centre = (low + high) / 2
     off = places - centre[piece]
@@ -56,17 +57,17 @@ def cell_lattices(positions_m: FloatArray, triangles: IntArray) -> FloatArray:
     height = np.einsum("kc,kc->k", normal, centre)
     keys = np.column_stack([np.rint(normal * _PLANE[0]), np.rint(height * _PLANE[1])])
     _, plane = np.unique(keys, axis=0, return_inverse=True)
-    found: list[tuple[int, FloatArray]] = []
+    lattices: list[tuple[int, FloatArray]] = []
     for k in range(plane.max() + 1):
         own = np.flatnonzero(plane.ravel() == k)
         if len(own) >= _LEAST_CELLS:
-            found += _of_plane(centre[own], normal[own[0]], places[piece == own[0]])
-    found.sort(key=lambda one: -one[0])
-    return np.array([lattice for _, lattice in found[:MOST_LATTICES]]).reshape(-1, 4, 4)
+            lattices += _of_plane(centre[own], normal[own[0]], places[piece == own[0]])
+    lattices.sort(key=lambda one: -one[0])
+    return np.array([lattice for _, lattice in lattices[:MOST_LATTICES]]).reshape(-1, 4, 4)
 
 
 def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[tuple[int, FloatArray]]:
-    """Lattices of one plane, with their numbers of cells; cell : corners of one of them."""
+    """Return (number of cells, lattice) pairs of one plane; ``cell`` holds the corners of one of its cells."""
     _, near = cKDTree(centre).query(centre[0], k=2)
     first, second = np.asarray(near, int)
     u = centre[second] - centre[first]
@@ -91,7 +92,7 @@ def _of_plane(centre: FloatArray, normal: FloatArray, cell: FloatArray) -> list[
 
 
 def _runs(at: FloatArray, wide_m: float) -> list[tuple[float, float, int]]:
-    """First place, pitch and number of the evenly spaced rows among places; of a lone one the pitch is its width."""
+    """Return first position, pitch and number of evenly spaced rows; the pitch of a single row is its width."""
     rows = np.sort(at)
     rows = rows[np.append(True, np.diff(rows) > _SAME_M)]
     gaps = np.diff(rows)

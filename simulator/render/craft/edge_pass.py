@@ -1,4 +1,4 @@
-"""Edge pass: analytic coverage of edges, as slopes of sample weights. Reads the edges; writes one slope a pixel."""
+"""Edge pass: analytic edge coverage. Reads the edges; writes one slope of sample weights per pixel."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
 
 EXACT_AREAS = "EXACT_AREAS"
-"""Define of the shaders: the areas of parts that several edges end in a pixel are summed too (preset `high`)."""
-_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)
+"""Shader define of the preset `high`: areas of parts bounded by several edges in a pixel are summed too."""
+_PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)  # corners of the two triangles of an edge's quad
 
 
 def edge_defines(*, exact: bool) -> dict[str, object]:
-    """Defines of the shaders that write the slopes and read them."""
+    """Return the defines of the shaders that write and read the slopes."""
     return {EXACT_AREAS: ""} if exact else {}
 
 
 class SlopeImage:
-    """Slope of the samples' weights per pixel [px-1], how many edges were met, and parts' areas where ``exact``."""
+    """Slope of the sample weights per pixel [px-1], number of edges in it, and with ``exact`` the areas of parts."""
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, exact: bool) -> None:
         self._context = context
@@ -49,7 +49,7 @@ EDGE_SLOPES: Resource[moderngl.Texture] = Resource("edge slopes")
 
 
 class EdgePass(Pass):
-    """Draws the target's edges, by which they share out their pixels; samples alone are 0.05 to 0.2 pixels off."""
+    """Draws the target's edges, which divide pixels exactly; samples alone are 0.05 to 0.2 px off."""
 
     name = "target.edges"
     reads = (SCENE, TARGET)
@@ -63,7 +63,7 @@ class EdgePass(Pass):
         self._exact_images = BufferPool(lambda w, h: SlopeImage(context, w, h, exact=True))
 
     def run(self, r: PassResources) -> None:
-        """Write slopes of the samples' weights in the pixels of the target's rectangle, its first pixel at (0, 0)."""
+        """Write slopes of sample weights for the target's rectangle, whose first pixel is (0, 0)."""
         placed, exact = r[TARGET], r[SCENE].quality == "high"
         buffers, view = placed.drawn.edges, placed.edge_view
         rect = view.rect
@@ -71,8 +71,8 @@ class EdgePass(Pass):
         r[EDGE_SLOPES] = image.slope
         draw_to(image.framebuffer)
         image.framebuffer.clear()
-        seen, outlines = buffers.seen.numbers(view, pairs=exact)
-        if not len(seen):
+        numbers, outlines = buffers.seen.numbers(view, pairs=exact)
+        if not len(numbers):
             return
         draw_to(image.framebuffer)
         image.framebuffer.viewport = (0, 0, rect.width, rect.height)
@@ -83,10 +83,11 @@ class EdgePass(Pass):
         program.set("u_window", rect.viewport)
         layout, names = "3f 3f 1f 4x", ["in_start_m", "in_end_m", "in_corner"]
         if exact:
-            # at the first edges their part ends: at so many that show their first face, and so many the second
+            # the first edges are the outlines of their part: those that show their first face, then those that show
+            # their second
             program.set("u_outlines", tuple(2 * n for n in outlines))
             layout, names = "3f 3f 1f 1f", [*names, "in_material"]
-        indices = (np.asarray(seen, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
+        indices = (np.asarray(numbers, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()
         buffers.indices.orphan()
         buffers.indices.write(indices.tobytes())
         buffers.vertex_array(program, layout, names).render(vertices=len(indices))

@@ -1,4 +1,4 @@
-"""Finishes of a target as its shader draws them: creased foil, cells under coated cover glass, mottled sheets."""
+"""Surface finishes in the target's shader: creased foil, cells under coated cover glass, mottled sheets."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 FOIL_ROUGHNESS = 0.8
-"""Roughness of the film between creases, over that of the material, which stands for film and creases."""
+"""Roughness of the foil between creases, over that of the material, which describes foil and creases together."""
 _FOIL = {
-    "COARSE_M": 0.83,  # width of the tile whose facets are 1.5 to 13 cm wide
-    "FINE_M": 0.137,  # of the one whose facets are 2.5 to 22 mm wide
-    "FINE_SHARE": 0.25,  # slopes of the second over those of the first
-    "CREASED_ALPHA": 0.42,  # width of the lobe of creases below a millimetre
-    "CREASED_BLUR": 0.12,  # cosine of the Earth's rim over which it fades in a facet
+    "COARSE_M": 0.83,  # width of the tile with facets of 1.5 to 13 cm
+    "FINE_M": 0.137,  # width of the tile with facets of 2.5 to 22 mm
+    "FINE_SHARE": 0.25,  # slopes of the fine tile over those of the coarse one
+    "CREASED_ALPHA": 0.42,  # width of the specular lobe of creases below a millimetre
+    "CREASED_BLUR": 0.12,  # width, in cosine, of the fade across the Earth's rim mirrored in a facet
     "SEAM_U_M": 0.53,
     "SEAM_V_M": 0.74,
     "TAPE_M": 0.0125,  # half the width of one-inch tape
     "TAPE_DARKER": 0.1,
-    "CLOUDS_TILES": 0.9,  # of the mottle, in a hemisphere's radius of mirrored Earth
+    "CLOUDS_TILES": 0.9,  # size of the mottle, in the radius of a mirrored hemisphere of Earth
     "CLOUDS_CONTRAST": 3.0,
 }
 _CELL = {
-    "CELL_TILT": 0.004,  # slope by which cells lie uneven, at most: their glass mirrors different places
-    "CELL_UNLIKE": 0.18,  # relative difference of their films' reflectance, at most
-    "BUSBAR_M": 0.0004,  # half the width of a busbar; two to a cell
-    "FINGER_M": 0.00002,  # of a finger; drawn one by one in `high`
+    "CELL_TILT": 0.004,  # largest random slope of a cell: neighbouring glasses mirror different directions
+    "CELL_UNLIKE": 0.18,  # largest relative difference between cells' film reflectances
+    "BUSBAR_M": 0.0004,  # half the width of a busbar; a cell has two
+    "FINGER_M": 0.00002,  # half the width of a finger; drawn one by one in `high`
     "FINGER_PITCH_M": 0.0013,
-    "CELL_RISE_M": 0.004,  # of a cell's glass and its rim over the mean plane, at most
+    "CELL_RISE_M": 0.004,  # largest height of a cell's glass over the mean plane
     "CONTACT": 0.22,  # reflectance of silver under glass
 }
 _SHEET = {"MOTTLE_M": 0.9, "JOINT_M": 0.4, "JOINT_WIDE_M": 0.002, "JOINT_DARKER": 2.5}
@@ -49,13 +49,13 @@ _MOTTLED = {
     "kapton-substrate": 0.14,
     "carbon-fibre": 0.2,
 }
-"""Relative amplitude of mottle by material."""
+"""Relative amplitude of the mottle, by material."""
 _POLISHED = 0.2  # roughness of a clear coat below which it is glass
-_DARK = 0.1  # reflectance below which a body under a full clear coat is a cell or a lens: those are coated
+_DARK = 0.1  # reflectance below which a body under a full clear coat is a coated cell or lens
 _GLASS, _GLASS_FILM, _CELL_FILM, _WAFER = 1.5, 1.38, 2.1, 3.8
 """Refractive indices of cover glass, magnesium fluoride, titanium oxide and silicon or gallium arsenide."""
 _DESIGN_NM = 600.0  # wavelength at which the films are a quarter wave thick
-_SLANT = 0.5  # cosine at which the films' reflectance is matched
+_SLANT = 0.5  # cosine at which the coating's reflectance is fitted
 
 
 def is_foil(material: Material) -> bool:
@@ -64,21 +64,21 @@ def is_foil(material: Material) -> bool:
 
 
 def has_films(material: Material) -> bool:
-    """Return True for a cell or a lens: something dark under polished glass."""
+    """Return True for a cell or a lens: a dark body under polished glass."""
     polished = material.clearcoat > 0.9 and material.clearcoat_roughness < _POLISHED
     return polished and max(material.base_color) < _DARK and material.metallic == 0
 
 
 def mottle_of(material: Material) -> float:
-    """Return the relative amplitude of the mottle of a sheet's reflectance; 0 for none."""
+    """Return the relative amplitude of the mottle of a sheet's reflectance; 0 if it has none."""
     return _MOTTLED.get(material.name, 0.0)
 
 
 @lru_cache(maxsize=8)
 def film_reflectance(bands: Bands, cosine: float) -> FloatArray:
-    """(n,) Mean reflectance per band of coated cover glass and of the coated cell below it, less grazing Fresnel.
+    """Return (n,) mean reflectance per band of coated cover glass and of the coated cell below, less grazing Fresnel.
 
-    The path under the glass is bent; both films are a quarter wave thick at 600 nm.
+    The path under the glass is refracted; both films are a quarter wave thick at 600 nm.
 
     References
     ----------
@@ -97,7 +97,7 @@ def film_reflectance(bands: Bands, cosine: float) -> FloatArray:
 def _one_film(
     above: float, film: float, below: float, wavelength_nm: FloatArray, cosine: float
 ) -> FloatArray:
-    """Reflectance of a quarter-wave film; amplitudes at normal incidence, its phase at the angle."""
+    """Return the reflectance of a quarter-wave film, with amplitudes at normal incidence and the phase at the angle."""
     r1, r2 = (above - film) / (above + film), (film - below) / (film + below)
     in_film = np.sqrt(1 - (above / film) ** 2 * (1 - cosine**2))
     both = 2 * r1 * r2 * np.cos(np.pi * _DESIGN_NM / wavelength_nm * in_film)
@@ -107,11 +107,11 @@ def _one_film(
 def finish_defines(
     materials: Sequence[Material], bands: Bands, quality: Quality, lattices: int
 ) -> dict[str, object]:
-    """Return the preprocessor constants of a mesh's finishes; what its materials lack is left out.
+    """Return the preprocessor constants of a mesh's finishes, only of those that it has.
 
     Parameters
     ----------
-    lattices : number of lattices of cells.
+    lattices : number of cell lattices.
     """
     defines: dict[str, object] = {}
     if any(m.crinkle > 0 or mottle_of(m) for m in materials):
@@ -128,7 +128,8 @@ def finish_defines(
         slant = (film_reflectance(bands, _SLANT) - normal) / (1 - _SLANT)
         defines |= {"CLEARCOAT": "", "FILM": _glsl(normal), "FILM_SLANT": _glsl(slant)}
         if lattices and quality != "draft":
-            own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}  # the mesh has them
+            # the mesh models its busbars
+            own = {"BUSBAR_M": 0.0} if any(m.name == "busbar" for m in materials) else {}
             each = " ".join(f"F({k})" for k in range(lattices))
             defines |= {"CELLS": lattices, "FOR_EACH_LATTICE(F)": each, **_CELL, **own}
             defines["FINGERS"] = int(quality == "high")
@@ -136,6 +137,6 @@ def finish_defines(
 
 
 def _glsl(values: FloatArray) -> str:
-    """Return a colour as a shader's constant."""
+    """Return a colour as a GLSL constant."""
     text = ", ".join(f"{v:.5f}" for v in values)
     return text if len(values) == 1 else f"vec3({text})"

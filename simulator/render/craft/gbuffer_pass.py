@@ -1,4 +1,4 @@
-"""G-buffer pass: which surface each sample sees. Reads the mesh; writes material, normal, chart and depth."""
+"""G-buffer pass: the surface that each sample sees. Reads the mesh; writes material, normal, chart and depth."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 STAMP_SHIFT = 28
 TEXEL_SAMPLERS = ("t_texel", "t_detail")
-"""Of the shading, for what textures add to a sample."""
+"""Samplers of the shading pass for textured materials."""
 KEPT_BYTES = 320 << 20
-"""Of all sizes at hand: two frames filled by a craft of plain materials, or one of textures."""
-_PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # a sample
+"""Memory limit of pooled images: two full frames of an untextured craft, or one of a textured one."""
+_PLAIN_BYTES, _TEXEL_BYTES = 12, 16  # per sample
 
 
 class SampleImages:
-    """One 32-bit word (material, normal), a place in the charts' atlas and a depth per sample, and what textures add.
+    """Images with a 32-bit word (material, normal), chart coordinates and depth per sample, and textured values.
 
     Parameters
     ----------
-    texels : also reflectance and metalness, and normal and roughness, of each sample.
+    texels : True to store reflectance and metalness, and normal and roughness, of each sample.
     """
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, texels: bool = False) -> None:
@@ -55,21 +55,21 @@ class SampleImages:
 
     @property
     def stamp(self) -> int:
-        """Mark of the samples of the frame being drawn, as ``u_stamp`` of shaders/craft/packed_samples.glsl.
+        """Mark of the current frame's samples: ``u_stamp`` of shaders/craft/packed_samples.glsl.
 
-        It is the number of their range of depths, at most 15 to fit four bits; 0 is of a cleared image.
+        It is the index of their depth range, at most 15 to fit four bits; a cleared image has 0.
         """
         return self._depth.number << STAMP_SHIFT
 
     def begin(self, *, clear: bool) -> None:
-        """Make the images current, and empty by a new stamp, or by clearing.
+        """Make the images current, and empty: by a new stamp, or by clearing.
 
-        Clearing takes a software driver as long as drawing two fifths of the samples.
+        A software driver clears as slowly as it draws two fifths of the samples.
         """
         self._depth.begin(self.framebuffer, clear=clear)
 
     def end(self) -> None:
-        """Let other passes have the whole range of depths."""
+        """Restore the full depth range for other passes."""
         self._depth.end()
 
     def release(self) -> None:
@@ -79,7 +79,7 @@ class SampleImages:
 
 @dataclass(frozen=True, eq=False)
 class TargetSamples:
-    """Textures of the G-buffer by sampler name; ``stamp`` tells this frame's samples from older ones."""
+    """Textures of the G-buffer by sampler name; ``stamp`` marks this frame's samples among older ones."""
 
     textures: dict[str, moderngl.Texture]
     stamp: int
@@ -89,7 +89,7 @@ SAMPLES: Resource[TargetSamples] = Resource("samples")
 
 
 class GBufferPass(Pass):
-    """Draws the supersampled target: the samples take longest, so they come first."""
+    """Draws the supersampled target; first, because its samples take longest."""
 
     name = "target.samples"
     reads = (SCENE, TARGET)
@@ -109,11 +109,11 @@ class GBufferPass(Pass):
         placed = r[TARGET]
         mesh, array, textures = placed.drawn.mesh, placed.drawn.gbuffer, placed.loaded.textures
         images = (self._plain if textures is None else self._textured).at_least(*placed.size)
-        # where some of the target may be nearer than the near plane, older samples are not told by their depth
+        # if the target may cross the near plane, depth does not distinguish this frame's samples from older ones
         images.begin(clear=placed.place.is_cut)
         program = sample_program(self._programs, mesh)
         program.set("u_stamp", images.stamp)
-        # back faces of closed shells are never seen and need not be drawn
+        # back faces of closed shells are never visible
         culled = self._context.CULL_FACE if mesh.is_closed else 0
         self._context.enable_only(self._context.DEPTH_TEST | culled)
         images.framebuffer.viewport = (0, 0, *placed.size)
@@ -130,7 +130,7 @@ class GBufferPass(Pass):
 
 
 def _draw_textured(array: moderngl.VertexArray, mesh: GpuMesh, program: Program, textures: Textures) -> None:
-    """Draw a mesh one set of textures after the other."""
+    """Draw a mesh, one set of textures at a time."""
     for draw in mesh.draws:
         color, data, normal = textures.of(draw.material)
         program.bind_textures(t_base_color=color, t_metallic_roughness=data, t_normal=normal)
@@ -141,7 +141,7 @@ def _draw_textured(array: moderngl.VertexArray, mesh: GpuMesh, program: Program,
 
 
 def _band_from_rgb(bands: Bands) -> tuple[float, ...]:
-    """Columns of the (3, 3) matrix that takes linear RGB to reflectances of the bands; unused rows are zero."""
+    """Return the columns of the (3, 3) matrix from linear RGB to reflectances per band; unused rows are zero."""
     matrix = np.zeros((3, 3))
     matrix[: len(bands_of(bands))] = reflectance(bands, np.eye(3)).T
     return tuple(matrix.T.ravel().tolist())

@@ -1,4 +1,4 @@
-"""Interreflection between the parts of a craft in one frame, as textures on the atlas of its charts."""
+"""Light that the parts of a craft reflect on each other in one frame, as textures on the atlas of its charts."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.targets.model import Material
 
-_NEIGHBOURS = 5  # directions between which the Sun's is interpolated
-_SKY_SAMPLES = 64
+_NEIGHBOURS = 5  # directions that the Sun's is interpolated between
+_SKY_SAMPLES = 64  # directions over the Earth's disc
 
 
 class AtlasTextures:
-    """Baked radiance transfer on the GPU: sky visibility, and the interreflected light of the frame at hand.
+    """Baked radiance transfer on the GPU: sky visibility, and the interreflected light of the current frame.
 
     Parameters
     ----------
-    pair : textures of the atlas's size for the two.
+    pair : two textures of the atlas's size.
     """
 
-    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], made: RadianceTransfer) -> None:
-        self._made, self.pair = made, pair
+    def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], transfer: RadianceTransfer) -> None:
+        self._made, self.pair = transfer, pair
         self.visibility, self.interreflection = pair
         self._image = np.zeros(
             (self.interreflection.width * self.interreflection.height, self.interreflection.components),
             np.float32,
         )
-        self.visibility.write(made.visibility.tobytes(), alignment=1)
+        self.visibility.write(transfer.visibility.tobytes(), alignment=1)
         self._last: bytes = b""
 
     def update(self, view: View) -> None:
-        """Set ``interreflection`` [W m-2] to that of a frame."""
+        """Set ``interreflection`` [W m-2] to that of a view."""
         R = view.R_camera_from_target
         far = ((view.sun_direction, view.sun_irradiance_w_m2 * view.sun_share), *view.lights)
         sources = [(*_between(self._made.directions, R.T @ towards), light) for towards, light in far]
@@ -81,11 +81,11 @@ class AtlasTextures:
 
 
 class Interreflection:
-    """Textures of one craft, made when its light is first asked for in some bands.
+    """Textures of one craft, made when its light is first needed in some bands.
 
     Parameters
     ----------
-    patch : as of `baked_transfer`.
+    patch : size of a patch, as in `baked_transfer`.
     """
 
     def __init__(self, context: moderngl.Context, mesh: GpuMesh, patch: int = PATCH) -> None:
@@ -95,12 +95,12 @@ class Interreflection:
         self._kept: dict[Bands, AtlasTextures] = {}
 
     def begin(self, bands: Bands) -> None:
-        """Bake on another thread, unless that is done already: a second's work that needs no OpenGL."""
+        """Start baking on another thread, if it has not been done: it takes a second and needs no OpenGL."""
         if bands in self._kept or bands in self._begun:
             return
         size, channels = self._mesh.charts.size_px, 1 if bands == "mono" else 4
-        # 32-bit floats, and four of them for three bands: a software driver looks them up as quickly as 16-bit ones,
-        # which take as long to make as all the rest
+        # 32-bit floats, with four channels for three bands: a software driver samples them as fast as 16-bit ones, and
+        # converting to those takes as long as all the rest
         pair = self._context.texture(size, 4), self._context.texture(size, channels, dtype="f4")
         for texture in pair:
             texture.filter = (self._context.LINEAR, self._context.LINEAR)
@@ -113,14 +113,14 @@ class Interreflection:
         pool.shutdown(wait=False)
 
     def bake(self, bands: Bands) -> AtlasTextures:
-        """The textures, whatever frame they were last updated to."""
+        """Return the textures, as last updated."""
         if bands not in self._kept:
             self.begin(bands)
             self._kept[bands] = AtlasTextures(self._empty.pop(bands), self._begun.pop(bands).result())
         return self._kept[bands]
 
     def update(self, bands: Bands, view: View) -> AtlasTextures:
-        """The textures of a frame."""
+        """Return the textures, updated for a view."""
         textures = self.bake(bands)
         textures.update(view)
         return textures
@@ -136,23 +136,23 @@ class Interreflection:
 
 
 def _mean_reflectance(materials: Sequence[Material], bands: Bands) -> FloatArray:
-    """(M, n) directional-hemispherical reflectance of each material in the mean over directions, gloss included."""
+    """Return (M, n) directional-hemispherical reflectance of each material, averaged over directions, with gloss."""
     base = np.asarray([reflectance(bands, np.asarray(m.base_color)) for m in materials], float)
     metallic, coat = (np.array([[getattr(m, name)] for m in materials]) for name in ("metallic", "clearcoat"))
     f0 = 0.04 + (base - 0.04) * metallic
-    gloss = f0 + (1 - f0) / 21  # Schlick's reflectance in the mean over a hemisphere
+    gloss = f0 + (1 - f0) / 21  # Schlick's reflectance averaged over a hemisphere
     under = gloss + (1 - gloss) * base * (1 - metallic)
     film = coat * (0.04 + 0.96 / 21)
     return np.asarray(film + (1 - film) * under)
 
 
 def _weighted(weights: FloatArray, rows: Float32Array) -> Float32Array:
-    """(N,) sum of some rows (K, N) by their weights; a library's product would depend on its number of threads."""
+    """Return (N,) the weighted sum of rows (K, N); a BLAS product would depend on its number of threads."""
     return np.asarray(np.einsum("k,kn->n", weights.astype(np.float32), rows))
 
 
 def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Rows and weights (K,) of the directions around one: each fades out where the next farther one would come in."""
+    """Return rows and weights (K,) of the directions nearest to one; weights reach zero where the next would enter."""
     cosine = directions @ towards
     rows = np.argsort(-cosine)[: _NEIGHBOURS + 1]
     angle = np.arccos(np.clip(cosine[rows], -1, 1))
@@ -161,7 +161,7 @@ def _between(directions: FloatArray, towards: FloatArray) -> tuple[IntArray, Flo
 
 
 def sky_harmonics(sky: IrradianceField, R_camera_from_target: FloatArray) -> FloatArray:
-    """(n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
+    """Return (n, 9) coefficients of the sky's radiance in `transfer.harmonics`, target frame."""
     lowest = max(sky.disc_cosine, -1.0)
     cap = spherical_fibonacci(_SKY_SAMPLES, lowest)
     d = cap @ orthonormal_basis(sky.axis)

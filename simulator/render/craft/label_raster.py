@@ -1,7 +1,7 @@
-"""Label pass: what the target shows at each pixel's centre (depth, normal, part), and its whole silhouette.
+"""Label pass: the target at each pixel's centre (depth, normal, part), and its whole silhouette.
 
-One sample a pixel, at its centre: mask, depth, normals and parts come from one raster and so have one support. On
-every driver only what can show is drawn: of faces in one plane the one beneath would win here and there.
+One sample per pixel, at its centre: mask, depth, normals and parts come from one raster and so agree. Hidden triangles
+are culled on every driver, because of two coplanar faces the wrong one could win.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-_SILHOUETTE_SIDE_PX = 1024  # of the picture that measures the whole silhouette: 1e-3 of its area is resolved
-_ROUNDING_PX = 1 / 4096  # what a driver's single precision moves a corner at a whole step by
+_SILHOUETTE_SIDE_PX = 1024  # side of the image that measures the whole silhouette: resolves 1e-3 of its area
+_ROUNDING_PX = 1 / 4096  # shift of a corner, placed at a whole step, by a driver's single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,10 @@ class Surfaces:
 
     Parameters
     ----------
-    depth_m : (H, W) float32 camera z of the nearest surface, NaN where the target is not.
-    normals : (H, W, 3) float16, camera frame, unit, towards the camera; zero where the target is not; or None.
-    parts : (H, W) uint16, number of the part in the target from 1, 0 where the target is not; or None.
-    window : rows and columns outside which the target is not.
+    depth_m : (H, W) float32 camera z of the nearest surface, NaN outside the target.
+    normals : (H, W, 3) float16 unit normals towards the camera, camera frame, zero outside the target; or None.
+    parts : (H, W) uint16 index of the part, from 1; 0 outside the target; or None.
+    window : rows and columns that hold the target.
     """
 
     depth_m: Float32Array
@@ -55,7 +55,7 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class PendingSurfaces:
-    """A label raster that the driver is drawing; to be read once."""
+    """A label raster that the driver is drawing; it is read once."""
 
     context: moderngl.Context
     framebuffer: moderngl.Framebuffer
@@ -64,7 +64,7 @@ class PendingSurfaces:
     layers: bool
 
     def read(self) -> Surfaces:
-        """Wait for the raster, take it and free its memory."""
+        """Wait for the raster, read it and free its memory."""
         shape = self.size[::-1]
         flush(self.context)
         z = self.framebuffer.read(components=1, dtype="f4", alignment=1)
@@ -80,7 +80,7 @@ class PendingSurfaces:
 
 
 class LabelRaster:
-    """Draws the target once more at one sample a pixel. Reads the mesh; owns what it writes."""
+    """Draws the target at one sample per pixel. Reads the mesh; owns its outputs."""
 
     def __init__(self, device: Device, targets: ResidentTargets) -> None:
         self._context, self._programs, self._lens = device.context, device.programs, device.blocks.lens
@@ -88,7 +88,7 @@ class LabelRaster:
         self._aside = self._context.framebuffer([self._context.texture((1, 1), 1)])
 
     def start_surfaces(self, scene: SceneState, target: Target, *, layers: bool) -> Callable[[], Surfaces]:
-        """Have the driver draw what lies at each pixel's centre; the result waits for it, to be called once."""
+        """Start drawing the surface at each pixel's centre; return a function that waits for it, to be called once."""
         loaded, camera = self._targets.get(target), scene.camera
         place = fit_viewport(
             loaded.mesh, matrix_of(scene.camera_from_target.R, scene.t_camera_from_target_m), camera
@@ -108,7 +108,7 @@ class LabelRaster:
                 window = (slice(rect.y0, rect.y1), slice(rect.x0, rect.x1))
                 depth[window] = seen.depth_m
                 if normals is not None and seen.normals is not None:
-                    for k in range(3):  # numpy copies three at a time five times more slowly
+                    for k in range(3):  # NumPy copies three at a time five times more slowly
                         normals[window][..., k] = seen.normals[..., k]
                 if parts is not None and seen.parts is not None:
                     parts[window] = seen.parts
@@ -117,7 +117,7 @@ class LabelRaster:
         return whole_image
 
     def silhouette_inside(self, scene: SceneState, target: Target) -> float:
-        """Return the share of the whole silhouette that falls on the image; 0 where nothing is before the camera."""
+        """Return the share of the whole silhouette inside the image; 0 if nothing is in front of the camera."""
         loaded, camera = self._targets.get(target), scene.camera
         place = fit_viewport(
             loaded.mesh,
@@ -133,11 +133,11 @@ class LabelRaster:
             return 1.0
         rect = PixelRect(int(x0), int(y0), int(x1), int(y1))
         scale = min(1.0, _SILHOUETTE_SIDE_PX / max(rect.width, rect.height))
-        drawn = self._begin(loaded, camera, place, rect, scale=scale)
-        seen = np.isfinite(drawn.read().depth_m)
-        on_image = _on_image(camera, rect, seen.shape, scale)
-        total = int(seen.sum())
-        return float((seen & on_image).sum() / total) if total else 0.0
+        raster = self._begin(loaded, camera, place, rect, scale=scale)
+        silhouette = np.isfinite(raster.read().depth_m)
+        on_image = _on_image(camera, rect, silhouette.shape, scale)
+        total = int(silhouette.sum())
+        return float((silhouette & on_image).sum() / total) if total else 0.0
 
     def _begin(
         self,
@@ -149,11 +149,11 @@ class LabelRaster:
         layers: bool = False,
         scale: float = 1.0,
     ) -> PendingSurfaces:
-        """Have the driver draw what the pixels of ``rect`` show; ``scale`` < 1 draws fewer, larger pixels.
+        """Start drawing the surface in the pixels of ``rect``; ``scale`` < 1 draws fewer, larger pixels.
 
         Parameters
         ----------
-        layers : also normals and parts.
+        layers : True for normals and parts too.
         """
         arrays = loaded.drawn(self._context, place.longest_m).labels
         program, camera_from_target = label_program(self._programs, layers=layers), place.camera_from_target
@@ -175,23 +175,23 @@ class LabelRaster:
         program.set("u_label_camera_from_target", tuple(camera_from_target.T.ravel()))
         eye_m = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
         program.set("u_label_px", size)
-        # Corners stand at whole steps of a raster, so that a face is shown within itself alone. One that is thinner
-        # than single precision may still have any depth: each is put back by what it changes over that.
+        # Corners are rounded to whole steps of the raster, so that a face covers no pixel beyond itself. The depth of a
+        # face thinner than single precision is arbitrary: the offset moves each back by its change over that distance.
         self._context.polygon_offset = (_ROUNDING_PX, 0.0)
         (arrays.layers if layers else arrays.depth).render(np.append(eye_m, 1.0))
         self._context.polygon_offset = (0.0, 0.0)
-        # a software driver begins to draw once something else is drawn to, and then does so on threads of its own
+        # a software driver starts drawing, in its own threads, once another framebuffer is used
         draw_to(self._aside)
         self._aside.clear()
         return PendingSurfaces(self._context, framebuffer, (depth, *outputs), size, layers)
 
     def release(self) -> None:
-        """Free what is drawn to between rasters."""
+        """Free the small framebuffer that starts the drawing."""
         release(self._context, self._aside, *self._aside.color_attachments)
 
 
 def _on_image(camera: Camera, rect: PixelRect, shape: tuple[int, ...], scale: float) -> BoolArray:
-    """Return the pixels of a scaled window whose centre lies on the image."""
+    """Return the pixels of a scaled window whose centre lies in the image."""
     x = (np.arange(shape[1]) + 0.5) / scale + rect.x0 - 0.5
     y = (np.arange(shape[0]) + 0.5) / scale + rect.y0 - 0.5
     return np.asarray(

@@ -1,4 +1,4 @@
-"""Bending of a target's edges and outlines by a lens: the length up to which a straight line follows a bent one."""
+"""Bending of a target's edges and outlines by a lens: the longest straight piece that follows it."""
 
 from __future__ import annotations
 
@@ -14,40 +14,41 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
 TOLERANCE_PX = 0.02
-"""Between a straight line and what the lens makes of it, in the middle of its longest piece."""
+"""Largest distance between a straight line and its distorted image, in the middle of its longest piece."""
 MOST_TRIANGLES = 250_000
-"""Of a cut mesh; what would need more, a large craft so near that it surrounds the camera, bends a little less well."""
-_OUTLINE_PX = 0.1  # as `TOLERANCE_PX`, of outlines that choose pixels to draw
+"""Largest number of triangles after cutting; only a large craft around the camera would need more."""
+_OUTLINE_PX = 0.1  # the same tolerance for outlines, which only select pixels to draw
 _COVERING = 5.0  # triangles per square of their longest edge
 
 
 def longest_edge_m(mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, rect: PixelRect) -> float:
-    """Longest edge of a mesh that may be drawn straight, infinite where all may.
+    """Return the longest edge of a mesh that may be drawn straight; infinite if all may.
 
-    It is the mesh's diameter over a power of the root of two, so that a craft has a few cuts that serve all its views.
+    It is the mesh's diameter over a power of the root of two, so that a few cuts serve all views of a craft.
     """
     bending = camera.bending_px_rad2((rect.x0, rect.y0, rect.x1, rect.y1))
     place = -camera_from_target[:3, :3].T @ camera_from_target[:3, 3]
-    # from there to the box that holds the mesh
+    # distance to the mesh's bounding box
     low, high = mesh.hull_m.min(axis=1), mesh.hull_m.max(axis=1)
     nearest_m = float(np.linalg.norm(np.maximum(np.maximum(low - place, place - high), 0.0)))
     diameter_m = 2 * mesh.radius_m
     if bending * diameter_m**2 <= 8 * TOLERANCE_PX * nearest_m**2:
         return np.inf
-    # a piece is seen under an angle of its length over its distance, at most
+    # a piece spans at most the angle of its length over its distance
     asked_m = nearest_m * np.sqrt(8 * TOLERANCE_PX / bending)
     least_m = np.sqrt(_COVERING * mesh.area_m2 / MOST_TRIANGLES)
     return float(diameter_m / 2 ** (np.ceil(2 * np.log2(diameter_m / max(asked_m, least_m))) / 2))
 
 
 def bent_outlines(camera: Camera, hulls_m: FloatArray, parts: IntArray) -> tuple[FloatArray, IntArray]:
-    """Points (3, M) along the outlines of convex hulls that a lens bends, and where those of the second begin.
+    """Return points (3, M) along the outlines of convex hulls for a lens, and the start of each hull but the first.
 
-    Straight lines between their pictures follow the outlines' to a tenth of a pixel.
+    Straight lines between their images follow the outlines to 0.1 px.
 
     Parameters
     ----------
-    hulls_m : (3, K) of all hulls, one after the other, camera frame, before the camera. parts : where they begin.
+    hulls_m : (3, K) points of all hulls in turn, camera frame, in front of the camera. parts : start of each but the
+        first.
     """
     flat = np.ascontiguousarray((hulls_m[:2] / hulls_m[2]).T, np.float32)
     starts = [0, *parts.tolist()]

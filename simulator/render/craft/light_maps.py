@@ -1,4 +1,4 @@
-"""Area lights on a target: a shadow map from each of their patches, side by side in one image; their block."""
+"""Area lights on a target: shadow maps from each light's patches, side by side in one image, and their uniforms."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality, SceneState
 
 PATCHES: dict[Quality, int] = {"draft": 4, "default": 8, "high": 16}
-"""Of each light; a straight edge's penumbra has so many steps, each less than the noise of a picture."""
+"""Patches of each light: a straight edge's penumbra has that many steps, each below an image's noise."""
 TILE_PX = 512
-_WIDER = 1.03  # than the sphere about the craft: for the filter's reach
-_WIDEST_SINE = 0.9  # of half the angle that a map sees; a light nearer to the craft sees a part of it
+_WIDER = 1.03  # over the sphere around the craft: for the filter's reach
+_WIDEST_SINE = 0.9  # sine of half the largest angle of a map; a light nearer to the craft sees part of it
 _LIFT_TEXELS, _LEAST_TEXELS = 1.5, 0.15
-"""Texels by which a point is lifted off its face: at grazing light, and always."""
+"""Offsets of a point from its face [texels]: at grazing light, and always."""
 
 
 def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tuple[FloatArray, float]:
-    """(4, 4) clip matrix of a light's view of a sphere, and the angle that a texel sees [rad].
+    """Return the (4, 4) clip matrix of a light's view of a sphere, and the angle of a texel [rad].
 
     Parameters
     ----------
-    place_m : (3,) of the light. center_m : (3,) of the sphere. Depth grows away from the light, -1 to 1.
+    place_m : (3,) position of the light. center_m : (3,) centre of the sphere. Depth grows away from the light, -1 to
+        1.
     """
     along = center_m - place_m
     distance = max(float(np.linalg.norm(along)), 1e-3)
@@ -70,7 +71,7 @@ class LightMaps:
     def draw(
         self, scene: SceneState, loaded: ResidentTarget, place: ViewportFit
     ) -> tuple[moderngl.Texture, int]:
-        """Draw the maps and write the block; the image of all maps, and the number of patches of each light."""
+        """Draw the maps and write the block; return the image of all maps, and the number of patches of each light."""
         mesh, count = loaded.mesh, PATCHES[scene.quality]
         lights = [light.placed(scene.camera_from_target) for light in scene.area_lights]
         target_from_camera = np.linalg.inv(place.camera_from_target)
@@ -123,18 +124,18 @@ def _values(
     matrices: FloatArray,
     texel_rad: float,
 ) -> dict[str, FloatArray]:
-    """Members of the block ``AreaLights``."""
+    """Return the members of the block ``AreaLights``."""
     names = ("middle", "right", "down", "axis", "radiance")
     values = {f"u_light_{name}": np.zeros((MOST_LIGHTS, 4)) for name in names}
     share = len(lights) / len(patches)
-    for k, (light, asked) in enumerate(zip(lights, scene.area_lights, strict=True)):
+    for k, (light, spec) in enumerate(zip(lights, scene.area_lights, strict=True)):
         values["u_light_middle"][k, :3] = light.middle_m
         values["u_light_right"][k] = [*light.right_m, light.area_m2 * share]
         values["u_light_down"][k, :3] = light.down_m
         values["u_light_axis"][k] = [*light.axis, light.exponent]
-        values["u_light_radiance"][k] = vec4_of_bands(asked.radiance(scene.bands))
+        values["u_light_radiance"][k] = vec4_of_bands(spec.radiance(scene.bands))
     places = np.zeros((MOST_PATCHES, 4))
     places[: len(patches), :3] = patches
-    # lifted by texels: [m] a metre from the light
+    # offset of a point [m] at one metre from the light, by texels
     count = np.array([len(lights), _LIFT_TEXELS * texel_rad, _LEAST_TEXELS * texel_rad, 0.0])
     return {**values, "u_patch_place": places, "u_patch_map": matrices, "u_light_count": count}

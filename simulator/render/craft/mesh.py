@@ -1,4 +1,4 @@
-"""A target on the GPU: one vertex buffer for all parts, the material's number on each vertex."""
+"""A target on the GPU: one vertex buffer for all parts, with a material index per vertex."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ ATTRIBUTES = ("in_position_m", "in_normal", "in_material")
 
 @dataclass(frozen=True)
 class Draw:
-    """A stretch of the index buffer with one set of textures.
+    """A range of the index buffer drawn with one set of textures.
 
     Parameters
     ----------
-    first, count : indices. material : what its textures and factors are taken from; None where there are none.
+    first, count : range of indices. material : material with the textures and factors; None if there are none.
     """
 
     first: int
@@ -48,10 +48,10 @@ class GpuMesh(BakedMesh):
 
     Parameters
     ----------
-    vertices : of ``values``. indices : of ``triangles``. at_chart : the vertices' places in the atlas.
-    uv : texture coordinates of the vertices, where any part has a texture. draws : the parts by their textures.
-    order : which of the target's parts lie in the buffers first, second and so on.
-    sources : (V,) of each vertex, one of the uncut mesh's on the same part.
+    vertices, indices : buffers of ``values`` and ``triangles``. at_chart : chart coordinates of the vertices.
+    uv : texture coordinates of the vertices, if any part has a texture. draws : index ranges by set of textures.
+    order : indices of the target's parts, in the order of the buffers.
+    sources : (V,) for each vertex of a cut mesh, a vertex of the uncut mesh on the same part.
     """
 
     vertices: moderngl.Buffer
@@ -72,7 +72,7 @@ class GpuMesh(BakedMesh):
 
     @cached_property
     def cell_lattices(self) -> FloatArray:
-        """Lattices of its solar cells, as `cell_lattice.cell_lattices` gives them."""
+        """Lattices of its solar cells, from `cell_lattice.cell_lattices`."""
         numbers = [k for k, m in enumerate(self.materials, start=1) if has_films(m)]
         of_cells = np.isin(self.values[self.triangles[:, 0], 6], numbers)
         return cell_lattices(self.values[:, :3].astype(float), self.triangles[of_cells].astype(np.int64))
@@ -84,11 +84,11 @@ class GpuMesh(BakedMesh):
         *more: tuple[moderngl.Buffer, str, str],
         indices: moderngl.Buffer | None = None,
     ) -> moderngl.VertexArray:
-        """The mesh as ``program`` reads it.
+        """Return the mesh's vertex array for a program.
 
         Parameters
         ----------
-        more : further buffers with a value per vertex, by name. indices : instead of those of all triangles.
+        more : further per-vertex buffers, each with format and name. indices : replaces the indices of all triangles.
         """
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),
@@ -101,27 +101,27 @@ class GpuMesh(BakedMesh):
         return context.vertex_array(program, content, indices or self.indices, skip_errors=True)
 
     def cut(self, context: moderngl.Context, longest_m: float) -> GpuMesh:
-        """The same surface in triangles with no edge longer than this, in buffers of its own."""
-        made = subdivide(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
-        values = made.extended(self.values.astype(float))
+        """Return the same surface with no edge longer than ``longest_m``, in buffers of its own."""
+        subdivision = subdivide(self.values[:, :3].astype(float), self.triangles.astype(np.int64), longest_m)
+        values = subdivision.extended(self.values.astype(float))
         new = values[len(self.values) :, 3:6]
         new /= np.maximum(np.linalg.norm(new, axis=1, keepdims=True), 1e-9)
-        triangles = made.triangles.astype(np.uint32)
+        triangles = subdivision.triangles.astype(np.uint32)
 
         def extended(buffer: moderngl.Buffer) -> moderngl.Buffer:
             at = np.frombuffer(buffer.read(), np.float32).reshape(len(self.values), 2)
-            return context.buffer(made.extended(at).tobytes())
+            return context.buffer(subdivision.extended(at).tobytes())
 
         def place(index: int) -> int:
-            return 3 * int(made.first[index // 3])
+            return 3 * int(subdivision.first[index // 3])
 
         return replace(
             self,
             values=values,
             triangles=triangles,
-            planes=self.planes[made.of],
-            boxes=replace(self.boxes, of=self.boxes.of[made.of]),
-            sources=made.inherited(self.sources),
+            planes=self.planes[subdivision.of],
+            boxes=replace(self.boxes, of=self.boxes.of[subdivision.of]),
+            sources=subdivision.inherited(self.sources),
             vertices=context.buffer(values.tobytes()),
             indices=context.buffer(triangles.tobytes()),
             at_chart=extended(self.at_chart),
@@ -142,27 +142,27 @@ class GpuMesh(BakedMesh):
 
 
 def upload(context: moderngl.Context, target: Target, texel: float = TEXEL) -> GpuMesh:
-    """Merge the parts and upload them; parameters as of `prepared`."""
-    made, draws, order = prepared(target, texel)
+    """Merge the parts and upload them; the parameters are those of `prepared`."""
+    geometry, draws, order = prepared(target, texel)
     return GpuMesh(
-        **{field.name: getattr(made, field.name) for field in fields(BakedMesh)},
-        vertices=context.buffer(made.values.tobytes()),
-        indices=context.buffer(made.triangles.tobytes()),
-        sources=np.arange(len(made.values)),
+        **{field.name: getattr(geometry, field.name) for field in fields(BakedMesh)},
+        vertices=context.buffer(geometry.values.tobytes()),
+        indices=context.buffer(geometry.triangles.tobytes()),
+        sources=np.arange(len(geometry.values)),
         materials=target.materials,
-        at_chart=context.buffer(made.charts.uv.astype(np.float32).tobytes()),
-        uv=context.buffer(made.uv.tobytes()) if len(made.uv) else None,
+        at_chart=context.buffer(geometry.charts.uv.astype(np.float32).tobytes()),
+        uv=context.buffer(geometry.uv.tobytes()) if len(geometry.uv) else None,
         draws=draws,
         order=order,
     )
 
 
 def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw, ...], tuple[int, ...]]:
-    """The parts merged, with all that is made of them; the draws and the parts' order of `GpuMesh`. Needs no OpenGL.
+    """Return the merged parts with their derived data, and the draws and order of `GpuMesh`. Needs no OpenGL.
 
     Parameters
     ----------
-    texel : between nodes of baked light, of the mesh's radius.
+    texel : distance of nodes of baked light, over the mesh's radius.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw
     draws: list[Draw] = []
     textured = {m.name: m for m in target.materials if any(m.textures)}
     first = 0
-    # parts with one material follow each other, so that each set of textures is bound once
+    # parts of one material are consecutive, so each set of textures is bound once
     names = [part.material if part.material in textured else "" for part in target.parts]
     order = sorted(range(len(names)), key=names.__getitem__)
     for part in (target.parts[k] for k in order):
@@ -204,7 +204,7 @@ def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw
             first += len(indices[-1])
     if not sum(len(block) for block in indices):
         raise UserError(f"target {target.name} has no triangles; give it at least one part with faces")
-    made = geometry_of(
+    geometry = geometry_of(
         MergedParts(
             np.concatenate(vertices),
             np.concatenate(indices).reshape(-1, 3),
@@ -214,4 +214,4 @@ def prepared(target: Target, texel: float = TEXEL) -> tuple[Geometry, tuple[Draw
         numbers,
         texel,
     )
-    return made, tuple(draws), tuple(order)
+    return geometry, tuple(draws), tuple(order)

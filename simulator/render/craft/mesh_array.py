@@ -1,4 +1,4 @@
-"""Vertex arrays of a target's mesh, and the programs that they are made for: samples, shadow maps, labels."""
+"""Vertex arrays of a target's mesh, and the programs that draw them: samples, shadow maps, labels."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ if TYPE_CHECKING:
 
 
 class MeshArray(Protocol):
-    """A mesh as one program draws it."""
+    """A mesh in the form that one program draws."""
 
     @property
     def array(self) -> moderngl.VertexArray:
-        """The vertex array that draws it."""
+        """Vertex array for drawing."""
 
     def render(self, place: FloatArray) -> None:
-        """Draw at least what can show from a place.
+        """Draw all that may be visible from a viewpoint, or more.
 
         Parameters
         ----------
-        place : (4,) homogeneous, target frame: a point (x, y, z, 1) [m] or the direction (x, y, z, 0) of one far away.
+        place : (4,) homogeneous viewpoint, target frame: a point (x, y, z, 1) [m] or, at infinity, a direction (x, y,
+            z, 0).
         """
 
     def release(self) -> None:
-        """Free it."""
+        """Free the vertex array."""
 
 
 class Culling(Protocol):
-    """The triangles and the tiles of the image that are drawn."""
+    """Selection of the triangles and image tiles to draw."""
 
     def mesh_array(
         self,
@@ -49,14 +50,14 @@ class Culling(Protocol):
         program: moderngl.Program,
         *more: tuple[moderngl.Buffer, str, str],
     ) -> MeshArray:
-        """A mesh for one program; ``more`` as in `GpuMesh.vertex_array`."""
+        """Return a mesh for one program; ``more`` is as in `GpuMesh.vertex_array`."""
 
     def target_tiles(self, place: ViewportFit) -> FloatArray:
-        """Centres (K, 2) [px] of tiles that hold all that the target may touch."""
+        """Return centres (K, 2) [px] of tiles that hold all pixels that the target may touch."""
 
 
 class WholeMesh:
-    """A mesh that is drawn as a whole; parameters as of `Culling.mesh_array`."""
+    """A mesh drawn as a whole; the parameters are those of `Culling.mesh_array`."""
 
     def __init__(
         self,
@@ -68,7 +69,7 @@ class WholeMesh:
         self.array = mesh.vertex_array(context, program, *more)
 
     def render(self, place: FloatArray) -> None:  # noqa: ARG002
-        """Draw all triangles, in the mesh's order."""
+        """Draw all triangles."""
         self.array.render()
 
     def release(self) -> None:
@@ -77,12 +78,12 @@ class WholeMesh:
 
 
 class NoCulling:
-    """All triangles, and all tiles of the rectangle around the target: what a GPU is given."""
+    """No culling, for a GPU: all triangles, and all tiles of the target's rectangle."""
 
     mesh_array = WholeMesh
 
     def target_tiles(self, place: ViewportFit) -> FloatArray:
-        """Centres (K, 2) [px] of all the tiles of the target's rectangle."""
+        """Return centres (K, 2) [px] of all the tiles of the target's rectangle."""
         return all_tiles(place.rect)
 
 
@@ -90,14 +91,14 @@ TEXTURE_SAMPLERS = ("t_base_color", "t_metallic_roughness", "t_normal")
 
 
 def normal_bits(mesh: GpuMesh) -> int:
-    """Bits of each of the normal's two coordinates: what the material's number leaves of 32."""
+    """Return the bits of each of the normal's two coordinates: those of a 32-bit word that the material leaves."""
     return 13 if len(mesh.materials) < 1 << 6 else 12
 
 
 def sample_program(programs: ProgramLibrary, mesh: GpuMesh) -> Program:
     """Return the program that draws a mesh's samples.
 
-    Closed shells show no back faces, few materials leave bits to the normal, and textures add two words per sample.
+    Meshes differ in drawing back faces, in the bits left for the normal, and in two more words per textured sample.
     """
     textured = mesh.uv is not None
     defines = {
@@ -111,18 +112,18 @@ def sample_program(programs: ProgramLibrary, mesh: GpuMesh) -> Program:
 
 
 def shadow_program(programs: ProgramLibrary) -> Program:
-    """Return the program that draws a mesh's depth as a light sees it."""
+    """Return the program that draws a mesh's depth from a light."""
     return programs.get("craft/shadow.vert", "craft/shadow.frag", {})
 
 
 def label_program(programs: ProgramLibrary, *, layers: bool) -> Program:
-    """Return the program that draws depth at the pixels' centres, and with ``layers`` normals and parts."""
+    """Return the program that draws depth at pixel centres, and with ``layers`` normals and parts."""
     return programs.get("craft/labels.vert", "craft/labels.frag", {"LAYERS": int(layers)})
 
 
 @dataclass(frozen=True, eq=False)
 class LabelArrays:
-    """Vertex arrays of one uploaded mesh: for depth alone, and for all layers."""
+    """Vertex arrays of one uploaded mesh: for depth only, and for all layers."""
 
     depth: CulledVertexArray
     layers: CulledVertexArray
@@ -130,7 +131,7 @@ class LabelArrays:
 
     @staticmethod
     def of(context: moderngl.Context, programs: ProgramLibrary, target: Target, mesh: GpuMesh) -> LabelArrays:
-        """Make the arrays of a target's mesh, as it is or cut."""
+        """Make the arrays of a target's mesh, cut or uncut."""
         numbers = np.concatenate(
             [np.full(len(target.parts[k].positions_m), k + 1, np.float32) for k in mesh.order]
         )
@@ -143,6 +144,6 @@ class LabelArrays:
         )
 
     def release(self) -> None:
-        """Free them."""
+        """Free the vertex arrays."""
         for resource in (self.depth, self.layers, self.parts):
             resource.release()

@@ -1,4 +1,4 @@
-"""Placement pass: where the target is in the image, and how densely it is sampled. Reads the mesh; writes uniforms."""
+"""Placement pass: the target's place in the image and its sampling density. Reads the mesh; writes uniforms."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlacedTarget:
-    """A target on the GPU and in the image: what its passes have in common.
+    """A target on the GPU and in the image: state that its passes share.
 
     Parameters
     ----------
-    size, origin : of the samples' framebuffer and of its counters. tiles_px : (K, 2) centres of the tiles that the
-        target may touch.
+    size, origin : size of the samples' framebuffer, and origin of its lattice counters. tiles_px : (K, 2) centres of
+        the tiles that the target may touch.
     """
 
     loaded: ResidentTarget
@@ -74,7 +74,7 @@ class PlacedTarget:
 
 TARGET: Resource[PlacedTarget] = Resource("target")
 TARGET_TILES: Resource[FloatArray] = Resource("target tiles")
-"""(K, 2) centres of the tiles to be shaded pixel by pixel."""
+"""Centres (K, 2) of the tiles to be shaded pixel by pixel."""
 
 
 class PlacementPass(Pass):
@@ -89,7 +89,7 @@ class PlacementPass(Pass):
         self._targets = targets
 
     def run(self, r: PassResources) -> None:
-        """Place the target; it is missing from a frame of which it touches no pixel."""
+        """Place the target; the resource is missing if the target touches no pixel."""
         r[TARGET] = placed = self._place(r[SCENE], r[VIEW], r[MODEL])
         r[TARGET_TILES] = None if placed is None else placed.tiles_px
 
@@ -103,7 +103,7 @@ class PlacementPass(Pass):
         tiles = self._targets.culling.target_tiles(place)
         if not len(tiles):
             return None
-        dense = loaded.textures is not None  # edges inside them are not weighted
+        dense = loaded.textures is not None  # edges inside textures are not weighted
         lattice = choose_pattern(scene.quality, place, outline_px(place), place.pixel_m(camera), dense=dense)
         size, origin = lattice.window(tiles, TILE_REACH_PX)
         drawn = loaded.drawn(self._context, place.longest_m)
@@ -132,7 +132,7 @@ class PlacementPass(Pass):
 
 @lru_cache(maxsize=16)
 def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[str, FloatArray]:
-    """Members of the block ``Materials``; the same object again for the same materials, which need no second upload."""
+    """Return the members of the block ``Materials``, cached, so that the same object is not uploaded again."""
     color, surface, grain = np.zeros((256, 4)), np.zeros((256, 4)), np.zeros((256, 4))
     for k, material in enumerate(materials, start=1):
         albedo = reflectance(bands, np.asarray(material.base_color))
@@ -140,14 +140,14 @@ def material_values(materials: tuple[Material, ...], bands: Bands) -> Mapping[st
         color[k, 3] = material.metallic
         rough = material.roughness * (FOIL_ROUGHNESS if is_foil(material) else 1.0)
         surface[k] = [
-            max(rough, 0.03),  # below this a highlight is narrower than the Sun's own disc
+            max(rough, 0.03),  # below this a highlight would be narrower than the Sun's disc
             material.clearcoat + float(has_films(material)),
             max(material.clearcoat_roughness, 0.03),
             material.crinkle or -mottle_of(material),
         ]
         if material.anisotropy > 0:
             strength = material.anisotropy * (-1 if material.turned else 1)
-            length = max(float(np.linalg.norm(material.grain)), 1e-9)  # a grain of no direction stays none
+            length = max(float(np.linalg.norm(material.grain)), 1e-9)  # a zero vector means no grain
             grain[k] = [*(np.asarray(material.grain) / length), strength]
     return MappingProxyType(
         {"u_material_color": color, "u_material_surface": surface, "u_material_grain": grain}

@@ -1,4 +1,4 @@
-"""Targets resident on the GPU: the resources of each, and which of them stay."""
+"""Targets resident on the GPU: their resources, and eviction of the least recently used."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.targets.model import Target
 
-# between nodes of baked light in the preset `high`, of the target's radius; and nodes along a patch that returns light
+# distance of nodes of baked light in the preset `high`, over the target's radius; and nodes along a patch that reflects
 FINE_TEXEL, FINE_PATCH = 0.012, 2
-MOST_CUTS = 8  # of one target: an approach needs two more each time that it halves the range
-MOST_LOADED = 4  # targets that stay on the GPU: tens of megabytes each; others are uploaded again
+MOST_CUTS = 8  # per target: an approach needs two more each time that the range halves
+MOST_LOADED = 4  # targets kept on the GPU, tens of megabytes each
 
 
 class EdgeBuffers:
-    """The edges of one mesh on the GPU, and the list of those that this frame draws."""
+    """The edges of one mesh on the GPU, and the list of those drawn in this frame."""
 
-    def __init__(self, context: moderngl.Context, seen: VisibleEdges) -> None:
+    def __init__(self, context: moderngl.Context, visible_edges: VisibleEdges) -> None:
         self._context = context
         self._arrays: dict[Program, moderngl.VertexArray] = {}
-        self.seen = seen
+        self.seen = visible_edges
         self.vertices = context.buffer(self.seen.edges.quads().tobytes() or b"\0")
-        self.indices = context.buffer(reserve=max(4 * 6 * len(seen.edges.ends), 4), dynamic=True)
+        self.indices = context.buffer(reserve=max(4 * 6 * len(visible_edges.edges.ends), 4), dynamic=True)
 
     def vertex_array(self, program: Program, layout: str, names: list[str]) -> moderngl.VertexArray:
-        """The edges as a program reads them: they go with the mesh, where a pass would keep its buffers for ever."""
+        """Return the vertex array of the edges for a program. It is kept here, so that it is freed with the mesh."""
         if program not in self._arrays:
             content = [(self.vertices, layout, *names)]
             self._arrays[program] = self._context.vertex_array(program.gl, content, self.indices)
@@ -62,7 +62,7 @@ class EdgeBuffers:
 
 @dataclass(frozen=True, eq=False)
 class DrawnMesh:
-    """A mesh as the camera's passes draw it: as it is, or cut for a lens."""
+    """A mesh as the camera's passes draw it: uncut, or cut for a lens."""
 
     mesh: GpuMesh
     gbuffer: MeshArray
@@ -71,11 +71,11 @@ class DrawnMesh:
 
     @cached_property
     def labels(self) -> LabelArrays:
-        """Made with the first labels: many a picture is drawn without."""
+        """Vertex arrays for labels, made with the first labels."""
         return self.make_labels(self.mesh)
 
     def release(self) -> None:
-        """Free what only this cut has."""
+        """Free the resources of this cut."""
         self.gbuffer.release()
         self.edges.release()
         if "labels" in self.__dict__:
@@ -88,7 +88,7 @@ class ResidentTarget:
 
     Parameters
     ----------
-    seen : its edges. draw : makes what is drawn of some mesh of it.
+    seen : edges of the uncut mesh. draw : function that makes a `DrawnMesh` of a mesh and its edges.
     """
 
     mesh: GpuMesh
@@ -100,12 +100,12 @@ class ResidentTarget:
     cuts: dict[float, DrawnMesh] = field(default_factory=dict)
 
     def drawn(self, context: moderngl.Context, longest_m: float) -> DrawnMesh:
-        """The mesh with no edge longer than that."""
+        """Return the mesh with no edge longer than ``longest_m``."""
         drawn = self.cuts.pop(longest_m, None)
         if drawn is None:
             mesh = self.mesh if np.isinf(longest_m) else self.mesh.cut(context, longest_m)
             drawn = self.draw(mesh, self.seen.cut(longest_m))
-        self.cuts[longest_m] = drawn  # the last used is the last of them
+        self.cuts[longest_m] = drawn  # last in order: most recently used
         while len(self.cuts) > MOST_CUTS:
             self._forget(next(iter(self.cuts)))
         return drawn
@@ -118,11 +118,11 @@ class ResidentTarget:
 
     @cached_property
     def patches(self) -> SurfacePatches:
-        """Its surface in patches, for views of a part of it."""
+        """The surface in patches, for views of part of it."""
         return SurfacePatches.of(self.mesh, self.mesh.values[:, :3].astype(float))
 
     def release(self) -> None:
-        """Free it."""
+        """Free the resources."""
         for longest_m in tuple(self.cuts):
             self._forget(longest_m)
         for resource in (self.mesh, self.shadow, self.interreflection):
@@ -132,9 +132,9 @@ class ResidentTarget:
 
 
 class ResidentTargets:
-    """The targets drawn last, by their SHA-256, for each kind of lens: vertex arrays belong to programs.
+    """The targets drawn last, by their SHA-256, for each kind of lens, because vertex arrays belong to programs.
 
-    The preset `high` has its own, with nodes of baked light closer together. Labels are drawn from the other.
+    The preset `high` has its own, with denser nodes of baked light. Labels are drawn from the other.
     """
 
     def __init__(self, device: Device, culling: Culling) -> None:
@@ -147,10 +147,10 @@ class ResidentTargets:
 
         Parameters
         ----------
-        fine : with the nodes of `high`.
+        fine : True for the nodes of `high`.
         """
         kept, key = self._kept[self._programs.lens], (target.sha256, fine)
-        # the last used is the last of them
+        # last in order: most recently used
         loaded = kept.pop(key, None) or self._upload(target, fine=fine)
         kept[key] = loaded
         while len(kept) > MOST_LOADED:
@@ -160,14 +160,14 @@ class ResidentTargets:
     def _upload(self, target: Target, *, fine: bool) -> ResidentTarget:
         context, programs = self._context, self._programs
         mesh = upload(context, target, FINE_TEXEL if fine else TEXEL)
-        # textures are bound by stretches of the index buffer
+        # textures are bound by ranges of the index buffer
         geometry_array = self.culling.mesh_array if mesh.uv is None else WholeMesh
 
-        def draw(some: GpuMesh, seen: VisibleEdges) -> DrawnMesh:
+        def draw(some: GpuMesh, visible_edges: VisibleEdges) -> DrawnMesh:
             return DrawnMesh(
                 some,
                 geometry_array(context, some, sample_program(programs, some).gl),
-                EdgeBuffers(context, seen),
+                EdgeBuffers(context, visible_edges),
                 lambda mesh: LabelArrays.of(context, programs, target, mesh),
             )
 
@@ -181,7 +181,7 @@ class ResidentTargets:
         )
 
     def release(self) -> None:
-        """Free them all."""
+        """Free all targets."""
         for kept in self._kept.values():
             for loaded in kept.values():
                 loaded.release()

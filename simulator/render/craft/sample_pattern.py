@@ -1,10 +1,10 @@
 """Sample patterns: supersampling on a lattice that gives the target area-true edges in one raster pass.
 
-A lattice that repeats with every pixel and puts N samples in each is all points (x, y) whose s = s_x x + s_y y and
-t = t_x x + t_y y are whole, for whole coefficients of determinant -N. A framebuffer whose pixels are counted by s and t
-*is* this sampling, whatever the angle between its axes: the target is rasterised once, and each image pixel gathers its
-N samples by whole-number coordinates. The lattices used have no two samples of a pixel in one row or column of an
-N x N grid (N-rooks).
+A lattice that repeats with every pixel and puts N samples in each consists of all points (x, y) whose s = s_x x + s_y y
+and t = t_x x + t_y y are integers, for integer coefficients of determinant -N. A framebuffer with pixel coordinates s
+and t *is* this sampling, whatever the angle between its axes: the target is rasterised once, and each image pixel
+gathers its N samples by integer coordinates. No two samples of a pixel share a row or column of an N x N grid
+(N-rooks).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SamplePattern:
-    """SamplePattern by the image's coefficients of its counters ``s`` and ``t``; their determinant is below zero."""
+    """A lattice, by the coefficients of its counters ``s`` and ``t``; their determinant is negative."""
 
     s: tuple[int, int]
     t: tuple[int, int]
@@ -37,19 +37,19 @@ class SamplePattern:
     @property
     def phase(self) -> float:
         """Shift of the lattice along s, in steps."""
-        # an even N would put samples on the pixel's border: half a lattice step keeps the set symmetric about the
-        # pixel's centre (no bias of edges) and inside
+        # an even N would put samples on the pixel's border: half a lattice step keeps the set inside, and symmetric
+        # about the pixel's centre, so that edges have no bias
         return 0.0 if self.samples % 2 else 0.5
 
     def offsets(self) -> list[tuple[int, int, float, float]]:
-        """The N samples of a pixel, nearest to its centre first.
+        """Return the N samples of a pixel, nearest to its centre first.
 
         Returns
         -------
-        list of (i, j, dx_px, dy_px): steps of s and t from the pixel's own lattice index, and the sample's offset
+        list of (i, j, dx_px, dy_px): steps of s and t from the pixel's own lattice index, and the offset of the sample
         from the pixel's centre.
         """
-        n, found = self.samples, []
+        n, offsets = self.samples, []
         (sx, sy), (tx, ty) = self.s, self.t
         reach_i, reach_j = abs(sx) + abs(sy), abs(tx) + abs(ty)
         for i in range(-reach_i, reach_i + 1):
@@ -57,46 +57,47 @@ class SamplePattern:
                 s, t = i + self.phase, j
                 dx, dy = (sy * t - ty * s) / n, (tx * s - sx * t) / n
                 if max(abs(dx), abs(dy)) < 0.5:
-                    found.append((i, j, dx, dy))
-        if len(found) != n:
-            raise AssertionError(f"{self} has {len(found)} samples per pixel, not {n}")
-        return sorted(found, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
+                    offsets.append((i, j, dx, dy))
+        if len(offsets) != n:
+            raise AssertionError(f"{self} has {len(offsets)} samples per pixel, not {n}")
+        return sorted(offsets, key=lambda p: (p[2] ** 2 + p[3] ** 2, p[2], p[3]))
 
     def window(self, tiles_px: FloatArray, reach_px: float) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Framebuffer size and lattice origin (s0, t0) that hold every sample of some squares of the image.
+        """Return framebuffer size and lattice origin (s0, t0) that hold every sample of some squares of the image.
 
         Parameters
         ----------
-        tiles_px : (K, 2) centres of the squares. reach_px : from there to the centre of a square's outermost pixel.
+        tiles_px : (K, 2) centres of the squares. reach_px : distance from there to the centre of a square's corner
+            pixel.
         """
         low, high = [], []
         for cx, cy in (self.s, self.t):
             counter = tiles_px @ [float(cx), float(cy)]
-            # samples of a pixel, and the next one beyond it, lie at most this many steps from its own index
+            # samples of a pixel, and of the next one, lie at most this many steps from its own index
             margin = (reach_px + 1.25) * (abs(cx) + abs(cy))
             low.append(int(np.floor(counter.min() - margin)))
             high.append(int(np.ceil(counter.max() + margin)))
         return (high[0] - low[0] + 1, high[1] - low[1] + 1), (low[0], low[1])
 
     def buffer_from_pixel(self, origin: tuple[int, int]) -> FloatArray:
-        """(2, 3) affine map from image pixels to the lattice framebuffer's coordinates."""
+        """Return the (2, 3) affine map from image pixels to coordinates of the lattice framebuffer."""
         return np.array([[*self.s, 0.5 - self.phase - origin[0]], [*self.t, 0.5 - origin[1]]], float)
 
 
 def rotated(a: int, b: int = 1) -> SamplePattern:
-    """The square lattice of a^2 + b^2 samples, turned; a and b without common divisor."""
+    """Return the rotated square lattice of a^2 + b^2 samples; a and b must be coprime."""
     return SamplePattern((b, a), (a, -b))
 
 
-# five would do for edges, but gaps between solar cells, a third of a pixel wide, come out as dashes
+# five suffice for edges, but gaps between solar cells a third of a pixel wide come out dashed
 SEVEN = SamplePattern((1, 2), (3, -1))
 
 
 @lru_cache
 def pattern_defines(lattice: SamplePattern) -> Mapping[str, object]:
-    """The lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
+    """Return the lattice as GLSL: a macro that applies F to every sample, so that no loop indexes an array."""
     each = " ".join(f"F({k}, {i}, {j})" for k, (i, j, _, _) in enumerate(lattice.offsets()))
-    # the same, beginning with those in the middle of the pixel's quarters
+    # the same, starting with the samples in the middle of the pixel's quarters
     middle = sorted(
         enumerate(lattice.offsets()), key=lambda p: np.hypot(abs(p[1][2]) - 0.25, abs(p[1][3]) - 0.25)
     )

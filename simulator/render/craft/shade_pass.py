@@ -36,27 +36,27 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.state import SceneState
 
-# distinct (material, normal) groups shaded per pixel, with exact areas per quarter of it; the rest joins the last
+# distinct (material, normal) groups shaded per pixel, with exact areas per quarter; further ones join the last
 MAX_SURFACES, MAX_SURFACES_EXACT = 4, 17
-# a far craft has dozens in each of its few pixels: of four the last, by chance a facet that faces the Sun, stood for so
-# much that pixels came out twice as bright, and flickered
+# a distant craft has dozens in each of its few pixels: with a limit of four the last group, which may face the Sun, got
+# too large an area, and pixels flickered
 MAX_SURFACES_FAR, FAR_SAMPLES = 12, 32
 _SAMPLERS = ("t_surface", "t_depth", "t_shadow", "t_slope", "t_sky_visibility", "t_interreflection")
 
 
 TARGET_LIGHT: Resource[AtlasTextures] = Resource("target light")
-"""Light that the target's parts give each other, on the atlas of its charts."""
+"""Light that the target's parts reflect on each other, on the atlas of its charts."""
 
 
 class LightPass(Pass):
-    """Works out the light that the target's parts give each other."""
+    """Computes the light that the target's parts reflect on each other."""
 
     name = "target.light"
     reads = (SCENE, VIEW, TARGET)
     writes = (TARGET_LIGHT,)
 
     def run(self, r: PassResources) -> None:
-        """Update the atlas; a first frame waits for its baking here."""
+        """Update the atlas; the first frame waits for its baking."""
         r[TARGET_LIGHT] = r[TARGET].loaded.interreflection.update(r[SCENE].bands, r[VIEW])
 
 
@@ -100,7 +100,7 @@ class ShadePass(Pass):
         program.set("u_cells", _cells_in_camera(r[TARGET]))
         images.mark_covered(rect)
         draw_to(images.target_framebuffer)
-        # whole tiles, beyond the image's edge too: a point is dropped when its middle is outside
+        # whole tiles, beyond the image's edge too: a point whose centre is outside would be dropped
         width, height = (-(-side // TILE_PX) * TILE_PX for side in (rect.width, rect.height))
         window = (rect.x0, rect.y0, width, height)
         images.target_framebuffer.viewport = window
@@ -120,7 +120,7 @@ class ShadePass(Pass):
         self._arrays[program].render(vertices=len(tiles))
 
     def _program(self, scene: SceneState, placed: PlacedTarget, shadow: TargetShadow) -> Program:
-        """The program of one lattice, number of bands and kind of mesh; what its materials lack is left out."""
+        """Return the program for a lattice, a number of bands and the features of the mesh's materials."""
         mesh, lattice, lamp = placed.loaded.mesh, placed.lattice, scene.lamp
         exact, light_points = scene.quality == "high", shadow.light_points
         most = MAX_SURFACES_FAR if lattice.samples > FAR_SAMPLES else MAX_SURFACES
@@ -135,22 +135,22 @@ class ShadePass(Pass):
             **({"LIGHT_POINTS": light_points} if light_points else {}),
         }
         texels = TEXEL_SAMPLERS if mesh.uv is not None else ()
-        lit = ("t_light_depth",) if light_points else ()
+        light_sampler = ("t_light_depth",) if light_points else ()
         creases = ("t_creases",) if "CRINKLE" in defines else ()
         return self._programs.get(
-            "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *lit, *creases)
+            "craft/tiles.vert", "craft/shade.frag", defines, (*_SAMPLERS, *texels, *light_sampler, *creases)
         )
 
 
 def _cells_in_camera(placed: PlacedTarget) -> tuple[tuple[float, ...], ...]:
-    """Return the rows of the lattices of cells, of places in the camera frame."""
+    """Return the rows of the cell lattices, for points in the camera frame."""
     rows = placed.loaded.mesh.cell_lattices.copy()
     rows[:, :3] = rows[:, :3] @ np.linalg.inv(placed.place.camera_from_target)
     return tuple(map(tuple, rows.reshape(-1, 4).tolist()))
 
 
 def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, object]:
-    """Defines of a mesh's light: what its materials lack is left out."""
+    """Return the defines of a mesh's lighting, for the features of its materials."""
     switches = {
         "TEXTURED": mesh.uv is not None,
         "CLOSED": mesh.is_closed,
@@ -166,7 +166,7 @@ def _light_defines(bands: int, mesh: GpuMesh, shadow_window: int) -> dict[str, o
 
 
 def _shadow_defines(window: int) -> dict[str, object]:
-    """The shadow's window of ``window`` x ``window`` texels as blocks of four, which one fetch gathers."""
+    """Return the shadow's window of ``window`` x ``window`` texels as blocks of four, one gather each."""
     starts = [(i, j) for j in range(0, window, 2) for i in range(0, window, 2)]
     each = " ".join(f"F({k}, {i}, {j})" for k, (i, j) in enumerate(starts))
     return {"SHADOW_WINDOW": window, "FOR_EACH_SHADOW_BLOCK(F)": each}

@@ -1,4 +1,4 @@
-"""The light's view of a craft: the box of its shadow map, and the part of it that the camera's view needs."""
+"""The light's view of a craft: the box of its shadow map, and the part that the camera's view needs."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray
 
 WIDER = 1.02
-"""Half the box, over the radius of the craft."""
+"""Half the width of the box, over the radius of the craft."""
 _TURN_RAD = 0.38
 
 
 def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> FloatArray:
-    """(4, 4) clip matrix of an orthographic box around a sphere, seen along a unit vector.
+    """Return the (4, 4) clip matrix of an orthographic box around a sphere, seen along a unit vector.
 
-    The box is turned about the light: edges of a craft follow its axes, and one along a map's rows would lie half a
-    texel off over all its length.
+    The box is rotated about the light: edges of a craft follow its axes, and one along the map's rows would lie half a
+    texel off over its whole length.
     """
     x, y, z = orthonormal_basis(along)
     c, s = math.cos(_TURN_RAD), math.sin(_TURN_RAD)
@@ -33,23 +33,23 @@ def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> Fl
     view[:3, :3] = c * x + s * y, c * y - s * x, z
     view[:3, 3] = -view[:3, :3] @ center_m
     half = radius_m * WIDER
-    # near and far in turn: OpenGL's depth grows against the view's z, ours with it
+    # near and far are swapped: OpenGL's depth grows against the view's z, ours with it
     return np.asarray(create_orthogonal_projection(-half, half, -half, half, half, -half).T @ view)
 
 
-_LARGEST = 0.85  # of the box: a larger window is not worth a change
-_STEP = 2**0.25  # between the sizes of windows
-_GRID = 32  # places of a window's middle across its width; whole numbers of texels of every map
-_MARGIN = 1 + 4 / _GRID  # for the filter's reach and the middle's rounding
-_ROOM = 1.02  # around the craft as the Sun sees it: five texels and more on each side, for the filter's reach
-_PATCH = 0.1  # of the mesh's radius: the size of a patch
-_MOST_SPLITS = 8  # a triangle's edges are halved that often at most
+_LARGEST = 0.85  # share of the box above which a window is not worth a change
+_STEP = 2**0.25  # ratio of consecutive window sizes
+_GRID = 32  # positions of a window's centre across its width; whole texels of every map
+_MARGIN = 1 + 4 / _GRID  # for the filter's reach and the rounding of the centre
+_ROOM = 1.02  # margin around the craft: at least five texels on each side, for the filter's reach
+_PATCH = 0.1  # size of a patch, over the mesh's radius
+_MOST_SPLITS = 8  # times that a triangle's edges are halved
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 
 
 @dataclass(frozen=True)
 class ShadowFrustum:
-    """A square in the map's clip coordinates: middle and half width, ``0, 0, 1`` for all of it."""
+    """A square in the map's clip coordinates: centre and half width; ``0, 0, 1`` is the whole map."""
 
     x: float = 0.0
     y: float = 0.0
@@ -57,7 +57,7 @@ class ShadowFrustum:
 
     @property
     def matrix(self) -> FloatArray:
-        """(4, 4) from the whole box's clip coordinates to the window's; depth stays, for what throws the shadows."""
+        """(4, 4) matrix from the whole box's clip coordinates to the window's; depth is kept, for blockers outside."""
         matrix = np.eye(4)
         matrix[:2, :2] /= self.half
         matrix[:2, 3] = -self.x / self.half, -self.y / self.half
@@ -66,12 +66,12 @@ class ShadowFrustum:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePatches:
-    """The surface in small boxes of one side each.
+    """The surface in cubes of one size.
 
     Parameters
     ----------
-    corners_m : (8, 3, P) of the boxes, target frame. normals : (P, 3) their mean, unit.
-    spread_rad : (P,) largest angle between it and a normal in the box.
+    corners_m : (8, 3, P) corners of the boxes, target frame. normals : (P, 3) mean unit normal of each.
+    spread_rad : (P,) largest angle between the mean normal and a normal in the box.
     """
 
     corners_m: FloatArray
@@ -80,7 +80,7 @@ class SurfacePatches:
 
     @staticmethod
     def of(mesh: GpuMesh, positions_m: FloatArray) -> SurfacePatches:
-        """The patches of a mesh whose vertices (K, 3) are given."""
+        """Return the patches of a mesh with vertices (K, 3)."""
         triangles, normals = positions_m[mesh.triangles].astype(float), mesh.planes[:, :3].astype(float)
         size = _PATCH * mesh.radius_m
         for _ in range(_MOST_SPLITS):
@@ -108,7 +108,7 @@ class SurfacePatches:
         return SurfacePatches(corners, mean, np.arccos(np.clip(cosine, -1, 1)))
 
     def facing(self, place_m: FloatArray) -> BoolArray:
-        """(P,) whether anything in a box may look towards a place."""
+        """Return (P,) True where a surface in a box may face a point."""
         middle = self.corners_m.mean(axis=0).T
         radius = np.linalg.norm(self.corners_m[7].T - middle, axis=1)
         to = place_m - middle
@@ -119,14 +119,14 @@ class SurfacePatches:
 
 
 def frustum_around(points_m: FloatArray, light_from_target: FloatArray) -> ShadowFrustum:
-    """The window that holds a craft as the Sun sees it: a third smaller than the box around its sphere, or half of it.
+    """Return the window that holds a craft seen from the Sun: a third smaller than its sphere's box, or half of it.
 
-    It depends on where the Sun stands in the craft's frame and on nothing else: on an approach no shadow's edge crawls.
+    It depends only on the Sun's direction in the craft's frame, so no shadow edge crawls on an approach.
 
     Parameters
     ----------
-    points_m : (3, K) whose convex hull holds the craft, target frame.
-    light_from_target : (4, 4) to the clip coordinates of the whole box.
+    points_m : (3, K) points whose convex hull holds the craft, target frame.
+    light_from_target : (4, 4) matrix to the clip coordinates of the whole box.
     """
     places = light_from_target[:2, :3] @ points_m + light_from_target[:2, 3:]
     low, high = places.min(axis=1), places.max(axis=1)
@@ -144,46 +144,46 @@ def fit_shadow_frustum(
     closed: bool,
     widest: float = 0.0,
 ) -> ShadowFrustum:
-    """The window that holds every surface that the image may show.
+    """Return the window that holds every surface that the image may show.
 
-    What shades a point lies on its ray to the Sun, in the same window. Sizes and places come in steps, so that
-    neighbouring frames share the map's texels and no shadow's edge crawls.
+    A point's blockers lie on its ray to the Sun, in the same window. Sizes and positions are quantised, so that
+    neighbouring frames share the map's texels and no shadow edge crawls.
 
     Parameters
     ----------
-    camera_from_target, light_from_target : (4, 4); the second to the clip coordinates of the whole box.
-    closed : surfaces that look away from the camera do not show.
-    widest : least width of the window over the greatest height of a blocker over a surface that shows; the filter
-        looks at so many texels, and those of a smaller window would not hold its penumbra.
+    camera_from_target, light_from_target : (4, 4) matrices; the second to the clip coordinates of the whole box.
+    closed : True if surfaces that face away from the camera are hidden.
+    widest : least width of the window over the greatest height of a blocker above a visible surface, because the filter
+        reads a fixed number of texels, which must hold the penumbra.
     """
     x, y, z = _placed(patches.corners_m, camera_from_target)
     before = np.maximum(z, 1e-3)
-    seen = np.ones(z.shape[1], bool)
+    visible = np.ones(z.shape[1], bool)
     for along, length, middle_px, focal_px in (
         (x, camera.width_px, camera.cx_px, camera.fx_px),
         (y, camera.height_px, camera.cy_px, camera.fy_px),
     ):
         slope = along / before
-        seen &= slope.max(axis=0) > (-0.5 - middle_px) / focal_px
-        seen &= slope.min(axis=0) < (length - 0.5 - middle_px) / focal_px
+        visible &= slope.max(axis=0) > (-0.5 - middle_px) / focal_px
+        visible &= slope.min(axis=0) < (length - 0.5 - middle_px) / focal_px
     # a box that reaches behind the camera may be anywhere in the image
-    seen |= z.min(axis=0) <= 1e-3
-    seen &= z.max(axis=0) > 0
+    visible |= z.min(axis=0) <= 1e-3
+    visible &= z.max(axis=0) > 0
     if closed:
         R = camera_from_target[:3, :3]
-        seen &= patches.facing(-R.T @ camera_from_target[:3, 3])
-    if not seen.any():
+        visible &= patches.facing(-R.T @ camera_from_target[:3, 3])
+    if not visible.any():
         return ShadowFrustum()
     light = _placed(patches.corners_m, light_from_target)
-    shown = light[:, :, seen].reshape(3, -1)
-    (*low, _), (*high, deepest) = shown.min(axis=1), shown.max(axis=1)
+    visible_light = light[:, :, visible].reshape(3, -1)
+    (*low, _), (*high, deepest) = visible_light.min(axis=1), visible_light.max(axis=1)
     extent = np.subtract(high, low)
-    needed = float(extent.max()) / 2 * _MARGIN
+    half_width = float(extent.max()) / 2 * _MARGIN
     middle = np.add(low, high) / 2
     if widest > 0:
-        over = np.all(np.abs(light[:2].mean(axis=1) - middle[:, None]) < needed + _PATCH, axis=0)
-        needed = max(needed, widest * float(deepest - light[2][:, over].min()) / 2)
-    half = float(_STEP ** np.ceil(np.log(needed) / np.log(_STEP)))
+        over = np.all(np.abs(light[:2].mean(axis=1) - middle[:, None]) < half_width + _PATCH, axis=0)
+        half_width = max(half_width, widest * float(deepest - light[2][:, over].min()) / 2)
+    half = float(_STEP ** np.ceil(np.log(half_width) / np.log(_STEP)))
     if half >= _LARGEST:
         return ShadowFrustum()
     grid = 2 * half / _GRID
@@ -192,5 +192,5 @@ def fit_shadow_frustum(
 
 
 def _placed(corners_m: FloatArray, matrix: FloatArray) -> FloatArray:
-    """(3, 8, P) corners (8, 3, P) where an affine matrix (4, 4) puts them, axis by axis: numpy is quickest so."""
+    """Transform corners (8, 3, P) by an affine matrix (4, 4) to (3, 8, P); axis by axis is fastest in NumPy."""
     return np.asarray(np.tensordot(matrix[:3, :3], corners_m, (1, 1)) + matrix[:3, 3, None, None])

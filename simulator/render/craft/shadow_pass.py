@@ -1,4 +1,4 @@
-"""Shadow pass: the target as Sun and area lights see it. Reads the mesh; writes shadow maps and their uniforms."""
+"""Shadow pass: the target seen from Sun and area lights. Reads the mesh; writes shadow maps and their uniforms."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShadowChoice:
-    """Resolution of the map, the window of texels that a point looks at (wide penumbrae need many; 0 without sunlight),
-    and the radius of the sharpest edge [texels]: below one, the map's own steps show.
+    """Resolution of the map, width of the filter window [texels] (wide penumbrae need many; 0 without sunlight), and
+    radius of the sharpest edge [texels], below which the map's own steps show.
     """
 
     size_px: int
@@ -48,37 +48,38 @@ class ShadowChoice:
     sharpest: float = 1.0
 
 
-# the coarse map where its texel is less than a pixel wide, else a fine one, close up a finer
+# the coarse map if its texel is less than a pixel wide, else a fine one, and close up a finer one
 _COARSE, _FINE, _FINER = ShadowChoice(512, 4, 0.6), ShadowChoice(1024, 4), ShadowChoice(2048, 4, 1.4)
 _BEST = ShadowChoice(2048, 10, 0.6)
-_SLACK = 1.3  # for the softness of the disc's own edge
-_PIXEL, _SAWN = 0.9, 2.0  # pixels: wider texels leave their mark on shadows' edges; on all of them, as steps
-_PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides the steps of texels no wider
+_SLACK = 1.3  # for the softness of the Sun's limb
+# widths of a texel [px]: above the first, it marks edges of shadows; above the second, as steps
+_PIXEL, _SAWN = 0.9, 2.0
+_PENUMBRA_M = 3e-3  # radius of the Sun's penumbra 0.6 m behind an edge; it hides steps of narrower texels
 
 
 def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoice:
-    """Resolution for a preset and a view.
+    """Return the resolution for a preset and a view.
 
     Parameters
     ----------
-    box_m : width of the box that the map covers. pixel_m : width of an image pixel on the target.
+    box_m : width of the box that the map covers. pixel_m : width of an image pixel at the target.
     """
     if quality == "high":
         return _BEST
     texel_px = box_m / _COARSE.size_px / pixel_m
     if quality == "draft" or texel_px < _PIXEL:
-        # two thirds of a pixel, while that is no more than a texel
+        # two thirds of a pixel, but no more than a texel
         return replace(_COARSE, sharpest=min(max(0.65 / texel_px, _COARSE.sharpest), 1.0))
     texel_m = box_m / _FINE.size_px
     return _FINE if texel_m < (_SAWN if texel_m < _PENUMBRA_M else _PIXEL) * pixel_m else _FINER
 
 
 def widest_penumbra(sun_sine: float) -> float:
-    """Width of the map over the height of a blocker whose penumbra fills the window of the preset `high`.
+    """Return the width of the map over the height of the blocker whose penumbra fills the window of the preset `high`.
 
     Parameters
     ----------
-    sun_sine : of the Sun's angular radius.
+    sun_sine : sine of the Sun's angular radius.
     """
     reach = _BEST.window / 2 - 0.5
     return _SLACK * sun_sine * _BEST.size_px / reach
@@ -102,13 +103,13 @@ class ShadowMap:
 
     @property
     def depths(self) -> tuple[float, float]:
-        """Depths in the map of the box's side to the Sun and of the other; texels that were not drawn are farther."""
+        """Depths in the map of the box's near and far side; undrawn texels are farther."""
         return self._depth.range
 
     @staticmethod
     def light_from_target(mesh: GpuMesh, view: View) -> FloatArray:
-        """(4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
-        along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction of travel of the light
+        """Return the (4, 4) clip matrix from the target frame: the Sun looks along -z of a box around the sphere."""
+        along = -(view.R_camera_from_target.T @ view.sun_direction)  # direction in which the light travels
         return light_matrix(mesh.center_m, mesh.radius_m, along)
 
     def run(
@@ -119,14 +120,14 @@ class ShadowMap:
         *,
         clear: bool = False,
     ) -> None:
-        """Draw the map: of closed shells the lit sides, which are nearest to the Sun.
+        """Draw the map: of closed shells the lit faces, which are nearest to the Sun.
 
         Parameters
         ----------
-        light_from_target : (4, 4) as `light_from_target` gives it.
-        clear : have depths of the first range, so that those of two frames compare.
+        light_from_target : (4, 4) matrix from `light_from_target`.
+        clear : True to use the first depth range, so that depths of two frames compare.
         """
-        # asked for each time: a mesh's arrays are of the lens in use
+        # looked up each time, because a mesh's arrays belong to the current lens
         shadow_program(self._programs).set(
             "u_light_clip_from_target", tuple(light_from_target.T.ravel().tolist())
         )
@@ -139,11 +140,11 @@ class ShadowMap:
 
 @dataclass(frozen=True, eq=False)
 class TargetShadow:
-    """The target as the Sun sees it: the map, and how the shading reads it.
+    """The target seen from the Sun: the map, and the settings for reading it.
 
     Parameters
     ----------
-    lights : maps of area lights. light_points : patches of each of them; 0 where none is.
+    lights : maps of area lights. light_points : patches of each of them; 0 if there are none.
     """
 
     map: moderngl.Texture
@@ -156,7 +157,7 @@ SHADOW: Resource[TargetShadow] = Resource("shadow map")
 
 
 class ShadowPass(Pass):
-    """Draws the target as the Sun sees it, and as area lights do, at the size that a view asks for."""
+    """Draws the target from the Sun and from area lights, at the resolution that a view needs."""
 
     name = "target.shadow"
     reads = (SCENE, VIEW, TARGET)
@@ -195,12 +196,12 @@ class ShadowPass(Pass):
         light_from_target: FloatArray,
         widest: float,
     ) -> ShadowFrustum:
-        """Return the part of the box that the view's shadow map needs: all of it while the image holds the target."""
+        """Return the part of the box that the view needs: the whole craft if the image holds the target."""
         mesh = loaded.mesh
         # `high` keeps the sphere's box: its window of texels must hold wide penumbrae
         whole = ShadowFrustum() if widest > 0 else frustum_around(mesh.hull_m, light_from_target)
         inside = [*(place.bounds_px[:2] >= 0), *(place.bounds_px[2:] <= [camera.width_px, camera.height_px])]
-        # a lens that bends sees around the edges of its image's pyramid
+        # a distorting lens sees beyond the edges of its image's pyramid
         if all(inside) or not camera.distortion.is_none:
             return whole
         part = fit_shadow_frustum(
@@ -216,7 +217,7 @@ class ShadowPass(Pass):
     def _draw(
         self, scene: SceneState, view: View, loaded: ResidentTarget, place: ViewportFit
     ) -> tuple[moderngl.Texture, ShadowChoice]:
-        """Draw the shadow map and say what the shading needs to know of it; the map in shade is an old one."""
+        """Draw the shadow map and return it with its settings; in eclipse the old map is kept."""
         camera = scene.camera
         box_m = 2 * loaded.mesh.radius_m * WIDER
         light_from_target = ShadowMap.light_from_target(loaded.mesh, view)
@@ -229,7 +230,7 @@ class ShadowPass(Pass):
         shadow = self._map(choice.size_px)
         texel_m = width_m / shadow.size_px
         if view.sun_visible_fraction > 0:
-            # the filter of `high` has depths of its own that it takes for none
+            # the filter of `high` uses a depth value of its own for "no blocker"
             shadow.run(loaded.shadow, view, light_from_target, clear=scene.quality == "high")
         near, far = shadow.depths
         half = np.diag([0.5, 0.5, 0.5 * (far - near), 1.0])
@@ -242,5 +243,5 @@ class ShadowPass(Pass):
                 "u_shadow_range": [far - near, 0, 0, 0],
             }
         )
-        # without sunlight nothing is to be looked up
+        # without sunlight nothing is looked up
         return shadow.map, choice if view.sun_share.any() else replace(choice, window=0)

@@ -1,4 +1,4 @@
-"""Textures of a target on the GPU: pictures decoded once, with mipmaps, and what stands in where there is none."""
+"""Textures of a target on the GPU, with mipmaps, and plain texels for materials without."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 GL_SRGB8 = 0x8C41
 LARGEST_PX = 8192
-"""Larger pictures are halved until they fit: every OpenGL 4.1 takes 16384, but 8192 squared are 256 MB."""
+"""Larger images are halved until they fit: every OpenGL 4.1 takes 16384, but 8192 squared are 256 MB."""
 PLAIN = {"color": (255, 255, 255), "data": (255, 255, 255), "normal": (128, 128, 255)}
 
 
 class Textures:
-    """The pictures of one target as textures, by name and by how they are read.
+    """The images of one target as textures, by name and use.
 
     Raises
     ------
     UserError
-        If a picture cannot be decoded.
+        If an image cannot be decoded.
     """
 
     def __init__(self, context: moderngl.Context, target: Target) -> None:
@@ -40,7 +40,7 @@ class Textures:
                     self._made[name, kind] = self._texture(_decoded(target, name, pictures[name]), kind)
 
     def of(self, material: Material | None) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
-        """Base colour, metalness and roughness, and normals of a material; one plain texel where it has none."""
+        """Return base colour, metalness and roughness, and normals of a material, or one plain texel."""
         names = ("", "", "") if material is None else material.textures
         color, data, normal = (
             self._made[name, kind] if name else self._plain[kind]
@@ -50,7 +50,7 @@ class Textures:
 
     def _texture(self, image: ByteArray, kind: str) -> moderngl.Texture:
         height, width = image.shape[:2]
-        if kind == "color":  # decoded from sRGB before it is filtered
+        if kind == "color":  # decoded from sRGB before filtering
             texture = self._context.texture((width, height), 3, image.tobytes(), internal_format=GL_SRGB8)
         else:
             texture = self._context.texture((width, height), 3, image.tobytes())
@@ -66,7 +66,7 @@ class Textures:
 
 
 def _decoded(target: Target, name: str, data: bytes) -> ByteArray:
-    """(H, W, 3) RGB, rows from the top."""
+    """Decode an image to (H, W, 3) RGB, rows from the top."""
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if image is None:
         raise UserError(

@@ -1,4 +1,4 @@
-"""Viewport fit: the pixels and tiles that a target may touch, its depth range, and how densely it is sampled."""
+"""Viewport fit: pixels and tiles that a target may touch, its depth range and its sampling density."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 TILE_PX = 8
 """Side of the screen tiles in which the target's pixels are shaded."""
 MIN_NEAR_M = 0.01  # the camera cannot be closer than its own lens
-# lattices to try in order, and the largest buffer [samples] it may take
+# lattices to try in order, and the largest buffer [samples] of each
 PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
     "draft": ((rotated(2), np.inf),),
     "default": ((SEVEN, 16e6), (rotated(2), np.inf)),
@@ -34,12 +34,11 @@ PATTERNS: dict[str, tuple[tuple[SamplePattern, float], ...]] = {
         (rotated(3, 2), np.inf),
     ),
 }
-# Where a pixel is no wider than this on the craft [m], five samples do by default. Seven are for gaps between solar
-# cells, 0.8 to 4 mm wide: five show them as dashes where they are a third of a pixel wide, and as they are
-# from one pixel on.
+# Below this pixel width on the craft [m] the default preset takes five samples. Seven are for gaps between solar cells,
+# 0.8 to 4 mm wide: five draw them dashed if they are a third of a pixel wide, and correctly from one pixel on.
 NEAR_PIXEL_M = 1e-3
 DENSE_PATTERNS = ((rotated(4), 10e6), (rotated(3), 22e6), (rotated(2), np.inf))
-TINY_PX = 22  # a target no larger gets the finest lattice: its whole light is in few pixels
+TINY_PX = 22  # a smaller target gets the finest lattice, because few pixels hold all its light
 TILE_REACH_PX = (TILE_PX - 1) / 2
 TINY_PATTERN = rotated(8)  # 65 samples per pixel
 
@@ -48,10 +47,10 @@ TINY_PATTERN = rotated(8)  # 65 samples per pixel
 class ViewportFit:
     """The target's place in the image: bounds (not clipped), pixels to draw, depth range.
 
-    The pixels to draw begin at whole tiles of the cover, and end there or at the image's edge. ``hull_px``: corners
-    (2, K) of the parts' hulls in the image, bent by the lens, where all of them is before the camera; ``hull_parts``:
-    where those of the second hull begin, of the third and so on. ``nearest_m``: camera's z of what is nearest of the
-    mesh; the depth range is of its sphere. ``longest_m``: of its edges, that a lens does not bend visibly.
+    The pixels to draw begin at whole tiles, and end there or at the image's edge. ``hull_px``: (2, K) corners of the
+    parts' hulls in the image, bent by the lens, if all of them is in front of the camera; ``hull_parts``: start of each
+    hull but the first. ``nearest_m``: least camera z of the mesh; the depth range is that of its sphere. ``longest_m``:
+    longest edge that the lens does not bend visibly.
     """
 
     bounds_px: FloatArray
@@ -65,26 +64,26 @@ class ViewportFit:
 
     @property
     def is_cut(self) -> bool:
-        """True if some of the target may be nearer than the near plane."""
+        """True if part of the target may be nearer than the near plane."""
         return self.near_far_m[0] <= MIN_NEAR_M
 
     def pixel_m(self, camera: Camera) -> float:
-        """Width of a pixel on what is nearest of the mesh [m]."""
+        """Return the width of a pixel at the nearest point of the mesh [m]."""
         return self.nearest_m / max(camera.fx_px, camera.fy_px)
 
     @property
     def camera_target_m(self) -> FloatArray:
-        """Place of the camera in the target frame [m]."""
+        """Position of the camera in the target frame [m]."""
         return np.asarray(-self.camera_from_target[:3, :3].T @ self.camera_from_target[:3, 3])
 
 
 def all_tiles(rect: PixelRect) -> FloatArray:
-    """Centres (K, 2) [px] of all the tiles of a rectangle that begins at whole tiles."""
+    """Return centres (K, 2) [px] of all the tiles of a rectangle that begins at whole tiles."""
     return tile_centers(np.ones((-(-rect.height // TILE_PX), -(-rect.width // TILE_PX)), bool), rect)
 
 
 def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
-    """Centres (K, 2) [px] of some tiles (rows, columns) of a rectangle."""
+    """Return centres (K, 2) [px] of the tiles (rows, columns) of a rectangle that are True."""
     row, column = np.nonzero(tiles)
     middle = (TILE_PX - 1) / 2
     centers = np.empty((len(row), 2))
@@ -94,7 +93,7 @@ def tile_centers(tiles: BoolArray, rect: PixelRect) -> FloatArray:
 
 
 def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
-    """(4, 4) of a rotation (3, 3) and a translation (3,)."""
+    """Return the (4, 4) matrix of a rotation (3, 3) and a translation (3,)."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = R, t_m
     return matrix
@@ -103,9 +102,9 @@ def matrix_of(R: FloatArray, t_m: ArrayLike) -> FloatArray:
 def fit_viewport(
     mesh: GpuMesh, camera_from_target: FloatArray, camera: Camera, *, clip: bool = True
 ) -> ViewportFit | None:
-    """Fit the viewport to the target; ``None`` when none of it is in front of the camera (and, clipped, on the image).
+    """Fit the viewport to the target; ``None`` if none of it is in front of the camera (and, clipped, in the image).
 
-    A target that reaches behind the camera is given twice the image's size on each side.
+    A target that reaches behind the camera gets twice the image's size on each side.
     """
     R, t = camera_from_target[:3, :3], camera_from_target[:3, 3]
     z = float(R[2] @ mesh.center_m + t[2])
@@ -136,7 +135,7 @@ def fit_viewport(
 
 
 def outline_px(place: ViewportFit) -> FloatArray:
-    """(K, 2) places [px] that span what the target may touch, without looking for its tiles; of all tiles else."""
+    """Return (K, 2) points [px] that span the target's pixels: corners of its hulls, or else centres of all tiles."""
     if place.hull_px is None:
         return all_tiles(place.rect)
     rect = place.rect
@@ -146,13 +145,13 @@ def outline_px(place: ViewportFit) -> FloatArray:
 def choose_pattern(
     quality: Quality, place: ViewportFit, tiles_px: FloatArray, pixel_m: float, *, dense: bool = False
 ) -> SamplePattern:
-    """The finest lattice of the preset whose buffer stays within its limit.
+    """Return the finest lattice of the preset whose buffer stays within its limit.
 
     Parameters
     ----------
     tiles_px : (K, 2) centres of the tiles that the target may touch, or its outline.
-    pixel_m : width of a pixel on what is nearest of the target [m].
-    dense : more samples, where no edges weigh them: inside textures.
+    pixel_m : width of a pixel at the nearest point of the target [m].
+    dense : True for more samples, for textures, inside which no edges weight them.
     """
     if np.max(place.bounds_px[2:] - place.bounds_px[:2]) <= TINY_PX:
         return TINY_PATTERN

@@ -19,23 +19,22 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 _SHORTEST_PX = 1.3
-"""Shorter ones are left out: of Tango at 6 to 14 m that is half of what 0.7 px leaves, and coverage is off by 1.016 %
-rms of 65 samples' (1.010 with them, 1.36 without any edges); at 20 to 60 m nothing changes."""
-_SHORTEST_EXACT_PX = 0.7  # where the areas of parts that several edges end are summed
+"""Shorter edges are skipped. Half as many remain as with 0.7 px, and coverage is as accurate."""
+_SHORTEST_EXACT_PX = 0.7  # the same where areas of parts bounded by several edges are summed
 REACH_PX = 1.2
-"""An edge so near to another may belong to one thin body with it."""
-# an edge crosses pixels whose centres are up to half a diagonal away: so near, one beside it reaches all of those too,
-# which leaves their samples' weights equal; neither need be drawn
+"""Largest distance between two edges that may bound one thin body."""
+# an edge affects pixels whose centres are up to half a diagonal away: an edge this close to another reaches all the
+# same pixels and leaves their sample weights equal, so neither is drawn
 _PAIR_PX = REACH_PX - 0.5 * np.sqrt(2.0)
 
 
 @dataclass(frozen=True)
 class EdgeCamera:
-    """Camera and viewport from which edges are selected.
+    """Camera and viewport for selecting edges.
 
     Parameters
     ----------
-    rect : pixels that may be drawn. nearest_m : least camera z of the mesh. camera_from_target : (4, 4).
+    rect : pixels to draw. nearest_m : least camera z of the mesh. camera_from_target : (4, 4) matrix.
     """
 
     camera: Camera
@@ -45,12 +44,12 @@ class EdgeCamera:
 
 
 class VisibleEdges:
-    """The edges of one mesh, those that run apart from all others first.
+    """The edges of one mesh, with those far from all others first.
 
     Parameters
     ----------
-    mesh : its large bodies hide edges. beside_m : (2, E) of `edge_gaps`, where the edges are in order already.
-    pieces : (E,) into how many the whole edge of each was cut.
+    mesh : mesh whose large bodies hide edges. beside_m : (2, E) result of `edge_gaps`, for edges already in order.
+    pieces : (E,) number of pieces that each original edge was cut into.
     """
 
     def __init__(
@@ -67,7 +66,7 @@ class VisibleEdges:
         self.edges, self._beside_m, self._mesh = edges, beside_m, mesh
         self._pieces = np.ones(len(edges.ends), int) if pieces is None else pieces
         self._nearness_m = -self._beside_m.max(axis=0)
-        # column by column: a product with a vector takes a third of the time
+        # column by column: a matrix-vector product takes three times as long
         self._planes = np.asfortranarray(self.edges.planes)
         self._faces = np.ascontiguousarray(self.edges.faces.T)
         self._is_border = self._faces[0] == self._faces[1]
@@ -76,23 +75,23 @@ class VisibleEdges:
         self._boxes = Boxes.about(ends, BOX * mesh.radius_m)
 
     def cut(self, longest_m: float) -> VisibleEdges:
-        """The same in pieces no longer than this."""
+        """Return the same edges in pieces no longer than ``longest_m``."""
         if not np.isfinite(longest_m):
             return self
-        pieces, of = self.edges.cut(longest_m)
-        return VisibleEdges(pieces, self._mesh, self._beside_m[:, of], np.bincount(of)[of])
+        pieces, origin = self.edges.cut(longest_m)
+        return VisibleEdges(pieces, self._mesh, self._beside_m[:, origin], np.bincount(origin)[origin])
 
     def numbers(self, view: EdgeCamera, *, pairs: bool) -> tuple[IntArray, tuple[int, int]]:
-        """Edges that can show, lie in front of the camera, touch the window and are long enough to matter.
+        """Select edges that can be visible, lie in front of the camera, touch the window and are long enough to matter.
 
         Parameters
         ----------
-        pairs : with those that run beside others, nearer than `_PAIR_PX` in the image.
+        pairs : True to include edges closer than `_PAIR_PX` to another in the image.
 
         Returns
         -------
-        their numbers, and with ``pairs`` how many of them, the first, end their part and show their first face, and how
-        many, the next, show the second.
+        their indices, and with ``pairs`` the number of those, first in order, that bound their part and show their
+        first face, and of those, next in order, that show the second.
         """
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         place = np.append(-R.T @ t, 1.0)
@@ -105,10 +104,10 @@ class VisibleEdges:
         if pairs:
             numbers = np.concatenate([np.flatnonzero(kind) for kind in kinds])
         else:
-            beside = self._beside_m[:, :count] < near_m
+            is_near = self._beside_m[:, :count] < near_m
             if self.edges.is_closed:
-                beside &= first, second
-            numbers = np.flatnonzero((ends | creases) & ~(beside[0] | beside[1]))
+                is_near &= first, second
+            numbers = np.flatnonzero((ends | creases) & ~(is_near[0] | is_near[1]))
         behind = hidden(self._mesh.shells, self._boxes, place, self._mesh.radius_m)
         numbers = numbers[~behind.take(self._boxes.of.take(numbers))]
         numbers = numbers[self._on(numbers, view, _SHORTEST_EXACT_PX if pairs else _SHORTEST_PX)]
@@ -118,10 +117,10 @@ class VisibleEdges:
         return numbers, (of_first, of_second)
 
     def _showing(self, place: FloatArray, count: int) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
-        """Classify the first ``count`` edges as seen from a place.
+        """Classify the first ``count`` edges from a viewpoint.
 
-        Return four masks: the first face looks there, the second does, the edge is a boundary of its part, it is a
-        crease on a face that looks there.
+        Return four masks: the first face is towards it, the second is, the edge is a boundary of its part, it is a
+        crease on a visible face.
         """
         edges = self.edges
         first, second = (self._planes @ place > 0).take(self._faces[:, :count])
@@ -132,20 +131,20 @@ class VisibleEdges:
         return first, second, ends, creases
 
     def _on(self, numbers: IntArray, view: EdgeCamera, shortest_px: float) -> BoolArray:
-        """Return a mask of edges in front of the camera, on the window, and long enough along either axis."""
+        """Return a mask of edges in front of the camera, in the window, and long enough along either axis."""
         R, t = view.camera_from_target[:3, :3], view.camera_from_target[:3, 3]
         ends = self._ends_m.take(numbers, axis=1).reshape(2, 3, -1)
         x, y, z = np.moveaxis(R @ ends + t[:, None], 1, 0)
-        # comparisons with NaN are false: an edge behind the camera drops out
+        # comparisons with NaN are false, so an edge behind the camera is dropped
         scale = 1 / np.where(z > view.nearest_m, z, np.nan)
         column, row = image_of(view.camera, x * scale, y * scale)
         rect, pieces = view.rect, self._pieces.take(numbers)
-        kept = np.ones(len(numbers), bool)
+        selected = np.ones(len(numbers), bool)
         long = np.zeros(len(numbers), bool)
         for u, low, high in (
             (column, rect.x0 - 1, rect.x1),
             (row, rect.y0 - 1, rect.y1),
         ):
             long |= np.abs(u[0] - u[1]) * pieces > shortest_px
-            kept &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
-        return kept & long
+            selected &= (np.minimum(u[0], u[1]) < high) & (np.maximum(u[0], u[1]) > low)
+        return selected & long

@@ -1,4 +1,4 @@
-"""The triangles of a mesh that can show from a place: the others cost as much and show nowhere."""
+"""Triangle culling: the triangles of a mesh that may be visible from a viewpoint."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 GRAZING = 0.01
-"""Sine of the angle under which a triangle may look away and is drawn yet: corners rounded to 1/256 of a pixel may
-turn a small one round."""
+"""Sine of the angle by which a drawn triangle may face away: rounding to 1/256 px may flip a small one."""
 
 
 class CulledVertexArray:
-    """A vertex array of a mesh that draws what can show: nothing behind large bodies; of closed shells what faces.
+    """A vertex array that skips triangles behind large bodies, and back faces of closed shells.
 
     Parameters
     ----------
-    more : as in `GpuMesh.vertex_array`.
+    more : further per-vertex buffers, as in `GpuMesh.vertex_array`.
     """
 
     def __init__(
@@ -39,11 +38,11 @@ class CulledVertexArray:
         self.array = mesh.vertex_array(context, program, *more, indices=self._indices)
 
     def render(self, place: FloatArray) -> None:
-        """Draw what can show from a place; as of `MeshArray.render`."""
-        seen = visible_triangles(self._mesh, place)
+        """Draw the triangles that may be visible; see `MeshArray.render`."""
+        indices = visible_triangles(self._mesh, place)
         self._indices.orphan()
-        self._indices.write(seen)
-        self.array.render(vertices=seen.size)
+        self._indices.write(indices)
+        self.array.render(vertices=indices.size)
 
     def release(self) -> None:
         """Free the vertex array and its indices."""
@@ -52,14 +51,14 @@ class CulledVertexArray:
 
 
 def visible_triangles(mesh: GpuMesh, place: FloatArray) -> np.typing.NDArray[np.uint32]:
-    """(K, 3) triangles of a mesh that may show from a place.
+    """Return (K, 3) triangles of a mesh that may be visible; ``place`` is a viewpoint as in `MeshArray.render`.
 
-    Of closed shells those that face it, or hardly look away; ``place`` as of `MeshArray.render`.
+    Back faces of closed shells are left out, except those at a grazing angle.
     """
     show = ~hidden(mesh.shells, mesh.boxes, place, mesh.radius_m)
-    kept = show.take(mesh.boxes.of)
+    is_selected = show.take(mesh.boxes.of)
     if mesh.is_closed:
         unit = np.asarray(place / np.linalg.norm(place[:3]), np.float32)
-        kept &= unit @ mesh.plane_rows > -GRAZING
-    # by their numbers: a mask over rows takes numpy twice as long
-    return mesh.triangles.take(np.flatnonzero(kept), axis=0)
+        is_selected &= unit @ mesh.plane_rows > -GRAZING
+    # by indices: a mask over rows takes NumPy twice as long
+    return mesh.triangles.take(np.flatnonzero(is_selected), axis=0)

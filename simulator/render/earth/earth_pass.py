@@ -58,9 +58,10 @@ if TYPE_CHECKING:
 DETAIL_TEXEL_KM = PERIOD_KM / SIZE
 TEXEL_KM = 4.97  # of the maps, at the equator
 LOG2_TEXEL_KM = math.log2(TEXEL_KM)
-CLOUD_KM = 2.0  # height of the clouds: their parallax and their shadow's distance
-MAGNIFIED_LEVEL = -0.5  # of a tile: there the maps' texels are at least six pixels wide
-FAR_LEVEL = 0.5  # of a tile: from the next on floes, and then puffs, are averaged
+CLOUD_KM = 2.0  # height of the clouds, for their parallax and shadows
+MAGNIFIED_LEVEL = -0.5  # level of a tile above which the maps' texels are at least six pixels wide
+FAR_LEVEL = 0.5  # level of a tile from which on floes, and then cloud detail, are averaged
+# samplers of every frame, and of maps that some frames need
 _OWN = ("t_coverage", "t_radiance", "t_map", "t_detail", "t_ground_slopes", "t_month_before", "t_month_after")
 _RARE = ("t_ice", "t_ocean_colour", "t_terrain", "t_city")
 _SAMPLERS = {
@@ -70,7 +71,7 @@ _SAMPLERS = {
 
 
 def season_of(scene: SceneState) -> Season:
-    """The months that are mixed."""
+    """Return the two months to interpolate between."""
     return season(scene.epoch_utc) if scene.environment.seasons else AUGUST
 
 
@@ -80,9 +81,9 @@ class EarthDraw:
 
     Parameters
     ----------
-    framebuffer, viewport : what it draws into. blended : it is added to what is there.
-    tile_px : side of its tiles. city : where lamps may be lit.
-    level : of `TileKind`; ``None`` where no map is read from another level than its first.
+    framebuffer, viewport : destination. blended : True to add to its contents.
+    tile_px : side of its tiles. city : True if city lights may be on.
+    level : mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
     """
 
     program: Program
@@ -97,11 +98,11 @@ class EarthDraw:
 
 @dataclass(frozen=True, eq=False)
 class EarthFrame:
-    """Inputs from which a frame's Earth is drawn.
+    """Resources that a frame's Earth is drawn from.
 
     Parameters
     ----------
-    moon_in_front : the Moon is nearer, and may hide it.
+    moon_in_front : True if the Moon is nearer, and may hide the Earth.
     """
 
     images: FrameImages
@@ -117,13 +118,13 @@ class EarthFrame:
 
 
 class Earth:
-    """The Earth's maps, air and programs on the GPU for one number of bands; its maps are uploaded when it is made.
+    """The Earth's maps, air and programs on the GPU for one number of bands; creating it uploads the maps.
 
     Parameters
     ----------
-    prefetched : of a scene of these bands; it is waited for here.
-    precompiles : draw one tile of each kind alone, while other threads go on: a software driver compiles the programs
-        then.
+    prefetched : prefetched maps of a scene with these bands; the constructor waits for them.
+    precompiles : True to draw one tile of each kind alone, so that a software driver compiles the programs while other
+        threads continue.
     """
 
     def __init__(
@@ -140,30 +141,29 @@ class Earth:
         self.bands = 1 if bands == "mono" else 3
         self._airs: dict[tuple[float, float], Air] = {}
         self._names: Bands = bands
-        # in the order in which they are ready where one thread makes them all
-        # one at a time: what is uploaded need not stay in memory until the next is
+        # uploaded one at a time, in the order in which a single thread prepares them, so that each can be freed
         waiting = prefetched.maps.result()
         self._maps = [self._mapped(waiting.pop(0)) for _ in range(len(waiting))]
         self._months = {k: self._mapped(levels) for k, levels in prefetched.months.result().items()}
         self.detail, self.night = (TilingTexture(context, f) for f in (prefetched.detail, prefetched.night))
         prefetched.detail.result()
-        self._terrain: moderngl.Texture | None = None  # of `high`
+        self._terrain: moderngl.Texture | None = None  # only for `high`
         self._ground_slopes = self._mapped(prefetched.ground_slopes.result())
         self._keep_air(prefetched.air.result())
-        self._ice: tuple[str, moderngl.Texture] | None = None  # of a day
+        self._ice: tuple[str, moderngl.Texture] | None = None  # date and texture
         self._ocean_colour: Future[MipmapChain] | moderngl.Texture = prefetched.ocean_colour
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
         self._kept: dict[tuple[object, ...], Program] = {}
 
     def air(self, environment: Environment) -> Air:
-        """The air of an environment, made at first use."""
-        given = environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
-        if given not in self._airs:
-            self._keep_air(air_tables(self._names, given[0], aerosol_depth=given[1]))
-        return self._airs[given]
+        """Return the air of an environment, cached."""
+        settings = environment.atmosphere_thickness_km * 1e3, environment.aerosol_optical_depth
+        if settings not in self._airs:
+            self._keep_air(air_tables(self._names, settings[0], aerosol_depth=settings[1]))
+        return self._airs[settings]
 
     def release(self) -> None:
-        """Free maps, tables and vertices; the programs are the library's."""
+        """Free maps, tables and vertices; programs belong to the library."""
         maps = [self._terrain, self._ground_slopes, self._ocean_colour]
         maps += [*self._maps, *self._months.values()]
         maps += [] if self._ice is None else [self._ice[1]]
@@ -194,7 +194,7 @@ class Earth:
         return self._months[month]
 
     def program(self, frame: EarthFrame, kind: TileKind, *, quads: bool) -> Program:
-        """Return the program that draws tiles of a kind; with ``quads`` four pixels to a texel."""
+        """Return the program that draws tiles of a kind; with ``quads`` four pixels per texel."""
         environment, behind = frame.scene.environment, frame.moon_in_front
         high, dark = frame.scene.quality == "high", frame.tiles.dark and kind.night
         key = (environment, kind, behind, high, quads, dark, self._programs.lens)
@@ -211,7 +211,7 @@ class Earth:
     def defines(
         self, environment: Environment, kind: TileKind, *, behind: bool, high: bool, quads: bool, dark: bool
     ) -> dict[str, object]:
-        """Return the switches and constants of the shaders that draw ground and air."""
+        """Return the defines of the shaders that draw ground and air."""
         one = environment.undifferentiated
         return {
             "BANDS": self.bands,
@@ -259,8 +259,8 @@ class Earth:
 
         Parameters
         ----------
-        draws : the draw calls, each with what gives its vertices (K, 2 + 4 n) once the one before is under way: the
-            tiles' middles [px], and values at their corners.
+        draws : draw calls, each with a function that returns its vertices (K, 2 + 4 n): the tiles' centres [px] and
+            values at their corners. It is called once the previous call is in progress.
         """
         scene, environment = frame.scene, frame.scene.environment
         self._context.blend_func = self._context.ONE, self._context.ONE
@@ -273,12 +273,12 @@ class Earth:
         if (touched := frame.tiles.holding(covered=False)) is not None:
             frame.images.mark_lit(touched)
         for draw, vertices_of in draws:
-            # large textures that the last draw did not have may end its scene
+            # large textures that the previous draw did not use may end its scene
             flush(self._context)
             draw_to(draw.framebuffer)
-            # beyond the image's end: a point is dropped when its middle is outside
+            # whole tiles, beyond the image's edge too: a point whose centre is outside would be dropped
             draw.framebuffer.viewport = draw.viewport
-            # the first light of the sky: where nothing can be in front it is written, which is cheaper than added
+            # the first light of the sky: without anything in front it is written, which is cheaper than added
             blend = self._context.BLEND if draw.blended else self._context.NOTHING
             self._context.enable_only(blend | self._context.PROGRAM_POINT_SIZE)
             smaller = self._context.LINEAR if draw.level is None else self._context.LINEAR_MIPMAP_LINEAR
@@ -287,7 +287,7 @@ class Earth:
             program, level = draw.program, draw.level or 0.0
             lamps = {} if draw.city is None else {"t_city": draw.city}
             program.bind_textures(**textures, **lamps, t_detail=draw.detail)
-            textures = {}  # they are on the same units of the other programs
+            textures = {}  # other programs use the same units
             program.set("u_season", month.share)
             program.set("u_extent_px", frame.tiles.extent_px)
             program.set("u_tile_px", draw.tile_px)
@@ -302,7 +302,7 @@ class Earth:
                 array.render(vertices=len(vertices))
 
     def _array_of(self, program: Program, values: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
-        """Vertices of a program: middles of tiles, and four by four the values at their corners."""
+        """Return a program's vertex buffer (centres of tiles, values at their four corners) and vertex array."""
         if program not in self._arrays:
             buffer = self._context.buffer(reserve=8, dynamic=True)
             names = [f"in_air_{k}" for k in range(values // 4)]
@@ -315,29 +315,29 @@ class Earth:
         return self._arrays[program]
 
     def _terrain_of_high(self) -> moderngl.Texture:
-        """The land's valleys, uploaded when `high` is first asked for."""
+        """Return the land's fine slopes, uploaded when `high` first needs them."""
         if self._terrain is None:
             self._terrain = self._mapped(mipmap_chain(terrain_texture(), globe=False))
             self._terrain.repeat_y = True
         return self._terrain
 
     def _waters(self, day: str) -> dict[str, moderngl.Texture]:
-        """The sea's ice of a day, and its shallows: uploaded when such water is first in view."""
+        """Return the sea ice of a day and the shallows, uploaded when such water is first in view."""
         if not isinstance(self._ocean_colour, moderngl.Texture):
             self._ocean_colour = self._mapped(self._ocean_colour.result())
         return {"t_ice": self.ice_texture(day), "t_ocean_colour": self._ocean_colour}
 
     def ice_texture(self, day: str) -> moderngl.Texture:
-        """The sea's ice of a day."""
+        """Return the sea ice of a day."""
         if self._ice is None or self._ice[0] != day:
             if self._ice is not None:
-                past, self._ice = self._ice[1], None
-                release_mipmapped(past)
+                old, self._ice = self._ice[1], None
+                release_mipmapped(old)
             self._ice = (day, self._mapped(mipmap_chain(sea_ice(day), globe=True)))
         return self._ice[1]
 
     def ground_textures(self, month: Season) -> dict[str, moderngl.Texture]:
-        """The land's maps, by their samplers."""
+        """Return the land's maps, by sampler."""
         maps = dict(zip(("t_map", "t_colour"), self._maps, strict=False))
         return maps | {
             "t_ground_slopes": self._ground_slopes,
@@ -371,7 +371,7 @@ class EarthPass(Pass):
         self._context = context
 
     def run(self, r: PassResources) -> None:
-        """Draw the tiles, all of which any pixel may be."""
+        """Draw all tiles, without distinguishing kinds."""
         frame, earth = EarthFrame.of(r), r[EARTH]
         tiles = frame.tiles
         draws = []

@@ -1,4 +1,4 @@
-"""Passes that prepare the sky: the light of globe and Moon, the globe in the image, the Earth's tiles and its air."""
+"""Passes that prepare the sky: light of globe and Moon, the globe in the image, the Earth's tiles and its air."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 
 class Earths:
-    """The Earth for each set of bands: its maps are prefetched, and uploaded when it is first drawn.
+    """The Earth for each set of bands: maps are prefetched, and uploaded at the first use.
 
     Parameters
     ----------
-    prefetched : `prefetch_earth_maps` of the first scenes to be drawn.
+    prefetched : results of `prefetch_earth_maps` for the first scenes.
     """
 
     def __init__(self, device: Device, prefetched: Mapping[Bands, EarthMaps] | None = None) -> None:
@@ -43,17 +43,17 @@ class Earths:
         self._prefetched: dict[Bands, EarthMaps] = dict(prefetched or {})
 
     def prefetch(self, scene: SceneState) -> None:
-        """Begin to decode the maps of a first frame."""
+        """Start decoding the maps of a first frame."""
         bands = scene.bands
         if shows_earth(scene) and bands not in self._uploaded and bands not in self._prefetched:
             self._prefetched[bands] = prefetch_earth_maps(bands, scene.environment, scene.epoch_utc)
 
     def pending(self, bands: Bands) -> EarthMaps | None:
-        """Return the maps that are being decoded; ``None`` once they are uploaded, or if none were requested."""
+        """Return the maps that are being decoded; ``None`` if they are uploaded or were not requested."""
         return self._prefetched.get(bands)
 
     def get(self, bands: Bands) -> Earth:
-        """Return the Earth for some bands; waits for its maps when it is first drawn."""
+        """Return the Earth for some bands; wait for its maps at the first use."""
         if bands not in self._uploaded:
             self._uploaded[bands] = self._upload(bands, self._prefetched.pop(bands))
         return self._uploaded[bands]
@@ -66,7 +66,7 @@ class Earths:
 
     @contextmanager
     def standing_in(self, scene: SceneState) -> Iterator[None]:
-        """Have an Earth of small black maps in its place, which draws one tile of each kind."""
+        """Replace the Earth by one with small black maps, which draws one tile of each kind."""
         maps = stand_ins(scene.bands, scene.environment, scene.epoch_utc)
         self._uploaded[scene.bands] = self._upload(scene.bands, maps, precompiles=True)
         try:
@@ -75,13 +75,13 @@ class Earths:
             self._uploaded.pop(scene.bands).release()
 
     def release(self) -> None:
-        """Free them all."""
+        """Free all Earths."""
         for earth in self._uploaded.values():
             earth.release()
 
 
 class GlobeViewPass(Pass):
-    """Finds the globe in the image and the air about it; uploads what draws it when it is first in a scene."""
+    """Finds the globe and its air in the image; uploads the globe's resources at its first use."""
 
     name = "earth.view"
     reads = (SCENE, VIEW)
@@ -92,7 +92,7 @@ class GlobeViewPass(Pass):
         self._globes: dict[tuple[str, Bands], PlainGlobe] = {}
 
     def run(self, r: PassResources) -> None:
-        """Find the globe, where the scene draws it."""
+        """Find the globe, if the scene has it."""
         scene, environment, body = r[SCENE], r[SCENE].environment, r[SCENE].globe.body
         if not environment.draws(body):
             return
@@ -105,8 +105,8 @@ class GlobeViewPass(Pass):
                 self._globes[key] = PlainGlobe(self._device, body, scene.bands)
             r[PLAIN_GLOBE] = self._globes[key]
             air = self._globes[key].air.tables.air
-        r[AIR] = seen = air if environment.atmosphere and body.air is not None else None
-        r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, seen)
+        r[AIR] = visible_air = air if environment.atmosphere and body.air is not None else None
+        r[GLOBE] = globe = globe_view(r[VIEW], scene.camera, visible_air)
         values = globe_values(r[VIEW], globe, air, airglow=environment.airglow)
         self._device.blocks.globe.write(values)
 
@@ -117,7 +117,7 @@ class GlobeViewPass(Pass):
 
 
 class ShinePass(Pass):
-    """Works out the light of globe and Moon on the target: where the Earth is drawn, as it is drawn."""
+    """Computes the light of globe and Moon on the target, from the Earth as it is drawn."""
 
     name = "earth_and_moon_shine"
     reads = (SCENE, VIEW, TARGET)
@@ -149,20 +149,20 @@ class ShinePass(Pass):
 
 
 class EarthTilesPass(Pass):
-    """Cuts what the Earth may touch into tiles, all alike."""
+    """Divides the part of the image that the Earth may touch into tiles of one kind."""
 
     name = "earth.tiles"
     reads: tuple[Resource[object], ...] = (SCENE, EARTH, GLOBE)
     writes = (EARTH_TILES,)
 
     def run(self, r: PassResources) -> None:
-        """Cut the tiles, where the Earth is in the image."""
+        """Make the tiles, if the Earth is in the image."""
         if r[GLOBE].rect is not None:
             r[EARTH_TILES] = uniform_tiles(r[GLOBE], r[SCENE].camera)
 
 
 class EarthAirPass(Pass):
-    """Draws this frame's tables of the light and transmittance of the Earth's air."""
+    """Draws this frame's tables of the Earth's air: in-scatter and transmittance."""
 
     name = "earth.air"
     reads = (SCENE, EARTH, GLOBE, EARTH_TILES, AIR)
@@ -176,11 +176,11 @@ class EarthAirPass(Pass):
 
 
 class EarthProgramsPass(Pass):
-    """Compiles the Earth's programs while a first frame's maps are decoded, by drawing small maps in their place.
+    """Compiles the Earth's programs by drawing small maps, while the maps of the first frame are decoded.
 
     Parameters
     ----------
-    passes : those that prepare and draw the Earth. What they draw must be cleared.
+    passes : passes that prepare and draw the Earth. Their output must be cleared.
     """
 
     name = "earth.programs"

@@ -1,4 +1,4 @@
-"""Prefetch of the Earth's maps: decoded, or read from the cache, on threads while the target is prepared."""
+"""Prefetch of the Earth's maps: decoded or read from the cache in threads, while the target is prepared."""
 
 from __future__ import annotations
 
@@ -29,18 +29,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _T = TypeVar("_T")
-_ODD, _EVEN = (6, 12), (4, 8)  # of stand-ins: rows and columns that are no powers of two, and that are
-AUGUST = Season(8, 8, 0.0)  # the month of the fine map
+_ODD, _EVEN = (6, 12), (4, 8)  # rows and columns of stand-ins: not powers of two, and powers of two
+AUGUST = Season(8, 8, 0.0)  # month of the fine map
 
 
 @dataclass(frozen=True, eq=False)
 class EarthMaps:
-    """Futures of maps and tables; ``result()`` waits for one.
+    """Futures of maps and tables.
 
     Parameters
     ----------
-    albedo : that the Earth-shine looks up. maps : one for one band, two for three. months : by number.
-    ocean_colour, night : uploaded only when such water, or the night, is in view. air : of the scene's thickness.
+    albedo : albedo for Earth-shine. maps : textures of the maps, one for one band, two for three.
+    months : gains by month number.
+    ocean_colour, night : textures that are uploaded once such water, or the night, is in view.
+    air : tables for the scene's thickness.
     """
 
     albedo: Future[Float32Array]
@@ -54,29 +56,29 @@ class EarthMaps:
 
 
 def prefetch_earth_maps(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Starts decoding what the Earth of a scene needs, and returns at once; NumPy and OpenCV release Python's lock.
+    """Start decoding the maps that the Earth of a scene needs; NumPy and OpenCV release Python's lock.
 
-    Before there is a scene it may be prefetched for the renderer that will draw it.
+    It can be called before the renderer exists that will draw the scene.
     """
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
-    # what takes longest first: the detail alone is as long as the maps
+    # longest tasks first: the detail alone takes as long as the maps
     pools = [ThreadPoolExecutor(1) for _ in range(min(beside_the_caller(), 2))]
-    with_maps, others = pools[0], pools[-1]
+    with_maps, other_pools = pools[0], pools[-1]
     maps = with_maps.submit(lambda: [mipmap_chain(image, globe=True) for image in packed_maps(bands)])
     albedo = with_maps.submit(albedo_of_day, epoch_utc, clouds=environment.clouds, ice=environment.sea_ice)
     months = with_maps.submit(_months, sorted({dates.before, dates.after}), bands)
-    # few pictures wait for them
+    # needed by few scenes
     water = with_maps.submit(lambda: mipmap_chain(ocean_colour(bands), globe=True))
     prefetched = EarthMaps(
         albedo,
         maps,
-        others.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
-        others.submit(lambda: mipmap_chain(ground_slopes(), globe=True)),
+        other_pools.submit(lambda: mipmap_chain(detail_texture(), globe=False)),
+        other_pools.submit(lambda: mipmap_chain(ground_slopes(), globe=True)),
         months,
         water,
         with_maps.submit(lambda: mipmap_chain(night_texture(), globe=False)),
-        others.submit(
+        other_pools.submit(
             air_tables,
             of_bands,
             environment.atmosphere_thickness_km * 1e3,
@@ -105,16 +107,16 @@ def shows_earth(scene: SceneState) -> bool:
 
 
 def prefetch_maps_of(first: SceneState | None) -> dict[Bands, EarthMaps]:
-    """Maps prefetched for the first scene to be drawn, as `Renderer` takes them; none where it has no Earth."""
+    """Return prefetched maps for the first scene, as `Renderer` takes them; none if it has no Earth."""
     if first is None or not shows_earth(first):
         return {}
     return {first.bands: prefetch_earth_maps(first.bands, first.environment, first.epoch_utc)}
 
 
 def stand_ins(of_bands: Bands, environment: Environment, epoch_utc: str) -> EarthMaps:
-    """Black maps of a few texels, of the same kinds as those that `prefetch_earth_maps` begins, and air without light.
+    """Return black maps of a few texels, of the kinds that `prefetch_earth_maps` prepares, and air without light.
 
-    A driver's programs depend on a texture's channels, on its levels, and on whether its sides are powers of two.
+    A driver's programs depend on a texture's channels, levels, and whether its sides are powers of two.
     """
     bands = 1 if of_bands == "mono" else 3
     dates = season(epoch_utc) if environment.seasons else AUGUST
@@ -150,5 +152,5 @@ def _done(value: _T) -> Future[_T]:
 
 
 def _months(months: list[int], bands: int) -> dict[int, MipmapChain]:
-    made = (mipmap_chain(gain, globe=True) for gain in month_gains(months, bands))
-    return dict(zip(months, made, strict=True))
+    chains = (mipmap_chain(gain, globe=True) for gain in month_gains(months, bands))
+    return dict(zip(months, chains, strict=True))

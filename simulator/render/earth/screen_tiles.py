@@ -1,4 +1,4 @@
-"""Tiles of the screen that the Earth and its air touch: what a tile's pixels may see, and how large it is."""
+"""Screen tiles that the Earth and its air touch: their kinds and size."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 TILE_RAD = 0.0107
-"""32 pixels of a SPEED camera: the ground point bends by less than a tenth of a pixel in between."""
+"""Side for a SPEED camera [px]: the ground point between its corners is linear to a tenth of a pixel."""
 _SMALLEST_PX, _LARGEST_PX = 8, 32
 ICE_SINE = 0.73
-"""Of the latitude (47 degrees): the sea is open nearer to the equator."""
+"""Sine of 47 degrees latitude, equatorward of which the sea is open."""
 
 
 @dataclass(frozen=True, order=True)
@@ -31,11 +31,11 @@ class TileKind:
     Parameters
     ----------
     smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : some of it is dark enough for city lights. icy : some of it is near sea ice, or may be.
-    unlit : neither Sun nor Moon shine there; smooth ones only.
-    bright_water : some of it is near water that is shallow or turbid.
-    level : log2 of a pixel's footprint [km], smooth tiles only.
-    air : none of it is ground. fine : tiles half as wide as the others, nearer to the limb; smooth ones only.
+    night : dark enough for city lights somewhere. icy : may be near sea ice somewhere.
+    unlit : lit by neither Sun nor Moon; only for smooth tiles.
+    bright_water : near shallow or turbid water somewhere.
+    level : log2 of a pixel's footprint [km]; only for smooth tiles.
+    air : air only, no ground. fine : half as wide as other tiles, towards the limb; only for smooth tiles.
     """
 
     air: bool
@@ -55,11 +55,11 @@ class ScreenTiles:
 
     Parameters
     ----------
-    size_px : side of a tile. centers_px : (K, 2) float32 middles of each kind's tiles; pixel edges lie at .5.
+    size_px : side of a tile. centers_px : (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
     extent_px : width and height of all tiles together, from the image's corner to beyond its end.
-    dark : some ground in view has no more light of the Sun than the Moon may give.
-    others_px : (L, 2) of all the image's tiles but the smooth ones.
-    halved : (P,) rows and columns of tiles that are drawn as two by two fine ones, counted in tiles.
+    dark : True if some ground in view has no more light of the Sun than the Moon may give.
+    others_px : (L, 2) centres of all the image's tiles that are not smooth.
+    halved : (P,) rows and columns of tiles drawn as two by two fine ones, counted in tiles.
     """
 
     size_px: int
@@ -70,7 +70,7 @@ class ScreenTiles:
     halved: tuple[IntArray, IntArray]
 
     def size_of(self, kind: TileKind) -> float:
-        """Side of a kind's tiles [px]."""
+        """Return the side of a kind's tiles [px]."""
         return self.size_px / 2 if kind.fine else float(self.size_px)
 
     @property
@@ -92,7 +92,7 @@ class ScreenTiles:
 
     @property
     def fine_corners_px(self) -> Float32Array:
-        """(P, 3, 3, 2) corners of the fine tiles in each of the halved ones, row by row."""
+        """(P, 3, 3, 2) corners of the fine tiles in each halved tile, row by row."""
         row, column = self.halved
         steps = np.arange(3, dtype=np.float32) * np.float32(self.size_px / 2) - np.float32(0.5)
         x = column[:, None, None] * self.size_px + steps[None, None, :]
@@ -100,7 +100,7 @@ class ScreenTiles:
         return np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float32)
 
     def fine_place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray, IntArray]:
-        """(K,) of fine tiles, by their middles (K, 2): which of ``halved`` holds them, row and column in it."""
+        """Return (K,) index in ``halved``, row and column of fine tiles, by their centres (K, 2)."""
         half_column, half_row = (
             ((centers_px + np.float32(0.5)) / np.float32(self.size_px / 2)).astype(np.int64).T
         )
@@ -108,26 +108,26 @@ class ScreenTiles:
 
     @cached_property
     def _halved_place(self) -> IntArray:
-        """Index in ``halved`` of each of the image's tiles, row by row; 0 for those that are not."""
+        """Index in ``halved`` of each of the image's tiles, row by row; 0 for tiles that are not halved."""
         width, height = self.extent_px
         which = np.zeros((height // self.size_px, width // self.size_px), np.int64)
         which[self.halved] = np.arange(len(self.halved[0]))
         return which
 
     def place(self, centers_px: Float32Array) -> tuple[IntArray, IntArray]:
-        """(K,) rows and columns of tiles, counted in tiles, by their middles (K, 2)."""
+        """Return (K,) rows and columns of tiles, counted in tiles, by their centres (K, 2)."""
         column, row = ((centers_px + np.float32(0.5)) / np.float32(self.size_px)).astype(np.int64).T
         return row, column
 
     def holding(self, *, covered: bool) -> PixelRect | None:
-        """Pixels that hold all tiles, or those that the target may be in front of."""
-        found = [
+        """Return the pixels of all tiles, or of those that the target may cover."""
+        areas = [
             (self.size_of(k), at) for k, at in self.centers_px.items() if len(at) and k.covered >= covered
         ]
-        if not found:
+        if not areas:
             return None
-        low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in found], axis=0)
-        high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in found], axis=0)
+        low = np.min([at.min(axis=0) + 0.5 - size / 2 for size, at in areas], axis=0)
+        high = np.max([at.max(axis=0) + 0.5 + size / 2 for size, at in areas], axis=0)
         return PixelRect(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
 
 
@@ -135,22 +135,22 @@ EARTH_TILES: Resource[ScreenTiles] = Resource("earth tiles")
 
 
 def ice_day(scene: SceneState) -> str:
-    """The day whose sea ice is drawn: the maps' own without seasons."""
+    """Return the day whose sea ice is drawn; without seasons, that of the maps."""
     return scene.epoch_utc[:10] if scene.environment.seasons else "2004-08-15"
 
 
 def tile_size_px(camera: Camera) -> int:
-    """Side of the tiles that a camera's image is cut into, from its top left corner [px]."""
-    # a multiple of four: derivatives are taken between neighbours of two by two texels of two by two pixels
+    """Return the side of the tiles that a camera's image is divided into, from its top left corner [px]."""
+    # a multiple of four: derivatives are differences between 2 x 2 texels of 2 x 2 pixels
     return min(max(4 * round(TILE_RAD / camera.pixel_angle_rad() / 4), _SMALLEST_PX), _LARGEST_PX)
 
 
 def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
-    """The tiles that Earth and air may touch as one kind, which any pixel may be: nothing is worked out of them."""
+    """Return the tiles that Earth and air may touch as one kind, with all features enabled."""
     size, rect = tile_size_px(camera), earth.rect
     columns, rows = -(-camera.width_px // size), -(-camera.height_px // size)
     radius = float(np.linalg.norm(earth.camera))
-    # the farthest from the equator that is in view, and a degree
+    # the highest latitude in view, and a degree
     latitude = abs(np.arcsin(earth.camera[2] / radius)) + np.arccos(1 / max(radius, 1.0)) + np.radians(1.0)
     kind = TileKind(
         air=False,
@@ -175,12 +175,12 @@ def uniform_tiles(earth: GlobeView, camera: Camera) -> ScreenTiles:
 
 @lru_cache(maxsize=8)
 def _middles(x0: int, y0: int, x1: int, y1: int, size: int) -> Float32Array:
-    """(K, 2) middles [px] of the tiles from column ``x0`` and row ``y0`` to before ``x1`` and ``y1``."""
+    """Return (K, 2) centres [px] of the tiles in columns ``x0`` to ``x1`` and rows ``y0`` to ``y1`` (exclusive)."""
     column, row = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
     middles = np.stack([column.ravel(), row.ravel()], axis=1).astype(np.float32)
     return (middles + np.float32(0.5)) * np.float32(size) - np.float32(0.5)
 
 
 def tile_edges(length_px: int, size: int) -> FloatArray:
-    """Edges of the tiles along one side; the last lies at the image's end or beyond."""
+    """Return the tiles' edges along one side; the last lies at the image's end or beyond."""
     return np.asarray(np.arange(-(-length_px // size) + 1) * float(size) - 0.5)

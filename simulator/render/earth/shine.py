@@ -1,4 +1,4 @@
-"""Light of the drawn Earth on the target: its own shaders, at a few hundred directions around the nadir."""
+"""Light of the drawn Earth on the target, by the Earth's own shaders at a few hundred directions around the nadir."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.irradiance import IrradianceField
     from flyaround.simulator.scene.state import SceneState
 
-GROUND_RAYS, LIMB_RAYS = 640, 48
+GROUND_RAYS, LIMB_RAYS = 640, 48  # rays to the ground, and to the air above the limb
 LIMB_KM = 60.0  # height up to which the air's light matters to a craft
-STEPS = 12  # along a ray through the air
+STEPS = 12  # steps of a ray through the air
 CROWD, SUNWARD = 0.8, 0.75
-"""Density of rays: added to a power of one towards the rim of a wide disc, and towards the Sun's azimuth."""
-FOOTPRINT = 0.15  # of a sample over its share of the disc: clouds averaged over more reflect otherwise
+"""Ray density: exponents of the stretch towards the rim of a wide disc, and towards the Sun's azimuth."""
+# footprint of a sample over its share of the disc; a larger one would average clouds too much
+FOOTPRINT = 0.15
 _KIND = TileKind(
     air=False,
     fine=False,
@@ -42,11 +43,11 @@ _KIND = TileKind(
     bright_water=False,
     level=0.0,
 )
-"""Whatever ground there may be; shallow and turbid water is too little to light a craft."""
+"""Tiles with every kind of ground but bright water, which is too small to light a craft."""
 
 
 class ShineSampler:
-    """Samples the drawn Earth from the camera's place, on the calling thread: what is being drawn delays nothing."""
+    """Samples the drawn Earth from the camera's position, at once: other drawing does not delay it."""
 
     def __init__(self, device: Device) -> None:
         self._context, self._programs = device.context, device.programs
@@ -54,13 +55,13 @@ class ShineSampler:
         self._in = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 16, dynamic=True)
         self._out = context.buffer(reserve=(GROUND_RAYS + LIMB_RAYS) * 12, dynamic=True)
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
-        # nothing is drawn, but OpenGL wants a whole framebuffer for it
+        # nothing is drawn, but OpenGL requires a complete framebuffer
         self._target = context.simple_framebuffer((1, 1))
 
     def field(
         self, scene: SceneState, view: View, globe: GlobeView, earth: Earth, also_w_m2: FloatArray
     ) -> IrradianceField:
-        """Return the field of the Earth's light, and of other light as `field_of_samples` takes it."""
+        """Return the field of the Earth's light plus other light, as in `field_of_samples`."""
         rays, share_sr, rim = _rays(globe, view.globe.radius_m)
         program = self._program(scene, earth)
         array = self._arrays.get(program.gl)
@@ -73,7 +74,7 @@ class ShineSampler:
         draw_to(self._target)
         array.transform(self._out, vertices=len(rays))
         light = np.frombuffer(self._out.read(len(rays) * earth.bands * 4), np.float32)
-        # out of the stretched space, whose angles are others
+        # back from the stretched space, where angles differ
         stretch = np.array([1.0, 1.0, view.globe.polar_radius_m / view.globe.radius_m])
         directions = rays[:, :3] * stretch
         length = np.sqrt(np.einsum("kc,kc->k", directions, directions))
@@ -90,7 +91,7 @@ class ShineSampler:
         )
 
     def _program(self, scene: SceneState, earth: Earth) -> Program:
-        """Return the program for a scene, its textures bound."""
+        """Return the program for a scene, with its textures bound."""
         context, month = self._context, season_of(scene)
         textures = earth.ground_textures(month) | earth.air(scene.environment).frame.static_tables
         textures["t_ice"] = earth.ice_texture(ice_day(scene))
@@ -117,7 +118,7 @@ class ShineSampler:
 
 
 def _rays(globe: GlobeView, radius_m: float) -> tuple[FloatArray, FloatArray, float]:
-    """Rays (K, 4) as the shader takes them, the solid angle (K,) of each in its space, cosine of the ground's rim."""
+    """Return rays (K, 4) for the shader, their solid angles (K,) in its space, and the cosine of the ground's rim."""
     above = float(np.linalg.norm(globe.camera))
     rim = float(np.sqrt(1 - 1 / above**2))
     top = float(np.sqrt(max(1 - ((1 + LIMB_KM * 1e3 / radius_m) / above) ** 2, 0.0)))

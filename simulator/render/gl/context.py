@@ -1,4 +1,4 @@
-"""The OpenGL context: headless EGL, or the caller's own, checked for the version that the passes need."""
+"""The OpenGL context: headless EGL, or the caller's own, checked for its version."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swrast", "software rasterizer")
 
 @dataclass(frozen=True)
 class GlInfo:
-    """The OpenGL driver; recorded beside every image, because bytes depend on it."""
+    """The OpenGL driver; recorded with every image, because its bytes depend on it."""
 
     vendor: str
     renderer: str
@@ -31,16 +31,16 @@ class GlInfo:
 
 
 def create_context(device_index: int | None = None) -> moderngl.Context:
-    """A headless OpenGL context on EGL, without any window system.
+    """Create a headless OpenGL context by EGL, without any window system.
 
     Parameters
     ----------
-    device_index : which EGL device; ``None`` leaves the choice to EGL.
+    device_index : index of the EGL device; ``None`` leaves the choice to EGL.
 
     Raises
     ------
     UserError
-        If there is no EGL, no such device, or its OpenGL is older than 4.1.
+        If EGL or the device is missing, or its OpenGL is older than 4.1.
     """
     _keep_narrow_vectors_from_avx()
     options: dict[str, Any] = {"backend": "egl"}
@@ -49,7 +49,7 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
     try:
         context = _ask_for_context(options)
     except Exception as error:
-        # moderngl raises bare Exception from its loader, whatever the cause
+        # moderngl raises bare Exception from its loader
         where = "" if device_index is None else f" on device {device_index}"
         advice = HOW_TO_GET_EGL if device_index is None else "leave the device out, or name one that there is"
         raise UserError(f"no headless OpenGL by EGL{where} ({error}); {advice}") from error
@@ -58,9 +58,9 @@ def create_context(device_index: int | None = None) -> moderngl.Context:
 
 
 def _ask_for_context(options: dict[str, Any]) -> moderngl.Context:
-    """A context of the version that the passes need, or what else there is, for `check_version` to name.
+    """Create a context of the required version, or else of any, which `check_version` then reports.
 
-    NVIDIA's driver gives the very version it is asked for, 3.3 unless told otherwise; Mesa gives its newest.
+    NVIDIA's driver gives exactly the requested version, by default 3.3; Mesa gives its newest.
     """
     try:
         return moderngl.create_context(require=REQUIRED_VERSION, standalone=True, **options)
@@ -69,32 +69,32 @@ def _ask_for_context(options: dict[str, Any]) -> moderngl.Context:
 
 
 def _keep_narrow_vectors_from_avx() -> None:
-    """Have Mesa's software driver leave AVX alone where it is asked for 128-bit vectors.
+    """Keep Mesa's software driver from AVX if 128-bit vectors are set.
 
-    Mesa 22.3 with LLVM 15 writes beyond its own memory when it draws the Earth by AVX on vectors of 128 bits, which
-    happens by this variable alone: processors with AVX have 256, and those without have no AVX.
+    With AVX on 128-bit vectors, Mesa 22.3 with LLVM 15 writes out of bounds when it draws the Earth. Only the
+    environment variable leads there: processors with AVX default to 256 bits, others have no AVX.
     """
     if os.environ.get("LP_NATIVE_VECTOR_WIDTH") == "128" and platform.machine() in {"x86_64", "AMD64"}:
         os.environ.setdefault("GALLIUM_OVERRIDE_CPU_CAPS", "sse4.1")
 
 
 def check_version(context: moderngl.Context) -> None:
-    """Raise ``UserError`` when the context is older than OpenGL 4.1."""
+    """Raise ``UserError`` if the context is older than OpenGL 4.1."""
     if context.version_code < REQUIRED_VERSION:
-        found = context.info["GL_VERSION"]
+        version = context.info["GL_VERSION"]
         raise UserError(
-            f"OpenGL 4.1 is needed and the driver has {found}; "
+            f"OpenGL 4.1 is needed and the driver has {version}; "
             "update the GPU vendor's driver, or draw in software by Mesa's (20.3 or newer)"
         )
 
 
 def describe(context: moderngl.Context) -> GlInfo:
-    """Vendor, renderer, version and the number of threads of a software driver."""
+    """Return vendor, renderer, version and the number of threads of a software driver."""
     renderer = str(context.info["GL_RENDERER"])
     is_software = any(name in renderer.lower() for name in _SOFTWARE_NAMES)
     threads = 0
     if is_software:
-        # llvmpipe takes one thread per usable core unless LP_NUM_THREADS says otherwise
+        # llvmpipe uses one thread per available core unless LP_NUM_THREADS is set
         threads = int(os.environ.get("LP_NUM_THREADS", "") or len(os.sched_getaffinity(0)))
     return GlInfo(
         vendor=str(context.info["GL_VENDOR"]),
@@ -106,17 +106,17 @@ def describe(context: moderngl.Context) -> GlInfo:
 
 
 class Releasable(Protocol):
-    """Anything of the driver's that is freed by hand."""
+    """A driver resource that is freed explicitly."""
 
     def release(self) -> None:
-        """Free it."""
+        """Free the resource."""
 
 
 def release(context: moderngl.Context, *resources: Releasable) -> None:
-    """Free resources, among them perhaps the framebuffer in use.
+    """Free resources, even if one is the current framebuffer.
 
-    moderngl re-binds the framebuffer it believes current after several calls; one that is gone would leave
-    GL_INVALID_OPERATION behind, so the default framebuffer is made current first.
+    moderngl re-binds the framebuffer that it believes current after several calls, and a freed one would cause
+    GL_INVALID_OPERATION, so the default framebuffer is made current first.
     """
     draw_to(context.detect_framebuffer(0))
     for resource in resources:

@@ -1,6 +1,6 @@
-"""Depth images that need no clearing: each use of one has a range of depths nearer than all that was left before.
+"""Depth images without clearing: each use has a range of depths nearer than all earlier ones.
 
-Depths of 32-bit floats can be scaled by powers of two without losing a digit, so a picture is the same in every range.
+32-bit float depths scale exactly by powers of two, so an image is the same in every range.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from flyaround.simulator.render.gl.library import gl_library
 if TYPE_CHECKING:
     import moderngl
 
-MOST_RANGES = 15
+MOST_RANGES = 15  # depth ranges between two clears
 _DEPTH_CLAMP = 0x864F
 _TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 
 
 class DepthBuffer:
-    """A depth texture and the range in use: number k, from 1 on, holds depths from 16^-k to 16 times that.
+    """A depth texture and its current range: number k, from 1 on, holds depths from 16^-k to 16 times that.
 
-    Without an OpenGL to be called by name its depths have 24 bits and it must be cleared each time: moderngl makes no
-    others.
+    If the OpenGL library cannot be called directly, depths have 24 bits, the only kind that moderngl creates, and are
+    cleared each time.
     """
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]) -> None:
@@ -42,26 +42,26 @@ class DepthBuffer:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The nearest depth of the range in use and the farthest; of the first one before any."""
+        """Nearest and farthest depth of the current range; those of the first one before any use."""
         number = max(self.number, 1)
         return 16.0**-number, 16.0 ** (1 - number)
 
     def begin(self, framebuffer: moderngl.Framebuffer, *, clear: bool = False) -> None:
-        """Make a framebuffer with this depth current, and set the next range; the first one's begins by clearing.
+        """Make a framebuffer with this depth current, and start the next range; the first one is cleared.
 
         Parameters
         ----------
-        clear : take the first range, and cut what is nearer than the near plane. Otherwise nothing may be nearer:
-            depths are clamped to their range, which a sliver's may leave by rounding.
+        clear : True to use the first range and clip at the near plane. Otherwise nothing may be nearer than it: depths
+            are clamped to their range, which a sliver's may leave by rounding.
         """
         self.number = 1 if clear else self.number % self._most + 1
         draw_to(framebuffer)
         if self.number == 1:
             framebuffer.clear()
         self._context.depth_clamp_range = self.range
-        if clear:  # moderngl sets ranges with it alone
+        if clear:  # moderngl sets depth ranges only on clearing
             self._context.disable_direct(_DEPTH_CLAMP)
 
     def end(self) -> None:
-        """Give others the whole range back."""
+        """Restore the full depth range."""
         self._context.depth_clamp_range = None

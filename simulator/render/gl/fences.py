@@ -1,13 +1,13 @@
-"""Fences of a software driver, kept until its threads have left them: Mesa's frees one too early.
+"""Fences of a software driver, kept until its threads have left them, because Mesa frees one too early.
 
-With each batch of drawing (a scene) llvmpipe makes a fence, in which every thread counts itself when it has done its
-share. Whoever draws frees it as soon as the count is full, which is read without the fence's lock, and once another
-scene was handed over. The last thread may still be between counting and letting go of the lock. One that the system
-takes the processor from just there, as happens under load, goes on in memory that belongs to somebody else by then:
-"corrupted double-linked list", or worse (lp_fence_signalled and lp_setup_get_empty_scene of Mesa 22.3, and of 2026).
+With each batch of drawing (a scene) llvmpipe creates a fence, in which every thread counts itself after its share. The
+drawing thread frees it once the count, read without the fence's lock, is complete and another scene was submitted. The
+last thread may still be between counting and unlocking. If the system preempts it there, as happens under load, it
+continues in memory that belongs to somebody else: "corrupted double-linked list", or worse (lp_fence_signalled and
+lp_setup_get_empty_scene of Mesa 22.3 and of 2026).
 
-A sync object of OpenGL holds a fence. So one is taken before what is drawn next can end the scene, and freed when a
-later scene is known to be done: the threads begin with one only when all have left the one before.
+An OpenGL sync object holds a reference to a fence. So one is created before the next drawing can end the scene, and
+deleted once a later scene is complete: threads start a scene only after all have left the previous one.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 _COMMANDS_COMPLETE, _ALREADY_SIGNALED = 0x9117, 0x911A
 _AT_LEAST = 16
-"""Fences that are taken before the older ones are looked at."""
+"""Number of fences held before the oldest are checked."""
 
 
 class Fences:
-    """Those of one context, as long as they may be in use.
+    """The fences of one context that may be in use.
 
     Parameters
     ----------
-    library : OpenGL. Its calls keep Python's lock: a thread that waits for it would have it a hundred times as long.
+    library : OpenGL library. Its calls keep Python's lock: reacquiring it could take a hundred times as long.
     """
 
     def __init__(self, library: ctypes.CDLL) -> None:
@@ -48,11 +48,11 @@ class Fences:
         self._later: int | None = None
 
     def hold(self) -> None:
-        """Have the driver begin with what it was told, as `flush` does, and keep that scene's fence."""
+        """Have the driver start its queued commands, as `flush` does, and hold that scene's fence."""
         self._new.append(self._fence())
         if len(self._new) < _AT_LEAST:
             return
-        # to look at a sync object lets go of its fence: this one is there to be looked at, and another holds the same
+        # waiting on a sync object releases its fence: one object is for waiting, another keeps the fence
         if self._later is not None and self._look(self._later, 0, 0) != _ALREADY_SIGNALED:
             return
         for fence in (*self._old, self._later):
@@ -62,7 +62,7 @@ class Fences:
 
     @property
     def held(self) -> int:
-        """Number of fences that are kept."""
+        """Number of fences held."""
         return len(self._old) + len(self._new)
 
     def _fence(self) -> int | None:
@@ -71,17 +71,17 @@ class Fences:
 
 
 def keep_fences(context: moderngl.Context) -> None:
-    """Have `flush` and `draw_to` keep the fences of a context from here on; for software drivers."""
+    """Have `flush` and `draw_to` hold the fences of a context from now on; for software drivers."""
     library = gl_library()
     if context.extra is None and library is not None and hasattr(library, "glFenceSync"):
         context.extra = Fences(library)
 
 
 def flush(context: moderngl.Context) -> None:
-    """Have the driver begin with what it was told; a software driver collects it until it is asked for the picture.
+    """Have the driver start its queued commands; a software driver collects them until the image is read.
 
-    Where OpenGL has no name that Python finds, the driver begins when the next image is drawn or this one is read: to
-    wait here until it is done would cost more than that.
+    If the OpenGL library cannot be called directly this does nothing: drawing then starts with the next image or the
+    read-back, and waiting here would cost more.
     """
     if isinstance(context.extra, Fences):
         context.extra.hold()
@@ -92,7 +92,7 @@ def flush(context: moderngl.Context) -> None:
 
 
 def draw_to(framebuffer: moderngl.Framebuffer) -> None:
-    """Make a framebuffer current; every pass does so by this: to draw into another one ends a scene."""
+    """Make a framebuffer current; every pass uses this, because changing the framebuffer ends a scene."""
     context = framebuffer.ctx
     if isinstance(context.extra, Fences) and context.fbo is not framebuffer:
         context.extra.hold()
@@ -101,6 +101,6 @@ def draw_to(framebuffer: moderngl.Framebuffer) -> None:
 
 @lru_cache(maxsize=1)
 def _gl_flush() -> Callable[[], None] | None:
-    """The call, which keeps Python's lock."""
+    """Return glFlush called with Python's lock held, or None."""
     library = gl_library()
     return None if library is None else ctypes.PYFUNCTYPE(None)(("glFlush", library))

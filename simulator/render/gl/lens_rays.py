@@ -1,4 +1,4 @@
-"""The inverse of a lens as a texture: each pixel's undistorted ray and the angle that it spans."""
+"""The inverse of a lens as a texture: each pixel's undistorted ray and angular size."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 KEPT = 64
-"""Cameras whose textures are kept: a rolling shutter draws the image in so many bands of rows at most."""
+"""Cameras whose textures are kept; a rolling shutter draws the image in at most so many bands of rows."""
 _STEP_PX = 8.0
 
 
 def ray_table(camera: Camera) -> Float32Array:
-    """(H + 2, W + 2, 3): x / z, y / z and the angle [rad] of each pixel and of those around the image.
+    """Return (H + 2, W + 2, 3): x / z, y / z and the angular size [rad] of each pixel, and of those around the image.
 
-    Exact rays every eighth pixel, a spline of the fifth degree between: within 1e-6 px for lenses that can be drawn.
+    Exact rays every eighth pixel, with a quintic spline between: within 1e-6 px for lenses that can be drawn.
     """
-    from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - slow to import, and most lenses are straight
+    from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - slow to import, and most lenses are not distorted
 
     def nodes(length: int) -> np.ndarray:
         return np.linspace(-1.5, length + 0.5, max(int(np.ceil((length + 2) / _STEP_PX)), 6) + 1)
@@ -32,7 +32,7 @@ def ray_table(camera: Camera) -> Float32Array:
     x, y = nodes(camera.width_px), nodes(camera.height_px)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     xy = camera.unproject(grid)
-    # where the lens does not reach (a window beyond the image) nothing is looked up
+    # outside the lens's range (a window beyond the image) nothing is looked up
     layers = [np.nan_to_num(v) for v in (*np.moveaxis(xy, -1, 0), np.sqrt(camera.pixel_solid_angle_sr(grid)))]
     at_x, at_y = np.arange(-1, camera.width_px + 1.0), np.arange(-1, camera.height_px + 1.0)
     return np.stack(
@@ -41,14 +41,14 @@ def ray_table(camera: Camera) -> Float32Array:
 
 
 class RayTextures:
-    """Ray textures of the cameras seen last."""
+    """Ray textures of the most recent cameras."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._kept: OrderedDict[Camera, moderngl.Texture] = OrderedDict()
 
     def of(self, camera: Camera) -> moderngl.Texture:
-        """The texture of one camera."""
+        """Return the texture of a camera."""
         if camera in self._kept:
             self._kept.move_to_end(camera)
             return self._kept[camera]
@@ -64,14 +64,14 @@ class RayTextures:
         return texture
 
     def release(self) -> None:
-        """Free them."""
+        """Free the textures."""
         for texture in self._kept.values():
             texture.release()
         self._kept.clear()
 
 
 def lens_values(camera: Camera) -> dict[str, ArrayLike]:
-    """Members of the block ``Lens``."""
+    """Return the members of the block ``Lens``."""
     c = np.zeros(8)
     distortion = camera.distortion
     brown = distortion.model == "brown_conrady"

@@ -1,4 +1,4 @@
-"""OpenGL called by name: what moderngl has no call for, or holds Python's lock for."""
+"""Direct calls of the OpenGL library, for functions that moderngl lacks or calls with Python's lock held."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LIBRARIES = {
     "win32": ("opengl32",),
 }
 _LINUX = ("libGL.so.1", "libOpenGL.so.0")
-_POINTS = 0
+_POINTS = 0  # GL_POINTS
 
 
 @lru_cache(maxsize=1)
 def gl_library() -> ctypes.CDLL | None:
-    """OpenGL itself, or ``None`` where it has no name that Python finds."""
+    """Return the OpenGL library, or ``None`` if Python cannot find it."""
     for name in _LIBRARIES.get(sys.platform, _LINUX):
         try:
             library = ctypes.CDLL(name)
@@ -34,10 +34,10 @@ def gl_library() -> ctypes.CDLL | None:
 
 
 def draw_one_point(array: moderngl.VertexArray) -> None:
-    """Draw the first vertex of an array of points while Python's other threads go on; moderngl holds them up."""
+    """Draw the first vertex of an array of points without Python's lock, which moderngl would keep."""
     library = gl_library()
     if library is None:
         array.render(vertices=1)
         return
-    array.render(vertices=0)  # puts program and vertices to use
+    array.render(vertices=0)  # binds program and vertices
     library.glDrawArrays(_POINTS, 0, 1)

@@ -1,4 +1,4 @@
-"""Textures with their smaller levels from the cache: a software driver takes half a second to make the maps'."""
+"""Mipmapped textures with levels from the cache, because a software driver takes half a second to generate them."""
 
 from __future__ import annotations
 
@@ -29,20 +29,19 @@ _OWN_NAME = "name made here"
 
 @dataclass(frozen=True, eq=False)
 class MipmapChain:
-    """An image (H, W) or (H, W, 4) and its smaller levels, one after the other, as `mipmap_chain` makes them."""
+    """An image (H, W) or (H, W, 4) and its smaller levels in sequence, from `mipmap_chain`."""
 
     image: ByteArray
     smaller: ByteArray
 
 
 def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
-    """The image with its levels, kept beside it where it comes from `cached_array`. Needs no OpenGL.
+    """Return the image with its levels, cached if the image came from `cached_array`. Needs no OpenGL.
 
     Parameters
     ----------
-    globe : it is a map of a whole globe, row 0 at the north pole. In its smaller levels a texel is the mean of a piece
-        of ground as wide as it is high, where towards the poles columns run together: a driver chooses a level by one
-        size of a pixel on the ground.
+    globe : True for a map of a whole globe, row 0 at the north pole. Towards the poles, texels of its smaller levels
+        average columns, so that they are as wide as high on the ground: a driver chooses a level by one size.
     """
     name = entry_of(image)
     if name is None:
@@ -52,7 +51,7 @@ def mipmap_chain(image: ByteArray, *, globe: bool) -> MipmapChain:
 
 
 def texture_of_levels(context: moderngl.Context, levels: Sequence[ByteArray]) -> moderngl.Texture:
-    """Return a texture of four channels whose levels are those given, all of them."""
+    """Return a texture of four channels with all its levels given."""
     texture = context.texture(levels[0].shape[1::-1], 4, levels[0].tobytes())
     texture.build_mipmaps()
     for k, level in enumerate(levels):
@@ -62,9 +61,9 @@ def texture_of_levels(context: moderngl.Context, levels: Sequence[ByteArray]) ->
 
 
 def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderngl.Texture:
-    """A texture with all its levels; without an OpenGL to be called by name the driver makes them.
+    """Return a texture with all its levels; without direct calls of OpenGL the driver generates them.
 
-    `release_mipmapped` frees it: of names that it did not make moderngl only lets go.
+    Free it with `release_mipmapped`: moderngl does not delete textures that it did not create.
     """
     image = levels.image
     height, width = image.shape[:2]
@@ -78,7 +77,7 @@ def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderng
     library.glGenTextures(1, ctypes.byref(name))
     texture = context.external_texture(name.value, (width, height), components, 0, "f1")
     texture.extra = _OWN_NAME
-    # before the first level: a driver that expects no others moves everything when they come
+    # before the first level: a driver that expects no more levels would move everything when they come
     texture.filter = (context.LINEAR_MIPMAP_LINEAR, context.LINEAR)
     texture.use(0)
     library.glPixelStorei(_UNPACK_ALIGNMENT, 1)
@@ -96,14 +95,14 @@ def mipmapped_texture(context: moderngl.Context, levels: MipmapChain) -> moderng
 def release_mipmapped(texture: moderngl.Texture) -> None:
     """Free a texture of `mipmapped_texture`, or any other."""
     name, library = texture.glo, gl_library() if texture.extra == _OWN_NAME else None
-    texture.extra = None  # another texture may take the name
+    texture.extra = None  # another texture may get the name
     texture.release()
     if library is not None:
         library.glDeleteTextures(1, ctypes.byref(ctypes.c_uint(name)))
 
 
 def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moderngl.Texture]:
-    """Each level as a texture of its own, from the largest on: a driver that has no level to choose is quicker."""
+    """Return each level as its own texture, largest first: a driver is faster if it has no level to select."""
     height, width = levels.image.shape[:2]
     components = levels.image.size // (width * height)
     textures, at, flat = [], 0, np.ascontiguousarray(levels.smaller)
@@ -117,11 +116,11 @@ def level_textures(context: moderngl.Context, levels: MipmapChain) -> list[moder
 
 
 class TilingTexture:
-    """A texture that tiles, with all its levels or with one of them; uploaded at first use.
+    """A tiling texture, with all its levels or with one of them; uploaded at first use.
 
     Parameters
     ----------
-    levels : they are waited for then.
+    levels : future of the levels.
     """
 
     def __init__(self, context: moderngl.Context, levels: Future[MipmapChain]) -> None:
@@ -130,20 +129,20 @@ class TilingTexture:
         self._single: list[moderngl.Texture] = []
 
     def mipmapped(self, smaller: int) -> moderngl.Texture:
-        """Return it with all its levels; ``smaller`` is OpenGL's filter between them."""
+        """Return the texture with all its levels; ``smaller`` is OpenGL's minification filter."""
         if self._whole is None:
             self._whole = mipmapped_texture(self._context, self._levels.result())
         self._whole.filter = (smaller, self._context.LINEAR)
         return self._whole
 
     def single(self, level: float) -> moderngl.Texture:
-        """Return the nearest of its levels as a texture of its own: a driver without a choice is quicker."""
+        """Return the nearest level as its own texture: a driver is faster if it has no level to select."""
         if not self._single:
             self._single = level_textures(self._context, self._levels.result())
         return self._single[min(max(round(level), 0), len(self._single) - 1)]
 
     def release(self) -> None:
-        """Free what was uploaded."""
+        """Free the textures."""
         if self._whole is not None:
             release_mipmapped(self._whole)
         for texture in self._single:
@@ -160,7 +159,7 @@ def _sizes(width: int, height: int) -> list[tuple[int, int]]:
 
 
 def _smaller(image: ByteArray, *, globe: bool) -> ByteArray:
-    """The levels from the second on, one after the other."""
+    """Return the levels from the second on, concatenated."""
     levels, last = [], np.asarray(image)
     for size in _sizes(image.shape[1], image.shape[0]):
         last = np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -169,9 +168,9 @@ def _smaller(image: ByteArray, *, globe: bool) -> ByteArray:
 
 
 def _as_wide_as_high(level: ByteArray) -> ByteArray:
-    """A map of a globe, each texel the mean of so many of its row that they are as wide on the ground as a row is high.
+    """Average texels of each row of a globe's map until they are as wide on the ground as a row is high.
 
-    By odd numbers of them, from latitude 60 degrees on.
+    By odd numbers of texels, from latitude 60 degrees on.
     """
     height, width = level.shape[:2]
     latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi

@@ -1,4 +1,4 @@
-"""Shader programs: GLSL read from the ``shaders`` package, includes expanded, blocks and textures bound by name."""
+"""Shader programs: GLSL from the ``shaders`` package, with includes expanded, and blocks and textures bound by name."""
 
 from __future__ import annotations
 
@@ -17,58 +17,58 @@ if TYPE_CHECKING:
 GLSL_VERSION = "#version 410 core"
 FULL_SCREEN = "common/full_screen.vert"
 RAYS_UNIT = 15
-"""Texture unit of the rays; the passes' own samplers count up from 0."""
+"""Texture unit of the lens rays; the passes' own samplers count up from 0."""
 _WORD = re.compile(r"\w+")
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 
 
-def read_source(path: str, seen: set[str] | None = None) -> str:
-    """Text of ``shaders/<path>`` with every ``#include "other/file.glsl"`` expanded once.
+def read_source(path: str, expanded: set[str] | None = None) -> str:
+    """Return the text of ``shaders/<path>`` with every ``#include "other/file.glsl"`` expanded once.
 
     Parameters
     ----------
     path : path inside the ``shaders`` package, with forward slashes.
-    seen : files already expanded; each is pasted once only, as by an include guard.
+    expanded : files already expanded; each is included only once.
     """
-    seen = set() if seen is None else seen
-    seen.add(path)
+    expanded = set() if expanded is None else expanded
+    expanded.add(path)
     text = _text(path)
 
     def expand(match: re.Match[str]) -> str:
         name = match.group(1)
-        return "" if name in seen else read_source(name, seen)
+        return "" if name in expanded else read_source(name, expanded)
 
     return _INCLUDE.sub(expand, text)
 
 
 @cache
 def _text(path: str) -> str:
-    """One file, its continued lines joined: GLSL has them from 4.20 on, and a strict driver of 4.10 refuses them."""
+    """Return one file with continued lines joined: GLSL before 4.20 has no continuation."""
     return (
         resources.files("flyaround.shaders").joinpath(path).read_text(encoding="utf-8").replace("\\\n", " ")
     )
 
 
 def _head(source: str, defines: Mapping[str, object]) -> str:
-    """A shader's version, and the defines that it or they themselves speak of.
+    """Return a shader's version directive, and the defines that the source or other defines mention.
 
-    Two programs whose vertex shaders then are one text are one to a driver's cache: llvmpipe compiles it once.
+    Vertex shaders with equal text are one in a driver's cache, so llvmpipe compiles them once.
     """
-    spoken = set(_WORD.findall(source + " ".join(str(value) for value in defines.values())))
-    used = (f"#define {k} {v}" for k, v in defines.items() if k.split("(")[0] in spoken)
-    return "\n".join([GLSL_VERSION, *used]) + "\n"
+    mentioned = set(_WORD.findall(source + " ".join(str(value) for value in defines.values())))
+    used_defines = (f"#define {k} {v}" for k, v in defines.items() if k.split("(")[0] in mentioned)
+    return "\n".join([GLSL_VERSION, *used_defines]) + "\n"
 
 
 class ProgramLibrary:
-    """Compiles programs for one context and one set of defines.
+    """Compiles programs for one context and one set of uniform blocks.
 
     Parameters
     ----------
-    blocks : uniform blocks; each is declared in every shader and connected where it is used.
+    blocks : uniform blocks; each is declared in every shader and bound if used.
     constants : preprocessor constants that every shader may use.
 
-    With ``lens`` set, programs are made for a lens that distorts: they look up their rays in a texture, and send the
-    target's vertices through it.
+    With ``lens`` set, programs are compiled for a distorting lens: they look up rays in a texture, and distort the
+    target's vertices.
     """
 
     def __init__(
@@ -81,11 +81,11 @@ class ProgramLibrary:
         self._blocks = tuple(blocks)
         self._constants = dict(constants or {})
         self._built: dict[tuple[object, ...], Program] = {}
-        self._asked: dict[tuple[object, ...], Program] = {}  # the same, by what was asked for word by word
+        self._asked: dict[tuple[object, ...], Program] = {}  # the same, keyed by the arguments of the call
         self.lens = False
 
     def __len__(self) -> int:
-        """Return how many programs were compiled."""
+        """Return the number of compiled programs."""
         return len(self._built)
 
     def get(
@@ -97,27 +97,27 @@ class ProgramLibrary:
         *,
         varyings: tuple[str, ...] = (),
     ) -> Program:
-        """The program of two shader files, compiled at first use.
+        """Return the program of two shader files, compiled at first use.
 
         Parameters
         ----------
-        fragment : ``None`` for a program that draws nothing: what its vertices give is written to a buffer.
-        defines : preprocessor constants. Value ``""`` defines the bare name.
-        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : without a fragment shader,
-            what is written.
+        fragment : ``None`` for a program that draws nothing: its vertex shader's outputs are written to a buffer.
+        defines : preprocessor constants. The value ``""`` defines the bare name.
+        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : outputs to write, without a
+            fragment shader.
         """
-        # passes ask in every frame: in the same words they are answered without sorting and printing them
-        values = tuple(defines.values())  # 1 and 1.0 are equal, and other words
-        asked = (vertex, fragment, tuple(defines), values, tuple(map(type, values)), samplers, self.lens)
-        if asked in self._asked:
-            return self._asked[asked]
+        # passes call this in every frame: equal arguments are answered without sorting and printing them
+        values = tuple(defines.values())  # 1 and 1.0 are equal, but print differently
+        arguments = (vertex, fragment, tuple(defines), values, tuple(map(type, values)), samplers, self.lens)
+        if arguments in self._asked:
+            return self._asked[arguments]
         key = (vertex, fragment, tuple(sorted((k, str(v)) for k, v in defines.items())), samplers, self.lens)
         if key not in self._built:
-            known = {"LENS": int(self.lens), **self._constants, **defines}
+            all_defines = {"LENS": int(self.lens), **self._constants, **defines}
             blocks = "".join(block.glsl for block in self._blocks)
 
             def whole(text: str) -> str:
-                return _head(text, known) + blocks + text
+                return _head(text, all_defines) + blocks + text
 
             source = whole(read_source(vertex))
             self._built[key] = Program(
@@ -130,12 +130,12 @@ class ProgramLibrary:
             )
             for block in self._blocks:
                 block.attach(self._built[key].gl)
-        self._asked[asked] = self._built[key]
+        self._asked[arguments] = self._built[key]
         return self._built[key]
 
 
 class Program:
-    """A linked program; setting a uniform that the compiler removed is silently nothing."""
+    """A linked program; setting a uniform that the compiler removed does nothing."""
 
     def __init__(self, gl: moderngl.Program, samplers: tuple[str, ...]) -> None:
         self.gl = gl

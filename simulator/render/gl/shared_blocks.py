@@ -1,4 +1,4 @@
-"""The uniform blocks shared by the passes: names, units and layout in one place."""
+"""The uniform blocks that passes share: names, units and layout in one place."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ if TYPE_CHECKING:
     import moderngl
 
 MOST_PATCHES = 128  # of all area lights together: simulator/render/craft/light_maps.py
-MAX_MATERIALS = 255  # the g-buffer keeps the material's number in 8 bits, 0 meaning nothing
+MAX_MATERIALS = 255  # the G-buffer stores the material's index in 8 bits, 0 for none
 
 FRAME = (
     Field("vec4", "u_intrinsics"),  # fx, fy, cx, cy [px]
     Field(
         "vec4", "u_sun_direction"
-    ),  # xyz: camera frame, from the target; w: sine of the Sun's angular radius
+    ),  # xyz: from the target, camera frame; w: sine of the Sun's angular radius
     Field("vec4", "u_sun_irradiance"),  # per band at normal incidence, eclipse included [W m-2]
     Field("vec4", "u_sky", 10),  # irradiance by normal, camera frame, per band [W m-2]; see skylight.py
-    Field("vec4", "u_globe_radiance", 3),  # one a band: gradient and constant over directions [W m-2 sr-1]
+    Field("vec4", "u_globe_radiance", 3),  # one per band: gradient and constant over directions [W m-2 sr-1]
     Field("vec4", "u_globe_rim"),  # xyz: towards the disc's centre, camera frame; w: cosine of its radius
     Field(
         "vec4", "u_nadir_direction"
-    ),  # xyz: towards the Earth's centre; w: how much of the sky's light comes from there, 0..1
-    Field("vec4", "u_lamp_place"),  # xyz: of the chaser's lamp, camera frame [m]; w: the shape of its beam
+    ),  # xyz: towards the Earth's centre; w: share of the sky's light from there, 0..1
+    Field("vec4", "u_lamp_place"),  # xyz: position of the chaser's lamp, camera frame [m]; w: beam profile
     Field("vec4", "u_lamp_intensity"),  # on its axis, per band [W sr-1]
 )
 
-# the lens, where it distorts
+# a distorting lens
 LENS = (
     Field("vec4", "u_lens_k"),  # k1 k2 k3 k4
     Field("vec4", "u_lens_m"),  # k5 k6 p1 p2
@@ -38,13 +38,13 @@ LENS = (
 )
 
 TARGET = (
-    Field("mat4", "u_pattern_clip"),  # from the target; with a lens from the camera's bent space: lens.glsl
+    Field("mat4", "u_pattern_clip"),  # from the target; with a lens, from the distorted space of lens.glsl
     Field("mat4", "u_camera_from_target"),
     Field("vec4", "u_pattern"),  # s0, t0; near, far [m]
     Field("vec4", "u_pattern_px"),  # xy: size of the lattice's viewport [samples]
 )
 
-# worked out while the samples are drawn, which do not need it
+# computed while the samples are drawn, which do not need it
 SHADOW = (
     Field("mat4", "u_light_from_camera"),  # to shadow-map texture coordinates, 0..1, and depth
     # texel [m], the same as a depth, 1 / size, radius of the sharpest edge's filter [texels]
@@ -52,27 +52,25 @@ SHADOW = (
     Field("vec4", "u_shadow_range"),  # depth of the box in the map's own depths (float_depth.py)
 )
 
-# "Globe" space: the body's axes in equatorial radii, the polar axis stretched so that the ellipsoid is the unit sphere
+# "Globe" space: the body's axes in equatorial radii, the polar axis stretched so that the ellipsoid is a unit sphere
 GLOBE = (
     Field("mat4", "u_globe_from_camera"),
     Field("vec4", "u_globe_camera"),  # position [equatorial radii]; w: one over its length
     Field("vec4", "u_globe_sun"),  # unit vector; w: its cosine with the camera's zenith
     Field("vec4", "u_globe_moon"),  # unit vector; w: its irradiance over the Sun's
-    Field("vec4", "u_globe_irradiance"),  # of the Sun above the air, per band [W m-2]
+    Field("vec4", "u_globe_irradiance"),  # Sun's, above the air, per band [W m-2]
     Field("vec4", "u_globe_limits"),  # sine of the Sun's angle from the zenith; top of the air^2; a / b; 0
     Field(
         "vec4", "u_globe_meridian"
-    ),  # unit vector of the camera's longitude in the equator's plane; its longitude [rad]
+    ),  # unit vector of the camera's longitude in the equatorial plane; its longitude [rad]
     Field("vec4", "u_air_radius"),  # ground, top, camera [m]; angular radius of the Sun [rad]
     Field("vec4", "u_air_sun"),  # cosine of the Sun's angle from the camera's zenith
     # lower edge of the airglow [m]; one over the aerosol's scale height [m-1]; asymmetry g; upper edge
     Field("vec4", "u_air_shape"),
-    Field("vec4", "u_air_layers", 3),  # of the density: lowest heights [m]
-    Field(
-        "vec4", "u_air_falls", 3
-    ),  # by how much more of its logarithm is lost to a metre from there on [m-1]
-    Field("vec4", "u_airglow"),  # straight up over the Sun's irradiance, per band [sr-1]
-    Field("vec4", "u_air_rayleigh"),  # per band, at sea level [m-1]
+    Field("vec4", "u_air_layers", 3),  # layers of the density: lowest heights [m]
+    Field("vec4", "u_air_falls", 3),  # increase of the density's logarithmic slope from there on [m-1]
+    Field("vec4", "u_airglow"),  # at the zenith over the Sun's irradiance, per band [sr-1]
+    Field("vec4", "u_air_rayleigh"),  # scattering coefficient per band, at sea level [m-1]
     Field("vec4", "u_air_mie_scattering"),
     Field("vec4", "u_air_mie_extinction"),
     Field("vec4", "u_air_ozone"),
@@ -83,31 +81,31 @@ MOON = (
     Field("mat4", "u_moon_from_camera"),
     Field("vec4", "u_moon_camera"),  # position
     Field("vec4", "u_moon_sun"),  # unit vector
-    Field("vec4", "u_moon_earth"),  # unit vector; w: irradiance of the Earth over that of the Sun
+    Field("vec4", "u_moon_earth"),  # unit vector; w: Earth's irradiance over the Sun's
     Field(
         "vec4", "u_moon_meridian"
-    ),  # unit vector of the camera's longitude in the equator's plane; it [rad]
-    Field("vec4", "u_moon_albedo"),  # geometric, per band
-    Field("vec4", "u_moon_irradiance"),  # of the Sun, per band [W m-2]
+    ),  # unit vector of the camera's longitude in the equatorial plane; its longitude [rad]
+    Field("vec4", "u_moon_albedo"),  # geometric albedo, per band
+    Field("vec4", "u_moon_irradiance"),  # Sun's, per band [W m-2]
     Field("vec4", "u_moon_shadow"),  # from the Earth to the Moon; w: reach of the table across Earth's shadow
     Field("vec4", "u_moon_shadow_axis"),  # unit vector along the shadow
 )
 
 MATERIALS = (
     Field("vec4", "u_material_color", MAX_MATERIALS + 1),  # reflectance per band; w: metallic
-    # roughness, clear coat (one more: with films), its roughness, crinkle (negative: mottle)
+    # roughness, clear coat (plus one: with films), its roughness, creases (negative: mottle)
     Field("vec4", "u_material_surface", MAX_MATERIALS + 1),
     Field(
         "vec4", "u_material_grain", MAX_MATERIALS + 1
-    ),  # xyz: of brushing, target frame; w: strength, negative: around it
+    ),  # xyz: direction of brushing, target frame; w: strength, negative: around it
 )
 
-# simulator/render/craft/light_maps.py; lights are rectangles, and each has patches of one size
+# simulator/render/craft/light_maps.py; lights are rectangles, each divided into equal patches
 AREA_LIGHTS = (
     Field(
         "vec4", "u_light_count"
-    ),  # lights; by how much a point is lifted off its face [m a metre]: grazing, always
-    Field("vec4", "u_light_middle", MOST_LIGHTS),  # camera frame [m]
+    ),  # number of lights; offset of a point from its face [m at 1 m]: grazing, always
+    Field("vec4", "u_light_middle", MOST_LIGHTS),  # centre, camera frame [m]
     Field("vec4", "u_light_right", MOST_LIGHTS),  # half a side [m]; w: area of a patch [m2]
     Field("vec4", "u_light_down", MOST_LIGHTS),  # half the other side [m]
     Field("vec4", "u_light_axis", MOST_LIGHTS),  # unit vector; w: exponent of the cosine from it
@@ -119,7 +117,7 @@ AREA_LIGHTS = (
 
 @dataclass(frozen=True, eq=False)
 class UniformBlocks:
-    """Every uniform block of one renderer."""
+    """All uniform blocks of one renderer."""
 
     frame: UniformBlock
     target: UniformBlock
@@ -145,7 +143,7 @@ class UniformBlocks:
         )
 
     def all(self) -> tuple[UniformBlock, ...]:
-        """The blocks in order of their binding."""
+        """Return the blocks in order of their binding."""
         return (
             self.frame,
             self.target,

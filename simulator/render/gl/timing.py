@@ -1,4 +1,4 @@
-"""A clock for the stages of a frame: finish the driver's queue, read the time (GPU timers read 0 on llvmpipe)."""
+"""A clock for the stages of a frame: wait for the driver, read the time (GPU timers read 0 on llvmpipe)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class StageClock:
 
     Parameters
     ----------
-    finish : wait for the driver at each lap; without it a stage's time is that of its commands only.
+    finish : True to wait for the driver at each lap; otherwise a stage's time is that of issuing its commands.
     """
 
     def __init__(self, context: moderngl.Context, *, finish: bool = True) -> None:
@@ -24,7 +24,7 @@ class StageClock:
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
-        """Close a stage; a name used twice adds up."""
+        """End a stage; times of a repeated name add up."""
         if self._finish:
             self._context.finish()
         now = time.perf_counter()

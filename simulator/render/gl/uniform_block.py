@@ -1,4 +1,4 @@
-"""Uniform blocks generated from one field list, so that the CPU's and the GPU's layout cannot disagree."""
+"""Uniform blocks generated from one field list, so that CPU and GPU agree on the layout."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STD140: dict[str, tuple[int, int, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class Field:
-    """One member of a block: GLSL type, name, length of the array (0: no array; vec4 and mat4 only)."""
+    """One member of a block: GLSL type, name, array length (0: no array; vec4 and mat4 only)."""
 
     glsl_type: str
     name: str
@@ -36,13 +36,13 @@ class Field:
 
 
 class UniformBlock:
-    """A std140 block: its GLSL text, its numpy record and its buffer.
+    """A std140 block: GLSL text, NumPy record and buffer.
 
     Parameters
     ----------
     name : block name in GLSL.
     binding : binding point, one per block of the renderer.
-    fields : members in order. A ``mat4`` is given as the usual (4, 4) matrix acting on columns.
+    fields : members in order. A ``mat4`` is set by a (4, 4) matrix that acts on columns.
     """
 
     def __init__(self, context: moderngl.Context, name: str, binding: int, fields: tuple[Field, ...]) -> None:
@@ -78,14 +78,14 @@ class UniformBlock:
         return f"layout(std140) uniform {self.name} {{\n{members}}};\n"
 
     def write(self, values: Mapping[str, ArrayLike]) -> None:
-        """Fill and upload the whole block and bind it; every member must be given.
+        """Fill, upload and bind the whole block; every member must be given.
 
-        A mapping that cannot be changed and was the last one written is not uploaded again.
+        An immutable mapping that was written last is not uploaded again.
 
         Raises
         ------
         KeyError
-            If a member is missing: a stale value from the last frame would be a state leak.
+            If a member is missing, which would keep the last frame's value.
         """
         if values is self._written:
             self.bind()
@@ -103,12 +103,12 @@ class UniformBlock:
         self._buffer.bind_to_uniform_block(self.binding)
 
     def attach(self, program: moderngl.Program) -> None:
-        """Connect a program that uses this block; one that does not is left alone."""
+        """Connect the block to a program, if the program uses it."""
         block = program.get(self.name, None)
         if isinstance(block, moderngl.UniformBlock):
             block.binding = self.binding
 
 
 def vec4_of_bands(bands: FloatArray) -> list[float]:
-    """One or three bands as the vec4 of a uniform block."""
+    """Return one or three bands as a vec4."""
     return [*(float(v) for v in bands), *([0.0] * (4 - len(bands)))]

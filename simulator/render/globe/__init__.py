@@ -1,1 +1,1 @@
-"""The body that is ray-cast, whichever it is: its view, its air, and plain ground. No maps of the Earth."""
+"""The ray-cast body (Earth or another): its view, its air, and plain ground. No maps of the Earth."""

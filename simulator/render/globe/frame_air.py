@@ -25,24 +25,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-COLUMNS, ROWS, STEPS = 64, 96, 24
+COLUMNS, ROWS, STEPS = 64, 96, 24  # size of a frame's table of air light, and the steps along each ray
 TABLE_DEFINES = {"COLUMNS": COLUMNS, "ROWS": ROWS}
 AIR_SAMPLERS: dict[int, tuple[str, ...]] = {
     1: ("t_air",),
     3: ("t_air_rayleigh", "t_air_mie", "t_air_transmittance"),
 }
-"""Of a frame's tables, by bands."""
+"""Component counts of a frame's tables, by number of bands."""
 AIR: Resource[Atmosphere] = Resource("air")
 AIR_TABLES: Resource[list[moderngl.Texture]] = Resource("air tables")
-_MARGIN = (
-    2  # texels beyond the range in view, for filtering and for extremes between the rays that were tried
-)
-_FEWEST_CORNERS = 7  # along a side: every other one makes the four of a cubic
+# texels beyond the range in view, for filtering and for extremes between the rays that were tried
+_MARGIN = 2
+_FEWEST_CORNERS = 7  # along a side: every other corner makes the four of a cubic
 
 
 @lru_cache(maxsize=8)
 def _every_other(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
-    """Every other of M places (float64) with the last; of the cubics through four of them (4, M) which, and weights."""
+    """Return every other of M positions (float64) and the last; indices and weights (4, M) of the cubics for all M."""
     edges = np.frombuffer(edges_px)
     coarse = np.append(edges[:-1:2], edges[-1])
     first = np.clip(np.searchsorted(coarse, edges) - 2, 0, len(coarse) - 4)
@@ -56,7 +55,7 @@ def _every_other(edges_px: bytes) -> tuple[FloatArray, IntArray, Float32Array]:
 
 
 def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Float32Array:
-    """(L, M, V) values of K coarse places (K, L, V) at all M; in an order of its own, not in that of a BLAS."""
+    """Interpolate values of K coarse positions (K, L, V) to all M, (L, M, V); BLAS would not fix the order of sums."""
     flat = values.reshape(len(values), -1)
     fine = weights[0][:, None] * flat[which[0]]
     for k in (1, 2, 3):
@@ -65,7 +64,7 @@ def _cubic(values: Float32Array, which: IntArray, weights: Float32Array) -> Floa
 
 
 class FrameAir:
-    """From one camera position the air's light depends on two angles: one texel per pair."""
+    """Table of the air's light from one camera position, which depends on two angles: one texel per pair."""
 
     def __init__(
         self, context: moderngl.Context, programs: ProgramLibrary, bands: int, tables: AirTables
@@ -97,12 +96,12 @@ class FrameAir:
         )
         self._array = context.vertex_array(self._program.gl, [])
         self._programs, self._bands = programs, bands
-        self._corners: dict[bool, _Corners] = {}  # with a lens that distorts, without
+        self._corners: dict[bool, _Corners] = {}  # keyed by whether the lens distorts
 
     def run(self, earth: GlobeView) -> None:
         """Fill the part of the table that the image can see."""
         draw_to(self._framebuffer)
-        # what is outside stays black, so that no frame depends on the one before
+        # the rest stays black, so that no frame depends on the previous one
         self._framebuffer.clear(0.0, 0.0, 0.0, 0.0)
         self._context.enable_only(self._context.NOTHING)
         self._bind(self._program)
@@ -115,12 +114,12 @@ class FrameAir:
             self._array.render(vertices=3)
 
     def make_complete(self) -> None:
-        """Make a framebuffer current for vertices that draw nothing: a driver without a window may have none."""
+        """Make a framebuffer current for vertices that draw nothing: a headless driver may have no default one."""
         draw_to(self._framebuffer)
 
     @property
     def static_tables(self) -> dict[str, moderngl.Texture]:
-        """The tables that no frame changes, by their samplers."""
+        """Return the static tables, by sampler."""
         return {
             "t_transmittance": self._transmittance,
             "t_ground": self.ground,
@@ -131,7 +130,7 @@ class FrameAir:
         program.bind_textures(**self.static_tables)
 
     def release(self) -> None:
-        """Free the tables and what fills them."""
+        """Free the tables and the resources that fill them."""
         for corners in self._corners.values():
             corners.release()
         self._array.release()
@@ -142,18 +141,18 @@ class FrameAir:
     def corners(
         self, columns_px: FloatArray, rows_px: FloatArray, *, all_ground: bool = False
     ) -> Float32Array:
-        """The air in front of the ground at the corners of a grid of the image, over the Sun's irradiance.
+        """Return the air in front of the ground at the corners of a grid in the image, over the Sun's irradiance.
 
         Parameters
         ----------
-        columns_px, rows_px : (M,) and (N,) of the corners.
-        all_ground : every one's ray meets the ground, well away from the limb. The air is then looked through at every
-            other corner each way, and cubic between them: nearer to it than the planes of the tiles are.
+        columns_px, rows_px : (M,) and (N,) positions of the corners.
+        all_ground : True if every ray meets the ground, well away from the limb. The air is then computed at every
+            other corner each way, with cubics between.
 
         Returns
         -------
-        (N, M, 3): radiance [sr-1], transmittance, irradiance on level ground; of three bands (N, M, 6): radiance and
-        transmittance of each. What rays that miss the ground have means nothing.
+        (N, M, 3): radiance [sr-1], transmittance, irradiance on level ground; for three bands (N, M, 6): radiance and
+        transmittance of each. Values of rays that miss the ground are meaningless.
         """
         program = self._corner_program()
         if not all_ground or min(len(columns_px), len(rows_px)) < _FEWEST_CORNERS:
@@ -163,7 +162,7 @@ class FrameAir:
         return _cubic(_cubic(program.run(x_px, y_px), down, down_weights), across, across_weights)
 
     def at(self, points_px: Float32Array) -> Float32Array:
-        """`corners`, at any points (K, 2): (K, 3) or (K, 6)."""
+        """Return `corners` at any points (K, 2): (K, 3) or (K, 6)."""
         if not len(points_px):
             return np.empty((0, 3 if self._bands == 1 else 6), np.float32)
         return self._corner_program().at(points_px)
@@ -186,13 +185,13 @@ class Air:
 
     @cached_property
     def zenith_depth(self) -> float:
-        """Optical depth from the ground straight up, mean over the bands."""
+        """Optical depth at the zenith, seen from the ground, averaged over the bands."""
         air = self.tables.air
         return float(optical_depth_to_top(air, np.array(air.radius_m), np.array(1.0)).mean())
 
 
 class _Corners:
-    """The program that marches through the air, and its buffers."""
+    """The program that integrates through the air, and its buffers."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramLibrary, bands: int) -> None:
         self._values = 3 if bands == 1 else 6
@@ -239,7 +238,7 @@ class _Corners:
 
 
 def _texels(span: tuple[float, float], count: int) -> tuple[int, int]:
-    """Half-open range of texels that a range 0..1 of a coordinate can touch."""
+    """Return the half-open range of texels that a range 0..1 of a coordinate can touch."""
     low = math.floor(span[0] * (count - 1)) - _MARGIN
     high = math.ceil(span[1] * (count - 1)) + _MARGIN + 1
     return max(low, 0), min(high, count)

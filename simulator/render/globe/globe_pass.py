@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class PlainGlobe:
-    """The albedo and the air of a body without passes of its own, on the GPU for one number of bands."""
+    """Albedo and air of a body without passes of its own, on the GPU for one number of bands."""
 
     def __init__(self, device: Device, body: Body, bands: Bands) -> None:
         context, self.bands = device.context, 1 if bands == "mono" else 3
@@ -52,7 +52,7 @@ class PlainGlobe:
 
 
 PLAIN_GLOBE: Resource[PlainGlobe] = Resource("plain globe")
-"""Another body in the Earth's place."""
+"""The plain globe, if the scene's body is not the Earth."""
 
 
 class GlobeAirPass(Pass):

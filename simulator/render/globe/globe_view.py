@@ -1,4 +1,4 @@
-"""View of the Earth: the camera in stretched Earth-fixed axes, and the part of the image that the Earth fills."""
+"""View of the globe: the camera in stretched body-fixed axes, and the part of the image that the globe fills."""
 
 from __future__ import annotations
 
@@ -22,19 +22,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-_GRID = 33  # rays per side of the image that look for what is in view
+_GRID = 33  # rays per side of the image for finding what is in view
 
 
 @dataclass(frozen=True, eq=False)
 class GlobeView:
-    """Stretched space: Earth-fixed axes over the equatorial radius, the polar one also times a / b.
+    """Stretched space: Earth-fixed axes in equatorial radii, the polar axis stretched by a / b.
 
     Parameters
     ----------
     earth_from_camera : (3, 3) matrix of directions (not a rotation). camera : (3,) position. sun : (3,) unit vector.
-    rect : pixels that the Earth or its air can touch; ``None`` when there are none.
-    ground_rows, sky_rows : range 0..1 of the atmosphere table's row coordinate in view, or ``None``.
-    azimuth : range -1..1 of its column coordinate.
+    top2 : squared radius of the top of the air.
+    rect : pixels that the Earth or its air can touch; ``None`` if there are none.
+    ground_rows, sky_rows : range 0..1 in view of the atmosphere table's row coordinate, or ``None``.
+    azimuth : range -1..1 in view of its column coordinate.
     """
 
     earth_from_camera: FloatArray
@@ -48,7 +49,7 @@ class GlobeView:
 
     @property
     def fills_image(self) -> bool:
-        """True if the Earth fills the image: rays that all meet the ground see nothing behind it."""
+        """True if the Earth fills the image, so that nothing behind it is visible."""
         return self.rect is not None and self.sky_rows is None
 
     @property
@@ -58,7 +59,7 @@ class GlobeView:
 
 
 GLOBE: Resource[GlobeView] = Resource("globe")
-"""The body that is ray-cast, in the image; it hides what is behind it."""
+"""The ray-cast body in the image; it hides everything behind it."""
 
 
 def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
@@ -66,7 +67,7 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
 
     Parameters
     ----------
-    air : its thickness widens the region; ``None`` without atmosphere.
+    air : atmosphere, whose thickness widens the region; ``None`` without atmosphere.
     """
     equator_m = view.globe.radius_m
     stretch = np.array([1.0, 1.0, equator_m / view.globe.polar_radius_m])
@@ -74,17 +75,17 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     c = stretch * view.r_camera_globe_m / equator_m
     s = stretch * view.sun_globe
     s = s / np.linalg.norm(s)
-    # half a pixel of the limb must survive where there is no air
+    # without air, half a pixel of the limb must remain
     thickness = air.thickness_m / equator_m if air is not None else 2e-3
     top2 = (1 + thickness) ** 2
-    # a camera inside the air is put on its top: tables there have no lower side
+    # a camera inside the air is placed on its top: tables there have no lower side
     radius = float(np.linalg.norm(c))
     c = c * max(1.0, (1 + 1.01 * thickness) / radius)
     d = directions(camera, _places(camera.width_px), _places(camera.height_px), M)
     along = d @ c
     perigee2 = c @ c - along**2
-    seen = (along < 0) & (perigee2 < top2)
-    rect = _rect(seen, perigee2, along, view, camera, top2)
+    in_view = (along < 0) & (perigee2 < top2)
+    rect = _rect(in_view, perigee2, along, view, camera, top2)
     if rect is None:
         return GlobeView(M, c, s, top2, None, None, None, (-1, 1))
     zenith = c / np.linalg.norm(c)
@@ -92,7 +93,7 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     cosine = d @ zenith
     horizontal = np.sqrt(np.maximum((1 - cosine**2) * (1 - mu_sun**2), 1e-12))
     azimuth = np.minimum(np.maximum((d @ s - cosine * mu_sun) / horizontal, -1), 1)
-    # the azimuth turns fast near the nadir: take all of it when the nadir is in or near the image
+    # azimuth changes fast near the nadir: take all of it if the nadir is in or near the image
     boresight = M[:, 2] / np.linalg.norm(M[:, 2])
     reach = math.acos(_cosine((d @ boresight).min()))
     if math.acos(_cosine(-zenith @ boresight)) < reach + 0.1 or np.any(cosine > 0.5):
@@ -102,11 +103,11 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
     disc = 1 - perigee2
     ground = sky = np.array([0.0, 1.0])
     has_ground = has_sky = True
-    if seen.any():
-        met = disc[seen]
-        ground = np.sqrt(np.minimum(np.maximum(met, 0), 1))
-        sky = np.sqrt(np.minimum(np.maximum(met / (1 - top2), 0), 1))
-        has_ground = bool((met > -0.05 * (top2 - 1)).any())
+    if in_view.any():
+        disc_in_view = disc[in_view]
+        ground = np.sqrt(np.minimum(np.maximum(disc_in_view, 0), 1))
+        sky = np.sqrt(np.minimum(np.maximum(disc_in_view / (1 - top2), 0), 1))
+        has_ground = bool((disc_in_view > -0.05 * (top2 - 1)).any())
         has_sky = bool((perigee2[along < 0] > 1 - 0.3 * (top2 - 1)).any())
     return GlobeView(
         M,
@@ -122,7 +123,7 @@ def globe_view(view: View, camera: Camera, air: Atmosphere | None) -> GlobeView:
 
 @lru_cache(maxsize=16)
 def _places(length_px: int) -> FloatArray:
-    """The grid's columns or rows [px], read only."""
+    """Return the grid's columns or rows [px], read-only."""
     places = np.linspace(-0.5, length_px - 0.5, _GRID)
     places.flags.writeable = False
     return places
@@ -133,26 +134,26 @@ def _cosine(value: FloatArray | float) -> float:
 
 
 def _rect(
-    seen: np.typing.NDArray[np.bool_],
+    hits_earth: np.typing.NDArray[np.bool_],
     perigee2: FloatArray,
     along: FloatArray,
     view: View,
     camera: Camera,
     top2: float,
 ) -> PixelRect | None:
-    """Tiles of the grid that the Earth touches, by its grid points or by being too near to miss."""
+    """Return the tiles of the grid that the Earth touches, by grid points or by distance from the limb."""
     width, height = camera.width_px, camera.height_px
-    # the whole disc may fall between grid points when the Earth is small (seen from far away)
+    # a distant Earth may fall between grid points
     center = -view.R_camera_from_globe @ view.r_camera_globe_m
     distance = float(np.linalg.norm(center))
-    if seen.any():
-        rows, columns = np.nonzero(seen)
+    if hits_earth.any():
+        rows, columns = np.nonzero(hits_earth)
         step_x, step_y = width / (_GRID - 1), height / (_GRID - 1)
         # the limb bulges less than a cell between neighbouring grid points
         x0, x1 = (columns.min() - 1) * step_x - 2, (columns.max() + 1) * step_x + 2
         y0, y1 = (rows.min() - 1) * step_y - 2, (rows.max() + 1) * step_y + 2
     elif center[2] > 0:
-        # a pole-on bound: radius on the image of the sphere that holds Earth and air
+        # conservative bound: radius in the image of the sphere that holds Earth and air
         radius = np.sqrt(top2) * view.globe.radius_m
         pixel = camera.project(center)
         size = max(camera.fx_px, camera.fy_px) * radius / max(center[2], distance * 0.2) * 1.5 + 4
@@ -174,7 +175,7 @@ def _rect(
 def globe_values(
     view: View, earth: GlobeView, air: Atmosphere, *, airglow: bool = False
 ) -> dict[str, ArrayLike]:
-    """Members of the block ``Globe``."""
+    """Return the members of the block ``Globe``."""
     low_m, high_m = (air.radius_m + height for height in air.airglow_m)
     glow = air.airglow_w_m2_sr / view.sun_at_globe_w_m2 * float(airglow and high_m <= air.top_m)
     matrix = np.eye(4)

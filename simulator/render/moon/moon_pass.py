@@ -1,4 +1,4 @@
-"""Moon pass: its disc or its ground, lit by Sun and Earth. Reads map, craters, coverage; adds to the radiance."""
+"""Moon pass: the Moon lit by Sun and Earth. Reads map, craters, coverage; adds to the radiance."""
 
 from __future__ import annotations
 
@@ -42,16 +42,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 MAP = "albedo_4096x2048.jpg"
-MAP_SCALE = 2.5  # of the map's 8 bits, in means of the near side
+MAP_SCALE = 2.5  # full scale of the map's 8 bits, over the mean of the near side
 TEXEL_KM = 2.665  # of the map, at the equator
-BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two tiles of craters
-_PHASES = 512
-SAMPLES, STRIDE = 13, 5  # of a fine pixel; sample k lies in column k and row 5 k mod 13 of a grid of 13 by 13
+BROAD_KM, FINE_KM = 403.0, 63.0  # periods of the two crater tiles
+_PHASES = 512  # texels of the table over the phase angle
+# samples of a pixel in `high`; sample k lies in column k and row 5 k mod 13 of a 13 x 13 grid
+SAMPLES, STRIDE = 13, 5
 _OWN = ("t_coverage", "t_moon", "t_broad", "t_fine", "t_phase", "t_umbra")
 
 
 def moon_map() -> ByteArray:
-    """(2048, 4096) normal albedo over its mean on the near side, over ``MAP_SCALE``; from the cache."""
+    """Return (2048, 4096) normal albedo over its mean on the near side, over ``MAP_SCALE``; from the cache."""
     try:
         data = resources.files("flyaround.assets").joinpath("moon", MAP).read_bytes()
     except FileNotFoundError as error:
@@ -63,9 +64,9 @@ def moon_map() -> ByteArray:
             raise UserError(f"the map assets/moon/{MAP} cannot be decoded; install Flyaround again")
         latitude = np.radians(90 - (np.arange(2048) + 0.5) / 2048 * 180)[:, None]
         longitude = np.radians((np.arange(4096) + 0.5) / 4096 * 360 - 180)[None, :]
-        # the ground of the near side, limb and middle alike, as all phases together show it
+        # mean over the near side, limb and centre alike, as all phases together show it
         weight = np.cos(latitude) * (np.cos(longitude) > 0)
-        # the mosaic is a picture: this power gives the maria half the highlands' albedo (0.07 and 0.13)
+        # the mosaic is not photometric: this power gives the maria half the highlands' albedo (0.07 and 0.13)
         image = (image / np.float32(255)) ** np.float32(0.75)
         mean = float((image * weight).sum() / weight.sum())
         return np.asarray(np.clip(image / (mean * MAP_SCALE) * 255 + 0.5, 0, 255), np.uint8)
@@ -79,9 +80,9 @@ class MoonTiles:
 
     Parameters
     ----------
-    triangles_px : (6 K, 2) corners of two of each [px], edges of pixels at .5.
-    smooth : their ground may be interpolated between their corners. covered : the target may be in front.
-    footprint_km : of the pixel that sees most ground; infinite where that is not known. size_px : side of a tile.
+    triangles_px : (6 K, 2) corners of two triangles per tile [px], pixel edges at .5.
+    smooth : True if the ground may be interpolated between corners. covered : True if the target may be in front.
+    footprint_km : largest footprint of a pixel; infinite if unknown. size_px : side of a tile.
     """
 
     triangles_px: Float32Array
@@ -92,13 +93,13 @@ class MoonTiles:
 
 
 def one_tile(rect: PixelRect) -> MoonTiles:
-    """A rectangle as one tile, of which nothing is known."""
+    """Return a rectangle as one tile with all features."""
     x_px, y_px = np.array([rect.x0, rect.x1]) - 0.5, np.array([rect.y0, rect.y1]) - 0.5
     return MoonTiles(triangles_of(x_px, y_px).reshape(-1, 2))
 
 
 def triangles_of(x_px: FloatArray, y_px: FloatArray) -> Float32Array:
-    """(rows, columns, 6, 2) corners of the two triangles of each cell of a grid."""
+    """Return (rows, columns, 6, 2) corners of the two triangles of each cell of a grid."""
     corners = np.stack(np.meshgrid(x_px, y_px), axis=-1).astype(np.float32)
     first, right, below, across = corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]
     return np.stack([first, below, right, right, below, across], axis=2)
@@ -125,13 +126,13 @@ class MoonTextures:
             texture.repeat_x = texture.repeat_y = False
 
     def release(self) -> None:
-        """Free them."""
+        """Free the textures."""
         for texture in (self.map, *self.craters, self.phase, self.umbra):
             texture.release()
 
 
 class MoonPass(Pass):
-    """Adds the Moon; every pixel is worked out by itself. Its textures are uploaded when it is first in view."""
+    """Adds the Moon, computing every pixel. Its textures are uploaded when it is first in view."""
 
     name = "moon"
     reads = (SCENE, MOON, *IMAGES)
@@ -144,7 +145,7 @@ class MoonPass(Pass):
         self._arrays: dict[Program, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     def release(self) -> None:
-        """Free maps, tables and vertex arrays; the programs are the library's."""
+        """Free maps, tables and vertex arrays; programs belong to the library."""
         for buffer, array in self._arrays.values():
             array.release()
             buffer.release()
@@ -158,7 +159,7 @@ class MoonPass(Pass):
         return self._uploaded
 
     def _tiles(self, r: PassResources, rect: PixelRect) -> list[MoonTiles]:  # noqa: ARG002
-        """The tiles to draw: here one, of all pixels that the Moon can touch."""
+        """Return the tiles to draw: one, of all pixels that the Moon can touch."""
         return [one_tile(rect)]
 
     def run(self, r: PassResources) -> None:
@@ -166,7 +167,7 @@ class MoonPass(Pass):
         moon, earth, images = r[MOON], r.find(GLOBE), r[RADIANCE]
         if moon.rect is None or (earth is not None and earth.fills_image and not moon.in_front):
             return
-        # several rays a pixel, so that shadows seen at a grazing angle end smoothly
+        # several rays per pixel smooth shadows seen at a grazing angle
         fine = r[SCENE].quality == "high"
         textures, tiles = self._textures(), self._tiles(r, moon.rect)
         behind = earth is not None and not moon.in_front
@@ -174,7 +175,8 @@ class MoonPass(Pass):
         share = np.ones((256, 4), np.float32)
         if moon.shadow_share is not None:
             share[:, : moon.shadow_share.shape[1]] = moon.shadow_share
-        flush(self._context)  # what still reads the last frame's, and this frame's sky, are waited for here
+        # threads that read the last frame's block, and this frame's sky, are waited for here
+        flush(self._context)
         textures.umbra.write(share.tobytes())
         images.mark_lit(moon.rect)
         draw_to(images.sky_framebuffer)
@@ -204,7 +206,7 @@ class MoonPass(Pass):
                 "BROAD_KM": BROAD_KM,
                 "FINE_KM": FINE_KM,
                 "TEXEL_KM": TEXEL_KM,
-                # the map's texels are wider than tiles: between their corners it is as good as straight
+                # the map's texels are wider than tiles, so linear interpolation suffices
                 "MAP_AT_CORNERS": int(kind.smooth and kind.footprint_km * kind.size_px < TEXEL_KM),
                 **TABLE_DEFINES,
             },
@@ -223,7 +225,7 @@ class MoonPass(Pass):
         c = self._context
         texels_km = (TEXEL_KM, BROAD_KM / CRATERS_SIZE, FINE_KM / CRATERS_SIZE)
         for texture, texel_km in zip((textures.map, *textures.craters), texels_km, strict=True):
-            # larger than life it has one level, and a driver that need not ask is quicker
+            # magnified, it has one level, and a driver is faster if it has no level to select
             smaller = c.LINEAR_MIPMAP_NEAREST if kind.smooth else c.LINEAR_MIPMAP_LINEAR
             texture.filter = (c.LINEAR if kind.footprint_km <= texel_km else smaller, c.LINEAR)
         program.bind_textures(

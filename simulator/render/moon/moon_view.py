@@ -1,4 +1,4 @@
-"""View of the Moon: the camera in its axes and radii, its illumination, and the pixels that it touches."""
+"""View of the Moon: the camera in lunar axes and radii, the Moon's illumination, and the pixels that it touches."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class MoonView:
     Parameters
     ----------
     moon_from_camera : (3, 3) rotation. camera : (3,) position. sun, earth : (3,) unit vectors from the Moon.
-    earthlight : irradiance of the Earth over the Sun's. irradiance_w_m2 : of the Sun, per band.
-    albedo : geometric, per band.
-    shadow : (3,) from the Earth to the Moon. shadow_axis : (3,) unit vector along the Earth's shadow.
-    shadow_share : (K, n) of the Sun's light across the shadow, ``None`` when the Moon is clear of it.
-    shadow_reach : distance from the axis of the last of them.
-    center_camera : (3,) direction to its centre, camera frame. sine : of its angular radius.
-    in_front : whether it is nearer than the globe.
-    rect : pixels that it can touch, ``None`` when there are none.
+    earthlight : irradiance of the Earth over the Sun's. irradiance_w_m2 : that of the Sun, per band.
+    albedo : geometric albedo, per band.
+    shadow : (3,) vector from the Earth to the Moon. shadow_axis : (3,) unit vector along the Earth's shadow.
+    shadow_share : (K, n) share of the Sun's light across the shadow, ``None`` if the Moon is clear of it.
+    shadow_reach : distance of the last of them from the axis.
+    center_camera : (3,) unit vector to its centre, camera frame. sine : sine of its angular radius.
+    in_front : True if it is nearer than the globe.
+    rect : pixels that it can touch, ``None`` if there are none.
     """
 
     moon_from_camera: FloatArray
@@ -81,14 +81,14 @@ class MoonViewPass(Pass):
         self._block = block
 
     def run(self, r: PassResources) -> None:
-        """Find the Moon, where the scene has one."""
+        """Find the Moon, if the scene has one."""
         if r[SCENE].environment.moon:
             r[MOON] = moon = moon_view(r[SCENE])
             self._block.write(moon_values(moon))
 
 
 def moon_view(scene: SceneState) -> MoonView:
-    """Find the Moon in the image and work out its light."""
+    """Find the Moon in the image and compute its light."""
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     state = scene.body("moon")
     R_me, moon, sun = state.R_fixed_from_eci, np.asarray(state.r_eci_m), np.asarray(scene.r_sun_eci_m)
@@ -103,8 +103,8 @@ def moon_view(scene: SceneState) -> MoonView:
     share, reach = None, 1.0
     if behind > 0 and off < 1.4e7:
         share, reach = shadow_profile(round(behind / 1e3), round(sun_distance / 1e9), scene.bands)
-    cosine = float(-moon @ to_sun / (earth_distance * sun_distance))  # of the angle Earth - Moon - Sun
-    # the phase of the Earth seen from the Moon, as a Lambert sphere
+    cosine = float(-moon @ to_sun / (earth_distance * sun_distance))  # cosine of the angle Earth - Moon - Sun
+    # phase of the Earth seen from the Moon, as a Lambert sphere
     phase = np.pi - np.arccos(np.clip(cosine, -1, 1))
     lambert = (np.sin(phase) + (np.pi - phase) * np.cos(phase)) / np.pi
     center = R_ce @ (-to_camera / distance)
@@ -129,17 +129,17 @@ def moon_view(scene: SceneState) -> MoonView:
 
 
 def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRect | None:
-    """Pixels that a sphere can touch.
+    """Return the pixels that a sphere can touch, or None.
 
     Parameters
     ----------
-    center_camera : (3,) unit direction of its centre. sine : of its angular radius.
+    center_camera : (3,) unit vector to its centre. sine : sine of its angular radius.
     """
     whole = PixelRect(0, 0, camera.width_px, camera.height_px)
     radius, off = np.arcsin(min(sine, 1.0)), np.arccos(np.clip(center_camera[2], -1, 1))
     if off > radius + camera.half_angle_rad() + 0.01:
         return None
-    # rays around it, a little further out than its rim
+    # rays slightly outside its rim
     out = 1.02 * radius + 1e-5
     if off + out > 1.5:
         return whole
@@ -156,7 +156,7 @@ def disc_rect(camera: Camera, center_camera: FloatArray, sine: float) -> PixelRe
 
 
 def moon_values(moon: MoonView) -> dict[str, ArrayLike]:
-    """Members of the block ``Moon``."""
+    """Return the members of the block ``Moon``."""
     matrix = np.eye(4)
     matrix[:3, :3] = moon.moon_from_camera
     longitude = float(np.arctan2(moon.camera[1], moon.camera[0]))

@@ -1,7 +1,7 @@
-"""Star pass: stars and planets, points of known irradiance, over the four nearest pixels. Adds to the radiance.
+"""Star pass: stars and planets as points, spread over the four nearest pixels. Adds to the radiance.
 
-Those that the target may hide are drawn, the others are added to the picture when it is read back: a point costs a
-software driver a microsecond, and four sums a twentieth of that.
+Points that the target may hide are drawn, the others are added on read-back: drawing a point takes a software driver a
+microsecond, and four sums take a twentieth of that.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
 
 _MAX_STARS = 80_000
-_REACH_PX = 2  # of a point
-_SLACK = 1e-3  # of a cosine: aberration changes lengths by a ten-thousandth
+_REACH_PX = 2  # extent of a point
+_SLACK = 1e-3  # tolerance of a cosine: aberration changes lengths by 1e-4
 
 
 class StarPass(Pass):
-    """Adds stars and planets: those that the target may hide now, the others when the picture is read.
+    """Adds stars and planets: those that the target may hide by drawing, the others on read-back.
 
-    Positions and light are worked out in float64 on the CPU.
+    Positions and light are computed in float64 on the CPU.
     """
 
     name = "stars"
@@ -89,7 +89,7 @@ class StarPass(Pass):
         return np.asarray(((pixels > low) & (pixels < high)).all(axis=1))
 
     def _draw(self, pixels: FloatArray, radiance: FloatArray, images: FrameImages) -> None:
-        """Add points, times what the target leaves open of their pixels."""
+        """Add points, times one minus the target's coverage of their pixels."""
         if not len(pixels):
             return
         program = self._programs.get(
@@ -113,11 +113,11 @@ class StarPass(Pass):
 
 
 def spread(pixels: FloatArray, radiance: FloatArray, size: tuple[int, int]) -> Spread:
-    """Points by a tent over their four nearest pixels, as shaders/sky/stars.frag draws it.
+    """Spread points by a tent over their four nearest pixels, as shaders/sky/stars.frag does.
 
     Parameters
     ----------
-    pixels : (K, 2) places in an image of ``size``. radiance : (K, n) that one whole pixel would have.
+    pixels : (K, 2) positions in an image of ``size``. radiance : (K, n) radiance if one pixel held all the light.
     """
     width, height = size
     first = np.floor(pixels)
@@ -141,13 +141,13 @@ def stars_in_view(
     air: Atmosphere | None,
     moon: MoonView | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Pixel positions (K, 2) and radiance (K, n) that one whole pixel would have [W m-2 sr-1].
+    """Return pixel positions (K, 2) and radiance (K, n) of stars, if one pixel held all the light [W m-2 sr-1].
 
-    For a detector that counts photons it is that of the sunlight with as many of them: electrons are counted with the
-    Sun's.
+    For a detector that counts photons it is the radiance of sunlight with equal photons, because electrons are computed
+    for the Sun's spectrum.
     """
     camera, environment = scene.camera, scene.environment
-    # all of it row by row: numpy takes several times as long across rows of three
+    # row by row: NumPy takes several times as long across rows of three
     directions, light = [], []
     by_photons = scene.sensor.detector is not None
     if environment.stars:
@@ -163,10 +163,10 @@ def stars_in_view(
         if by_photons:
             irradiance *= photons_over_sunlights(vi, scene.bands)
         light.append(irradiance.T)
-    # aberration by the motion of the Earth and of the camera about it
+    # aberration by the motion of the Earth, and of the camera around it
     beta = earth_velocity_c(scene.epoch_utc) + np.asarray(scene.v_camera_eci_m_s) / LIGHT_M_S
     R = view.R_camera_from_eci
-    # what is added to a unit vector shifts its direction; its length is mended where it matters
+    # adding to a unit vector shifts its direction; it is normalised where its length matters
     d = R @ np.concatenate(directions, axis=1) + (R @ beta)[:, None]
     ahead = np.flatnonzero(d[2] > np.cos(camera.half_angle_rad()) - _SLACK)
     d = d.take(ahead, axis=1)
@@ -174,14 +174,14 @@ def stars_in_view(
     inside = np.flatnonzero(_contains(camera, pixels))
     d = d.take(inside, axis=1)
     d /= np.sqrt(np.einsum("ck,ck->k", d, d))
-    kept = np.ones(len(inside), bool) if moon is None else ~moon.hides(d.T)
+    in_front = np.ones(len(inside), bool) if moon is None else ~moon.hides(d.T)
     share = None
     if earth is not None:
         visible, share = _past_the_earth(d, earth, air)
-        kept &= visible
-    if not kept.all():
-        seen = np.flatnonzero(kept)
-        d, inside, share = d[:, seen], inside[seen], None if share is None else share[:, seen]
+        in_front &= visible
+    if not in_front.all():
+        indices = np.flatnonzero(in_front)
+        d, inside, share = d[:, indices], inside[indices], None if share is None else share[:, indices]
     radiance = np.concatenate(light, axis=1).take(ahead.take(inside), axis=1)
     if share is not None:
         radiance *= share
@@ -190,7 +190,7 @@ def stars_in_view(
 
 
 def _project(camera: Camera, d: FloatArray) -> FloatArray:
-    """(2, K) pixels of directions (3, K) before the camera."""
+    """Project directions (3, K) in front of the camera to pixels (2, K)."""
     if not camera.distortion.is_none:
         return camera.project(d.T).T
     pixels = d[:2] / d[2]
@@ -200,14 +200,14 @@ def _project(camera: Camera, d: FloatArray) -> FloatArray:
 
 
 def _contains(camera: Camera, pixels: FloatArray) -> BoolArray:
-    """(K,) whether pixels (2, K) lie on the image; those that are NaN do not."""
+    """Return (K,) True for pixels (2, K) inside the image; False for NaN."""
     x, y = pixels
     ends = camera.width_px - 0.5, camera.height_px - 0.5
     return np.asarray((x >= -0.5) & (x < ends[0]) & (y >= -0.5) & (y < ends[1]))
 
 
 def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
-    """(K,) of one pixel at unit directions (3, K) [sr]."""
+    """Return the solid angle (K,) of one pixel at unit directions (3, K) [sr]."""
     if not camera.distortion.is_none:
         return camera.ray_solid_angle_sr((d[:2] / d[2]).T)
     return np.asarray(d[2] * d[2] * d[2] / (camera.fx_px * camera.fy_px))
@@ -216,7 +216,7 @@ def _pixel_solid_angle_sr(camera: Camera, d: FloatArray) -> FloatArray:
 def _past_the_earth(
     d_camera: FloatArray, earth: GlobeView, air: Atmosphere | None
 ) -> tuple[BoolArray, FloatArray | None]:
-    """Return which directions (3, K) miss the ground, and the air's transmittance (n, K) along them, if any."""
+    """Return (K,) True for directions (3, K) that miss the ground, and the transmittance (n, K) of the air, if any."""
     d = earth.earth_from_camera @ d_camera
     along = earth.camera @ d / np.sqrt(np.einsum("ck,ck->k", d, d))
     perigee2 = float(earth.camera @ earth.camera) - along * along

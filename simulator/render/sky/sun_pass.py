@@ -1,4 +1,4 @@
-"""Sun pass: the disc with its limb darkening, where it is in the image. Adds to the radiance."""
+"""Sun pass: the limb-darkened disc, if it is in the image. Adds to the radiance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class SunPass(Pass):
     """Adds the Sun's disc.
 
-    It is some 28 pixels wide in a SPEED camera, and one in a wide one: its edge is shared by coverage.
+    It is some 28 pixels wide in a SPEED camera, and one in a wide-angle one: its edge is antialiased by coverage.
     """
 
     name = "sun"
@@ -40,7 +40,7 @@ class SunPass(Pass):
         self._arrays: dict[Program, moderngl.VertexArray] = {}
 
     def run(self, r: PassResources) -> None:
-        """Draw the disc where it is in the image and the globe leaves room."""
+        """Draw the disc if it is in the image and not hidden by the globe."""
         images, view = r[RADIANCE], r[VIEW]
         earth, moon, air = r.find(GLOBE), r.find(MOON), r.find(AIR_TABLES)
         if (earth is not None and earth.fills_image) or not r[SCENE].environment.sun:
@@ -74,5 +74,5 @@ class SunPass(Pass):
 
 
 def sun_rect(view: View, camera: Camera) -> PixelRect | None:
-    """Pixels that the disc can touch, or ``None``."""
+    """Return the pixels that the disc can touch, or ``None``."""
     return disc_rect(camera, view.sun_direction, view.sun_sine)

@@ -1,7 +1,4 @@
-"""Quad packing: pixels drawn one by one join those drawn four to a texel. Reads the radiance; writes texels.
-
-Four pixels to a texel are worth 106 ms of 800; of those the planes over the four, where maps are magnified, 55.
-"""
+"""Quad packing: merges pixels drawn one by one with those drawn four per texel. Reads the radiance; writes texels."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
-"""Of the image that must gain: reading texels of four takes as long as a tenth of the Earth's pixels."""
+"""Least share of the image that must gain: reading packed texels costs as much as a tenth of the Earth."""
 
 
 def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
@@ -32,11 +29,11 @@ def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
 
 
 QUADS: Resource[bool] = Resource("quads")
-"""Present where the Earth's smooth tiles are drawn four pixels to a texel."""
+"""Present if the Earth's smooth tiles are drawn four pixels per texel."""
 
 
 class QuadPackingPass(Pass):
-    """Copies tiles of the image that were drawn pixel by pixel to the texels of four."""
+    """Copies tiles that were drawn pixel by pixel to the packed texels."""
 
     name = "earth.quad_packing"
     reads = (QUADS, EARTH_TILES, RADIANCE)
@@ -45,7 +42,7 @@ class QuadPackingPass(Pass):
     def __init__(self, device: Device) -> None:
         self._context, self._programs = device.context, device.programs
         self._tiles = self._context.buffer(reserve=8, dynamic=True)
-        self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # by the number of bands
+        self._made: dict[int, tuple[Program, moderngl.VertexArray]] = {}  # keyed by the number of bands
 
     def _of(self, bands: int) -> tuple[Program, moderngl.VertexArray]:
         if bands not in self._made:
@@ -79,7 +76,7 @@ class QuadPackingPass(Pass):
 
 
 class ReadQuadsPass(ReadBackPass):
-    """Waits for the driver and takes the picture, unpacked where it was drawn four pixels to a texel."""
+    """Waits for the driver and reads the image, unpacking it if necessary."""
 
     optional = (*ReadBackPass.optional, QUADS)
 

@@ -1,4 +1,4 @@
-"""The Earth in tiles that are smooth enough: light and air at their corners, one level of detail, packed by quads.
+"""The Earth in smooth tiles: light and air at their corners, one level of detail, four pixels per texel.
 
 Worth 860 ms of 800: without it the eight scenes take twice as long. Of those: one level of the detail 21, one of
 magnified maps 22, the air at every other corner (`FrameAir.corners`) 17.
@@ -49,7 +49,7 @@ class CornerAir:
 
     Parameters
     ----------
-    whole, fine : of all tiles' corners (N, M, V) as of `FrameAir.corners`, and of the fine ones' (9 P, V) as of
+    whole, fine : values at all tiles' corners (N, M, V) from `FrameAir.corners`, and at the fine ones' (9 P, V) from
         `FrameAir.at`.
     """
 
@@ -58,7 +58,7 @@ class CornerAir:
 
     @staticmethod
     def of(tiles: ScreenTiles, air: FrameAir) -> CornerAir | None:
-        """Return the air pass's light at the tiles' corners; `None` where no tile is smooth."""
+        """Return the air pass's light at the tiles' corners; `None` if no tile is smooth."""
         if tiles.smooth_share <= 0:
             return None
         all_ground = not len(tiles.others_px) and not len(tiles.halved[0])
@@ -66,7 +66,7 @@ class CornerAir:
         return CornerAir(tiles, whole, air.at(tiles.fine_corners_px.reshape(-1, 2)))
 
     def around(self, centers_px: Float32Array, *, fine: bool) -> Float32Array:
-        """(K, 4 V) of tiles, by their middles: upper left, upper right, lower left, lower right."""
+        """Return (K, 4 V) values of tiles, by their centres: upper left, upper right, lower left, lower right."""
         if not fine:
             return self._four(self._whole, self._tiles.place(centers_px))
         which, row, column = self._tiles.fine_place(centers_px)
@@ -88,7 +88,7 @@ CORNER_AIR: Resource[CornerAir] = Resource("corner air")
 
 
 class CornerAirPass(EarthAirPass):
-    """Draws this frame's air tables if any pixel reads them, and works out the air at smooth tiles' corners."""
+    """Draws this frame's air tables if any pixel reads them, and computes the air at smooth tiles' corners."""
 
     optional = (MOON,)
     writes = (AIR_TABLES, CORNER_AIR)
@@ -96,7 +96,7 @@ class CornerAirPass(EarthAirPass):
     def run(self, r: PassResources) -> None:
         """Fill the tables and the corners."""
         tiles, moon = r[EARTH_TILES], r.find(MOON)
-        # a view of nothing but smooth ground reads the air at its tiles' corners only
+        # a view with smooth ground only reads the air at its tiles' corners
         corners_do = tiles.all_smooth and r[GLOBE].sky_rows is None
         if not corners_do or (moon is not None and moon.in_front):
             super().run(r)
@@ -104,18 +104,18 @@ class CornerAirPass(EarthAirPass):
 
 
 class SmoothEarthPass(EarthPass):
-    """Draws tiles by kind, and takes smooth ones from what their corners see: four pixels to a texel where many are."""
+    """Draws tiles by kind, smooth ones interpolated from their corners and, if many, packed four pixels per texel."""
 
     optional = (*EarthPass.optional, CORNER_AIR)
     writes = (*EarthPass.writes, QUADS)
 
     def run(self, r: PassResources) -> None:
-        """Draw smooth tiles of four pixels to a texel not into the image itself; covered ones are added to it."""
+        """Draw packed tiles to their own framebuffer; covered ones are added to the image."""
         frame, corner_air = EarthFrame.of(r), r.find(CORNER_AIR)
         quads = worth_packing(frame.images, frame.tiles) and not frame.moon_in_front
         groups: dict[EarthDraw, list[tuple[TileKind, Float32Array]]] = {}
-        # what goes into one image comes together, and kinds that differ in nothing that is drawn too: a driver that
-        # changes images finishes the first
+        # draws to one image are consecutive, and so are kinds with the same program: changing the image makes a driver
+        # finish it
         for kind, centers in sorted(frame.tiles.centers_px.items(), key=itemgetter(0)):
             draw = self._smooth_draw(r[EARTH], frame, kind, quads=quads and kind.smooth)
             groups.setdefault(draw, []).append((kind, centers))
@@ -127,7 +127,7 @@ class SmoothEarthPass(EarthPass):
     def _smooth_draw(self, earth: Earth, frame: EarthFrame, kind: TileKind, *, quads: bool) -> EarthDraw:
         images, quality = frame.images, frame.scene.quality
         width, height = frame.tiles.extent_px
-        # larger than life the maps have one level; a driver that need not ask is quicker
+        # magnified maps have one level, and a driver is faster if it has no level to select
         magnified = quality != "high" and kind.smooth and kind.level <= LOG2_TEXEL_KM
         return EarthDraw(
             earth.program(frame, kind, quads=quads),
@@ -141,9 +141,9 @@ class SmoothEarthPass(EarthPass):
         )
 
     def _level_of(self, texture: TilingTexture, kind: TileKind, quality: str) -> moderngl.Texture:
-        """A texture with all its levels, or the one level that a smooth tile needs: the driver then has no choice.
+        """Return a texture with all its levels, or with the one level that a smooth tile needs, which is faster.
 
-        Half of a trilinear look-up's cost is its second level, which the eye of the default preset does not miss.
+        Half of a trilinear look-up's cost is its second level, which the default preset does without.
         """
         if kind.smooth and quality != "high":
             return texture.single(kind.level - math.log2(DETAIL_TEXEL_KM))
@@ -154,7 +154,7 @@ class SmoothEarthPass(EarthPass):
 
 
 def _vertices(tiles: list[tuple[TileKind, Float32Array]], corner_air: CornerAir | None) -> Float32Array:
-    """(K, 2 + 4 V) middles of the tiles of one draw call, and the air at their corners where they are smooth."""
+    """Return (K, 2 + 4 V): centres of the tiles of one draw call, and the air at their corners if they are smooth."""
     middles = np.concatenate([centers for _, centers in tiles])
     kind = tiles[0][0]
     if corner_air is None or not kind.smooth:

@@ -1,4 +1,4 @@
-"""Tiles of the Moon: where what a pixel sees of its ground may be interpolated between the corners of a tile."""
+"""Tiles of the Moon whose ground can be interpolated between corners."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray
 
 _SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
-_LARGEST_GROUND = 0.015  # of a tile on the ground [radii]
-_POLE_SPANS = (
-    16  # from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
-)
+_LARGEST_GROUND = 0.015  # largest extent of a tile on the ground [radii]
+# from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
+_POLE_SPANS = 16
 
 
 class SmoothMoonPass(MoonPass):
-    """Adds the Moon, with ground that is interpolated between the corners of tiles but in `high`."""
+    """Adds the Moon, interpolating the ground between the corners of tiles except in `high`."""
 
     def _tiles(self, r: PassResources, rect: PixelRect) -> list[MoonTiles]:
         if r[SCENE].quality == "high":
@@ -39,11 +38,11 @@ class SmoothMoonPass(MoonPass):
 
 
 def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRect | None) -> list[MoonTiles]:
-    """The Moon's rectangle in tiles: smooth ones, and limb, poles, and the equator, where the craters' plane folds.
+    """Divide the Moon's rectangle into smooth tiles and others: limb, poles, and the craters' seam at the equator.
 
     Parameters
     ----------
-    rect : of the Moon in the image. target : pixels that the target may touch.
+    rect : rectangle of the Moon in the image. target : pixels that the target may touch.
     """
     size = tile_size_px(camera)
     x_px = np.append(np.arange(rect.x0, rect.x1, size), rect.x1) - 0.5
@@ -68,7 +67,7 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
         )
         covered = rows[:, None] & columns
     triangles = triangles_of(x_px, y_px)
-    # larger towards the limb: the ground is seen aslant
+    # larger towards the limb, where the ground is foreshortened
     footprint = distance * camera.pixel_angle_rad() * (MOON_RADIUS_M * 1e-3) / np.sqrt(np.fmax(depth, 0.02))
     largest = float(np.max(footprint, initial=0.0, where=even))
     kinds = (

@@ -1,7 +1,4 @@
-"""The way of a software driver: what Python finds need not be drawn is left out, and smooth light is interpolated.
-
-Such a driver takes a fraction of the time then; a GPU would wait for Python.
-"""
+"""The passes of a software driver: hidden items are culled in Python, and smooth light is interpolated."""
 
 from __future__ import annotations
 
@@ -37,42 +34,39 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
     from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 
-_MASK_PX = 2  # of the picture that the hulls are filled into
-_FOUR_BYTES = np.uint32  # a tile's row there
-_SHIFT = 4  # bits of a corner's fraction there
-_AROUND = np.ones((3, 3), np.uint8)
-_FARTHEST = 1 << 14  # OpenCV's corners must fit in whole numbers with the fraction's bits to spare
+_MASK_PX = 2  # pixels of the image per pixel of the mask that the hulls are filled into
+_FOUR_BYTES = np.uint32  # one tile's row in the mask
+_SHIFT = 4  # bits of the fraction of OpenCV's fixed-point corners
+_AROUND = np.ones((3, 3), np.uint8)  # a pixel and its eight neighbours
+_FARTHEST = 1 << 14  # corners must fit OpenCV's integers with the fraction's bits to spare
 
 
 class TileCulling:
-    """Triangles that face the camera and are not hidden by large bodies; tiles that the craft's hulls touch.
-
-    Triangles left out are worth 69 ms of 800, of those and of edges the ones that large bodies hide 44.
-    """
+    """Selects triangles that face the camera and are not behind large bodies, and tiles that the hulls touch."""
 
     mesh_array = CulledVertexArray
 
     def target_tiles(self, place: ViewportFit) -> FloatArray:
-        """Centres (K, 2) [px] of the tiles that the target may touch; all of its rectangle, if part of it is behind."""
+        """Return centres (K, 2) [px] of the tiles that the target may touch, all if part of it is behind the camera."""
         if place.hull_px is None:
             return all_tiles(place.rect)
         return hull_tiles(place.rect, place.hull_px, place.hull_parts)
 
 
 def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> FloatArray:
-    """Centres (K, 2) [px] of the tiles of a rectangle that some convex hulls touch, and a few more.
+    """Return centres (K, 2) [px] of the tiles of a rectangle that some convex hulls touch, and a few more.
 
-    The craft is the union of its parts, and each part lies in its convex hull; the hulls' pictures, filled one over the
-    other, hold the craft's closely: antennas and panels leave open what is between them. Worth 53 ms of 800.
+    The craft is the union of its parts, and each part lies in its convex hull. The union of the hulls' images is a
+    tight bound, which leaves open the space between antennas and panels.
 
     Parameters
     ----------
-    rect : begins at whole tiles. points_px : (2, K) projected points of all hulls, one hull after the other.
-    parts : where the points of the second hull begin, of the third and so on.
+    rect : rectangle that begins at whole tiles. points_px : (2, K) projected points of all hulls in turn.
+    parts : start of the points of each hull but the first.
     """
     rows, columns = -(-rect.height // TILE_PX), -(-rect.width // TILE_PX)
     step = TILE_PX // _MASK_PX
-    # one more on each side: what ends there may touch a pixel inside
+    # one more on each side: a hull that ends there may touch a pixel inside
     mask = np.zeros((rows * step + 2, columns * step + 2), np.uint8)
     # mask pixel (1, 1) is the mean of image pixels x0 and x0 + 1
     fixed = np.empty((points_px.shape[1], 2), np.int32)
@@ -82,17 +76,17 @@ def hull_tiles(rect: PixelRect, points_px: FloatArray, parts: IntArray) -> Float
     ends = [0, *parts.tolist(), len(fixed)]
     for start, end in itertools.pairwise(ends):
         cv2.fillConvexPoly(mask, cv2.convexHull(fixed[start:end]), 1, shift=_SHIFT)
-    # a pixel whose corner is touched counts, and OpenCV's fill leaves out what it touches by less than half
+    # count a pixel whose corner is touched: OpenCV's fill omits pixels touched by less than half
     cv2.dilate(mask, _AROUND, dst=mask)
-    inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is quicker
+    inner = mask[1:-1, 1:-1].reshape(rows, step, -1).max(axis=1)  # one axis after the other is faster
     return tile_centers(inner.view(_FOUR_BYTES) != 0, rect)
 
 
 class EarlyClearPass(ClearPass):
-    """Empties the images while the first pass is prepared, where that was right in the last frame."""
+    """Clears the images while the first pass is prepared, if that was right for the last frame."""
 
     filled = False
-    """Whether the Earth filled the last frame: then nothing is cleared early."""
+    """True if the Earth filled the last frame: then nothing is cleared early."""
 
     def run(self, r: PassResources) -> None:
         """Clear, unless the Earth may write all pixels."""
@@ -103,7 +97,7 @@ class EarlyClearPass(ClearPass):
 
 
 class ClearRestPass(Pass):
-    """Empties what was not: an Earth that fills the image is written to all pixels but the target's."""
+    """Clears the remaining pixels: an Earth that fills the image writes all but the target's."""
 
     name = "clear.rest"
     reads = IMAGES
@@ -114,7 +108,7 @@ class ClearRestPass(Pass):
         self._early = early
 
     def run(self, r: PassResources) -> None:
-        """Clear what the Earth will not write, if nothing was cleared early."""
+        """Clear the pixels that the Earth will not write, if nothing was cleared early."""
         earth, tiles, images = r.find(GLOBE), r.find(EARTH_TILES), r[RADIANCE]
         written = tiles if earth is not None and earth.fills_image else None
         if self._early.filled:
@@ -124,7 +118,7 @@ class ClearRestPass(Pass):
 
 
 def software_passes(device: Device, earths: Earths) -> FramePasses:
-    """Return the passes for a driver that draws on the processor's own cores."""
+    """Return the passes for a driver that draws on the CPU."""
     clear, earth = EarlyClearPass(device.images_for), SmoothEarthPass(device.context)
     find = (MoonViewPass(device.blocks.moon), SortedTilesPass(), CornerAirPass())
     return FramePasses(

@@ -1,8 +1,4 @@
-"""Tiles of the screen: which of them the Earth touches, and which are smooth enough to be interpolated.
-
-Beyond what smooth tiles are worth (`smooth_earth`), sorting gains 300 ms of 800: open sea 42, tiles beside the
-craft 35, fine tiles towards the limb 21, tiles of air 8.
-"""
+"""Screen tiles of the Earth, sorted by kind: those that it touches, and those smooth enough to be interpolated."""
 
 from __future__ import annotations
 
@@ -38,31 +34,32 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-_SMOOTH_DISC = (
-    0.08  # square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
-)
-_FINE_DISC = 0.02  # of tiles half as wide, between which the ground bends as much: up to 82 degrees
-_LARGEST_GROUND = 0.015  # of a tile on the ground [radii]: light and air are even enough over 100 km
-_LARGEST_FINE = 0.06  # of a fine one
-_POLE_SPANS = (
-    16  # from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
-)
-_LEVEL_STEP = 0.5  # of the levels of detail: a smooth tile has one for all its pixels
-# of a tile on the ground [radii]: one degree; larger ones may hold ocean_colour between their corners
+# square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
+_SMOOTH_DISC = 0.08
+_FINE_DISC = 0.02  # of tiles half as wide, for the same curvature: up to 82 degrees
+# largest extent of a tile on the ground [radii]: light and air are even enough over 100 km
+_LARGEST_GROUND = 0.015
+_LARGEST_FINE = 0.06  # the same for a fine tile
+# from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
+_POLE_SPANS = 16
+_LEVEL_STEP = 0.5  # step of the level of detail: a smooth tile has one for all its pixels
+# largest extent on the ground [radii], one degree; larger tiles may hold bright water between their corners
 _LARGEST_OPEN = 0.017
-_MOONLIT_MU = -0.06  # of the same: there moonlight begins to count, shaders/earth/point.glsl
-_UNLIT_MU, _MOONLESS_MU = GROUND_MU_MIN - 0.005, -0.05  # of Sun and Moon: neither shines where both are lower
-_NIGHT_MU = 0.03  # cosine of the Sun's zenith angle: city lights are out where it is higher
+_MOONLIT_MU = -0.06  # sine of the Sun's elevation below which moonlight counts, shaders/earth/point.glsl
+# sines of the elevations of Sun and Moon below which neither shines
+_UNLIT_MU, _MOONLESS_MU = GROUND_MU_MIN - 0.005, -0.05
+_NIGHT_MU = 0.03  # sine of the Sun's elevation above which city lights are off
 
 
 class _CornerRays:
-    """The rays through the corners of all tiles: the ground that they meet, and how much of it a tile spans there.
+    """The rays through the corners of all tiles, and the ground that they meet.
 
-    Parameters
+    Attributes
     ----------
-    directions : (N, M, 3) and ``along``: their products with the camera's place. perigee2 : square of how near they
-        pass to the centre. disc : of their depth under the sphere, 1 at the nadir. distance : to the ground [radii].
-    footprint_km : of a pixel. span : of a tile on the ground across its ray [radii].
+    directions : (N, M, 3) unit vectors. along : their dot products with the camera's position.
+    perigee2 : square of their distance from the centre. disc : square of their depth under the sphere, 1 at the nadir.
+    distance : distance to the ground [radii]. footprint_km : footprint of a pixel.
+    span : extent of a tile on the ground across its ray [radii].
     """
 
     def __init__(self, earth: GlobeView, camera: Camera) -> None:
@@ -76,19 +73,19 @@ class _CornerRays:
         self.disc = 1 - self.perigee2
         self.depth = np.sqrt(np.maximum(self.disc, 0))
         self.distance = -self.along - self.depth
-        # the mean of its two axes, as in shaders/earth/point.glsl
+        # the mean of both axes, as in shaders/earth/point.glsl
         self.footprint_km = (
             self.distance * EARTH_RADIUS_M * 1e-3 * pixel_rad / np.sqrt(np.fmax(self.depth, 0.02))
         )
-        # seen from far away a tile spans much of the Earth
+        # seen from far away, a tile spans much of the Earth
         self.span = self.distance * self.size_px * pixel_rad
         self.ground = [earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
 
     def smooth(self, camera: Camera) -> tuple[BoolArray, BoolArray]:
-        """Tiles that are smooth as they are, and others that are when they are cut into two by two fine ones."""
+        """Return tiles that are smooth, and others that are smooth if divided into two by two fine ones."""
         before, span, depth = self.along < 0, self.span, self.depth
         x, y, z = self.ground
-        # a map's columns run together at a pole, and jump on the meridian beyond it; the detail folds at the equator
+        # a map's columns converge at a pole, and jump on the meridian beyond it; the detail folds at the equator
         aside = np.abs(self.earth.camera[0] * y - self.earth.camera[1] * x) > 2 * span * np.hypot(
             *self.earth.camera[:2]
         )
@@ -99,18 +96,18 @@ class _CornerRays:
         fine_corner = (
             even & (self.disc > _FINE_DISC) & (0.5 * span < np.minimum(_LARGEST_FINE * depth, off_pole))
         )
-        # their quarters are of whole pixels by four
+        # fine tiles must consist of whole 2 x 2 pixels
         fine_corner &= self.size_px % 8 == 0
         fine = _all_corners(fine_corner)
         if not camera.distortion.is_none:
-            # a lens's rays are known inside the image only, and a tile must know those of its corners
+            # a lens's rays are known only inside the image, and a tile needs those of its corners
             across, down = self.x_px[1:] < camera.width_px, self.y_px[1:] < camera.height_px
             smooth &= across[None, :] & down[:, None]
             fine &= across[None, :] & down[:, None]
         return smooth, fine & ~smooth
 
     def touched(self) -> tuple[BoolArray, BoolArray]:
-        """Tiles that the Earth or its air touches, and those of which none is ground."""
+        """Return tiles that the Earth or its air touches, and those of them without ground."""
         # a ray's perigee moves by at most the camera's distance times the angle: within a tile, half its diagonal
         camera = float(np.linalg.norm(self.earth.camera))
         reach, perigee = camera * 0.75 * self.size_px * self.pixel_rad * 1.01, np.sqrt(self.perigee2)
@@ -119,11 +116,11 @@ class _CornerRays:
         return ~_all_corners(~touched), _all_corners(air)
 
     def sines(self, body: FloatArray) -> FloatArray:
-        """(N, M) of the elevation on the ground of a body in the direction of a unit vector."""
+        """Return (N, M) sines of a body's elevation at the ground points, from the unit vector to it."""
         return np.asarray(self.earth.camera @ body + self.distance * (self.directions @ body))
 
     def waters(self, day: str) -> tuple[BoolArray, BoolArray]:
-        """Tiles that may be near sea ice, and near water that is shallow or turbid."""
+        """Return tiles that may be near sea ice, and tiles near shallow or turbid water."""
         # a tile seen from far away, or over the limb, reaches beyond its corners
         span = self.span / np.fmax(self.depth, 0.1)
         x, y, z = self.ground
@@ -133,19 +130,19 @@ class _CornerRays:
         return ~_all_corners(no_ice), ~_all_corners(deep)
 
     def middles_px(self, row: IntArray, column: IntArray) -> Float32Array:
-        """(K, 2) of tiles."""
+        """Return the centres (K, 2) of tiles."""
         corner = np.stack([self.x_px[column], self.y_px[row]], axis=1).astype(np.float32)
         return np.asarray(corner + np.float32(self.size_px / 2))
 
 
 class SortedTilesPass(EarthTilesPass):
-    """Cuts what the Earth touches into tiles by what their pixels see."""
+    """Divides the part of the image that the Earth touches into tiles by kind."""
 
     reads = (*EarthTilesPass.reads, VIEW)
     optional = (TARGET,)
 
     def run(self, r: PassResources) -> None:
-        """Cut and sort the tiles, where the Earth is in the image."""
+        """Make and sort the tiles, if the Earth is in the image."""
         scene, earth, target = r[SCENE], r[GLOBE], r.find(TARGET)
         if earth.rect is not None:
             target_px = None if target is None else target.tiles_px
@@ -156,12 +153,12 @@ class SortedTilesPass(EarthTilesPass):
 def earth_tiles(
     earth: GlobeView, camera: Camera, target_px: FloatArray | None, day: str, moon: FloatArray | None
 ) -> ScreenTiles:
-    """Cut the image into tiles and sort them.
+    """Divide the image into tiles and sort them.
 
     Parameters
     ----------
     target_px : (K, 2) centres of the tiles that the target may touch, ``None`` without target.
-    day : ISO 8601, whose sea ice is drawn. moon : unit vector to it, ``None`` where it gives no light.
+    day : ISO 8601 day of the sea ice. moon : unit vector to the Moon, ``None`` if it gives no light.
     """
     rays = _CornerRays(earth, camera)
     size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1
@@ -173,17 +170,17 @@ def earth_tiles(
     moonless = True if moon is None else rays.sines(moon) < _MOONLESS_MU
     unlit = _all_corners((sun < _UNLIT_MU) & moonless) & (smooth | fine)
     icy, bright_water = rays.waters(day)
-    # one number per kind of tile
+    # encode the kind of a tile as one number
     ground = unlit * 128 + ~unlit * (bright_water * 16 + icy * 8)
     kind = covered * 2 + air * 32 + ~air * (ground + night) + (smooth | fine) * 4
     height = np.log2(np.fmax(rays.footprint_km, 1e-6)) / _LEVEL_STEP
     level = np.where(smooth, np.round(height[:-1, :-1]), 0).astype(int)
-    drawn = touched & ~fine
-    codes, centers = (kind + level * 256)[drawn], rays.middles_px(*drawn.nonzero())
+    undivided = touched & ~fine
+    codes, centers = (kind + level * 256)[undivided], rays.middles_px(*undivided.nonzero())
     halved_row, halved_column = fine.nonzero()
     halved = halved_row.astype(np.int64), halved_column.astype(np.int64)
     if len(halved[0]):
-        # middles of the quarters, and their levels between those of the tile's corners: rather sharp than blurred
+        # centres of the quarters; their levels are interpolated between the corners', rounded to the sharper side
         whole, levels = rays.middles_px(*halved), height[:-1, :-1][halved]
         step = [height[1:, :-1][halved] - levels, height[:-1, 1:][halved] - levels]
         for down, right in itertools.product((0.25, 0.75), repeat=2):
@@ -203,11 +200,11 @@ def earth_tiles(
 
 
 def _covered(shape: tuple[int, int], size_px: int, target_px: FloatArray | None) -> BoolArray:
-    """Tiles that the target may be in front of; ``target_px`` as of `earth_tiles`."""
+    """Return tiles that the target may cover; ``target_px`` as in `earth_tiles`."""
     covered = np.zeros(shape, bool)
     if target_px is None:
         return covered
-    # a tile of the target's is no larger than one of these: it lies in those of its corners, mostly in one
+    # a tile of the target is no larger than one of these: it lies within those of its corners
     first_px = (target_px - (TILE_PX - 1) / 2).astype(np.int32)
     low, high = first_px // size_px, (first_px + TILE_PX - 1) // size_px
     ends = (low,) if np.array_equal(low, high) else (low, high)

@@ -26,12 +26,11 @@ DIFFUSE_DEG = 60.0
 
 
 class AreaLight(Section, frozen=True, kw_only=True):
-    """A lit rectangle: a diffuse box (``half_angle_deg`` of 60), or with a narrower beam a lamp.
+    """A luminous rectangle: a diffuse box (``half_angle_deg`` of 60) or, with a narrower beam, a lamp.
 
-    ``position_m`` is its middle, in the axes of the ``camera`` (right, down, forward; it moves along with it) or of the
-    ``target``. It shines from one side, along ``direction``, or at the target's origin where that is left out.
-    ``turn_deg`` turns it about that axis. Radiance is on the axis, panchromatic, of the Sun's colour. It is not drawn
-    itself where the camera looks at it.
+    ``position_m`` is its centre in the axes of ``frame``: ``camera`` (right, down, forward) or ``target``. It emits on
+    one side, along ``direction``, or by default towards the target's origin; ``turn_deg`` rotates it about that axis.
+    Radiance is on the axis, panchromatic, with the Sun's spectrum. The camera does not see the light itself.
     """
 
     position_m: tuple[_Place, _Place, _Place]
@@ -46,11 +45,11 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
     @property
     def exponent(self) -> float:
-        """Exponent of the cosine from the axis by which the radiance falls; 0 for a diffuse light."""
+        """Exponent of the cosine from the axis in the radiance; 0 for a diffuse light."""
         return max(float(np.log(0.5) / np.log(np.cos(np.radians(self.half_angle_deg)))) - 1.0, 0.0)
 
     def placed(self, camera_from_target: Pose) -> PlacedLight:
-        """Return the light in the camera's axes."""
+        """Return the light in camera axes."""
         middle, along = np.asarray(self.position_m, float), self.direction
         origin = np.zeros(3) if self.frame == "target" else np.asarray(camera_from_target.t_m)
         axis = origin - middle if along is None or not np.any(along) else np.asarray(along, float)
@@ -73,9 +72,7 @@ class AreaLight(Section, frozen=True, kw_only=True):
 
 
 def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors (3,) perpendicular to an axis: one level in camera axes, the other as far down as
-    possible.
-    """
+    """Return two unit vectors (3,) perpendicular to an axis, the first level and the second downward in camera axes."""
     across = np.cross([0.0, 1.0, 0.0], axis)
     length = float(np.linalg.norm(across))
     across = np.array([1.0, 0.0, 0.0]) if length < 1e-3 else across / length
@@ -85,12 +82,12 @@ def axes_across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class PlacedLight:
-    """A light in the camera's axes.
+    """A light in camera axes.
 
     Parameters
     ----------
-    middle_m : (3,). axis : (3,) unit vector along which it shines. right_m, down_m : (3,) half of its sides.
-    exponent : of the cosine from the axis.
+    middle_m : (3,) centre. axis : (3,) unit vector of emission. right_m, down_m : (3,) half sides.
+    exponent : exponent of the cosine from the axis.
     """
 
     middle_m: FloatArray
@@ -100,7 +97,7 @@ class PlacedLight:
     exponent: float
 
     def points_m(self, count: int) -> FloatArray:
-        """Return (count, 3) points that represent equal patches, no two aligned with either axis."""
+        """Return (count, 3) points that represent equal patches, with no two on a line parallel to a side."""
         u, v = rook_points(count).T
         return np.asarray(self.middle_m + u[:, None] * self.right_m + v[:, None] * self.down_m)
 
@@ -110,11 +107,11 @@ class PlacedLight:
         return float(4 * np.linalg.norm(np.cross(self.right_m, self.down_m)))
 
     def irradiance_factor(self, positions_m: FloatArray, normals: FloatArray, count: int = 16) -> FloatArray:
-        """Return the (K,) irradiance over radiance on unshadowed faces [sr].
+        """Return (K,) irradiance over radiance on unshadowed faces [sr].
 
         Parameters
         ----------
-        positions_m, normals : (K, 3) camera axes. count : of patches.
+        positions_m, normals : (K, 3) in camera axes. count : number of patches.
         """
         d = self.points_m(count)[None] - np.asarray(positions_m, float)[:, None]
         square = np.maximum((d * d).sum(axis=2), 1e-4)
@@ -129,7 +126,7 @@ class PlacedLight:
 def rook_points(count: int) -> FloatArray:
     """Return (count, 2) points of the square from -1 to 1, one in each row and column (N-rooks).
 
-    The order of columns is that of the golden ratio's multiples: neighbouring rows lie far apart.
+    Columns are in the order of multiples of the golden ratio, so that neighbouring rows are far apart.
     """
     k = np.arange(count)
     order = np.argsort(np.argsort((k * 0.6180339887498949) % 1.0))

@@ -1,7 +1,7 @@
-"""Scattering in a spherical atmosphere, in double precision: the oracle and the tables of the renderer.
+"""Scattering in a spherical atmosphere in double precision: reference and table source for the renderer.
 
-Lengths are in metres, heights above a sphere of Earth's equatorial radius. The renderer draws an ellipsoid by
-stretching its polar axis to this sphere first, so that one atmosphere fits every latitude.
+Lengths are in metres, heights above a sphere of Earth's equatorial radius. The renderer first stretches the ellipsoid's
+polar axis to this sphere, so that one atmosphere fits every latitude.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ class Atmosphere:
 
     Parameters
     ----------
-    rayleigh_m : (n,) scattering at sea level [m-1]. mie_scattering_m, mie_extinction_m : the same, aerosol.
+    rayleigh_m : (n,) scattering at sea level [m-1].
+    mie_scattering_m, mie_extinction_m : the same coefficients of the aerosol.
     ozone_m : (n,) absorption at the peak of the layer [m-1].
-    layers_m, falls_m : (LAYERS,) lowest heights [m] of layers of the Rayleigh scatterers, and by how much more of the
-        density's logarithm is lost to a metre from there on [m-1].
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : its scale height [m].
+    layers_m, falls_m : (LAYERS,) lowest heights of exponential layers of the Rayleigh scatterers [m], and the increase
+        of the density's logarithmic slope from there on [m-1].
+    aerosol_depth : vertical optical depth of the aerosol at 550 nm. mie_height_m : scale height of the aerosol [m].
     mie_g : asymmetry of the Cornette-Shanks phase function.
-    airglow_w_m2_sr : (n,) radiance of the airglow straight up [W m-2 sr-1]. airglow_m : its lower and upper edge [m].
+    airglow_w_m2_sr : (n,) radiance of the airglow at the zenith [W m-2 sr-1]. airglow_m : lower and upper edge [m].
     thickness_m : height of the top [m].
     """
 
@@ -65,7 +66,7 @@ class Atmosphere:
         return self.radius_m + self.thickness_m
 
     def density(self, height_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Rayleigh, aerosol and ozone density relative to sea level (to the peak, ozone) at a height."""
+        """Return Rayleigh, aerosol and ozone density at a height, relative to sea level (ozone: to its peak)."""
         h = np.maximum(height_m, 0.0)
         fall = np.zeros_like(h)
         for layer, more in zip(self.layers_m, self.falls_m, strict=True):
@@ -87,22 +88,22 @@ class Atmosphere:
 def earth_atmosphere(
     bands: Bands, thickness_m: float = 100_000.0, aerosol_depth: float | None = None
 ) -> Atmosphere:
-    """Return the Earth's air; parameters as of `body_atmosphere`."""
+    """Return the Earth's atmosphere; the parameters are those of `body_atmosphere`."""
     return body_atmosphere(EARTH, bands, thickness_m, aerosol_depth)
 
 
 def body_atmosphere(
     body: Body, bands: Bands, thickness_m: float | None = None, aerosol_depth: float | None = None
 ) -> Atmosphere:
-    """Return the air of a body per band of the camera; without air it scatters nothing.
+    """Return the atmosphere of a body, per band; without air it scatters nothing.
 
-    Depths are means over a band's wavelengths. Weighted by the Sun's energy, the panchromatic Rayleigh depth would be
-    7 % more, by its photons 2 % less.
+    Depths are means over a band's wavelengths. Weighted by the Sun's energy the panchromatic Rayleigh depth would be 7
+    % larger, weighted by photons 2 % smaller.
 
     Parameters
     ----------
-    thickness_m : height at which it is cut off, in place of its own; its density up to there is the same.
-    aerosol_depth : vertical optical depth of the aerosol at 550 nm, in place of its own.
+    thickness_m : height of the top, by default the body's; densities below do not change.
+    aerosol_depth : vertical optical depth of the aerosol at 550 nm, by default the body's.
     """
     air = body.air or _NO_AIR
     a, b = air.rayleigh_dispersion_um
@@ -120,7 +121,7 @@ def body_atmosphere(
         ozone_m=np.array([air.ozone_m.get(band.name, 0.0) for band in all_bands]),
         layers_m=layers_m,
         falls_m=falls_m,
-        aerosol_depth=round(aerosol_m * air.aerosol_height_m, 9),  # the number that was given
+        aerosol_depth=round(aerosol_m * air.aerosol_height_m, 9),  # recover the given number
         mie_height_m=air.aerosol_height_m,
         mie_g=air.aerosol_g,
         airglow_w_m2_sr=np.array([air.airglow_w_m2_sr.get(band.name, 0.0) for band in all_bands]),
@@ -131,7 +132,7 @@ def body_atmosphere(
 
 
 def _layers(air: BodyAir) -> tuple[FloatArray, FloatArray]:
-    """Return the lower heights and the extra decay rates of the density (LAYERS,), as of `Atmosphere`."""
+    """Return the lowest heights and slope increases of the density (LAYERS,), see `Atmosphere`."""
     profile = air.density or ((0.0, 1.0), (air.rayleigh_height_m, float(np.exp(-1.0))))
     height, density = np.array(profile).T
     falls = np.diff(-np.diff(np.log(density)) / np.diff(height), prepend=0.0)
@@ -152,7 +153,7 @@ def mie_phase(cosine: FloatArray, g: float) -> FloatArray:
 
 
 def sun_share(radius_m: FloatArray, mu_sun: FloatArray, ground_m: float) -> FloatArray:
-    """Return the share of the Sun's disc above the horizon at a radius, 0..1 (smooth step over the disc's diameter).
+    """Return the share of the Sun's disc above the horizon at a radius, 0..1 (smoothstep over the disc's diameter).
 
     Parameters
     ----------
@@ -169,12 +170,12 @@ def optical_depth_to_top(
     """Return the optical depth (..., n) from a radius along zenith cosine ``mu`` to the top, ignoring the ground."""
     r, mu = np.broadcast_arrays(np.asarray(radius_m, float), np.asarray(mu, float))
     length = np.asarray(-r * mu + np.sqrt(np.clip((r * mu) ** 2 + air.top_m**2 - r * r, 0, None)))
-    # samples close up to where the ray is lowest: its start, or its perigee when it looks down
+    # denser samples near the lowest point of the ray: its start, or its perigee if it descends
     low = np.asarray(np.clip(-r * mu, 0, length))
     edges = np.linspace(0, 1, steps + 1)
     x = 0.5 * (edges[1:] + edges[:-1])
     depth = np.zeros((*r.shape, len(air.rayleigh_m)))
-    # to the lowest point, of rays that have one, and from there to the top
+    # descending rays: to the lowest point, and from there to the top
     for begin, end, which in ((low, np.zeros_like(low), low > 0), (low, length, np.ones(low.shape, bool))):
         if not which.any():
             continue
@@ -191,23 +192,23 @@ def optical_depth_to_top(
 def transmittance_to_sun(air: Atmosphere, radius_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
     """Return the transmittance (..., n) to the Sun at a radius, including the horizon."""
     share = np.asarray(sun_share(np.asarray(radius_m, float), np.asarray(mu_sun, float), air.radius_m))
-    # rays below the geometric horizon are those of the disc's upper part: they see the horizon's air
+    # rays below the geometric horizon stand for the upper part of the disc: they see the horizon's air
     r = np.maximum(np.asarray(radius_m, float), air.radius_m)
     horizon = -np.sqrt(np.clip(1 - (air.radius_m / r) ** 2, 0, None))
     mu = np.asarray(np.maximum(mu_sun, horizon))
     through = np.zeros((*share.shape, len(air.rayleigh_m)))
-    lit = share > 0
-    through[lit] = np.exp(-optical_depth_to_top(air, np.broadcast_to(r, lit.shape)[lit], mu[lit]))
+    is_lit = share > 0
+    through[is_lit] = np.exp(-optical_depth_to_top(air, np.broadcast_to(r, is_lit.shape)[is_lit], mu[is_lit]))
     return through * share[..., None]
 
 
 @dataclass(frozen=True, eq=False)
 class PathLight:
-    """In-scattered radiance per unit irradiance without phase function [1], and transmittance [1], of a path.
+    """In-scattered radiance per unit irradiance, without phase function [1], and transmittance [1], of a path.
 
     Parameters
     ----------
-    multiple : (K, n) light scattered twice or more, even in all directions [sr-1]; zero when it was not asked for.
+    multiple : (K, n) light scattered at least twice, isotropic [sr-1]; zero if not requested.
     """
 
     rayleigh: FloatArray
@@ -218,25 +219,25 @@ class PathLight:
 
 @dataclass(frozen=True, eq=False)
 class MultipleScattering:
-    """Radiance at a point after two or more scatterings, averaged over directions.
+    """Radiance at a point after at least two scatterings, averaged over directions.
 
     Parameters
     ----------
-    psi : (HEIGHTS, SUNS, n) over the Sun's irradiance [sr-1]; rows: square root of the height over the thickness;
-        columns: cosine of the Sun's zenith angle, -1 to 1 stretched about the horizon (``sun_column``).
+    psi : (HEIGHTS, SUNS, n) radiance over the Sun's irradiance [sr-1]; rows: square root of height over thickness;
+        columns: cosine of the Sun's zenith angle, -1 to 1, stretched around the horizon (``sun_column``).
     """
 
     psi: FloatArray
     thickness_m: float
 
     def __call__(self, height_m: FloatArray, mu_sun: FloatArray) -> FloatArray:
-        """Interpolate linearly in the table: (..., n)."""
+        """Return the linearly interpolated table: (..., n)."""
         row = np.sqrt(np.clip(height_m / self.thickness_m, 0, 1))
         return between(self.psi, row, sun_column(np.asarray(mu_sun, float)))
 
 
 def between(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
-    """Interpolate a table (rows, columns, n) linearly, at shares 0..1 of its height and width: (..., n)."""
+    """Interpolate a table (rows, columns, n) linearly at positions 0..1 along its axes: (..., n)."""
     rows, columns, _ = table.shape
     y, x = np.broadcast_arrays(row * (rows - 1), column * (columns - 1))
     i, k = np.minimum(y.astype(int), max(rows - 2, 0)), np.minimum(x.astype(int), columns - 2)
@@ -260,15 +261,15 @@ def path_light(
     steps: int = 64,
     multiple: MultipleScattering | None = None,
 ) -> PathLight:
-    """Compute the scattering along rays (K, 3) from a camera outside or inside the air, to the ground or to space.
+    """Compute the light scattered along rays (K, 3) from a camera outside or inside the air, to ground or space.
 
     The radiance is ``E_sun * (rayleigh * rayleigh_phase + mie * mie_phase + multiple)``.
 
     Parameters
     ----------
-    camera_m : (3,) from the Earth's centre. directions : (K, 3) unit.
-    sun : (..., 3) unit, towards the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
-    multiple : adds the light scattered twice or more.
+    camera_m : (3,) position from the Earth's centre. directions : (K, 3) unit vectors.
+    sun : (..., 3) unit vectors to the Sun; with several, in-scatter is (..., K, n) and transmittance (K, n).
+    multiple : table of light scattered at least twice, to be added.
     """
     d = np.asarray(directions, float)
     b = d @ camera_m
@@ -286,8 +287,8 @@ def path_light(
     depth = np.zeros((len(d), len(air.rayleigh_m)))
     rayleigh, mie, more = (np.zeros((*sun.shape[:-1], *depth.shape)) for _ in range(3))
     for k in range(steps):
-        # steps shorten towards the ground, where the aerosol is, and from a camera in the air; others are even, which
-        # for the bell-shaped density about the perigee converges fast
+        # steps get shorter towards the ground, where the aerosol is, and away from a camera in the air; otherwise they
+        # are uniform, which converges fast for the bell-shaped density about the perigee
         x = (k + 0.5) / steps
         t = start + length * np.where(hit_ground, 1 - (1 - x) ** 2, np.where(inside, x**2, x))
         dt = length / steps * np.where(hit_ground, 2 * (1 - x), np.where(inside, 2 * x, 1.0))
@@ -297,7 +298,7 @@ def path_light(
         step_depth = air.extinction_m(r - air.radius_m) * dt[:, None]
         mu_sun = sun @ p.T / r
         half2 = 0.25 * step_depth**2
-        # the mean over the step, whose light falls off exponentially: series of sinh(x) / x
+        # mean over the step of exponentially decaying light: series of sinh(x) / x
         arrives = np.exp(-(depth + 0.5 * step_depth)) * (1 + half2 * (1 / 6 + half2 / 120)) * dt[:, None]
         light = transmittance_to_sun(air, r, mu_sun) * arrives
         rayleigh += density_r[:, None] * light * air.rayleigh_m
@@ -310,15 +311,15 @@ def path_light(
 
 
 def airglow_path(air: Atmosphere, perigee_m: FloatArray) -> FloatArray:
-    """Compute the path through the airglow over that straight up, for rays from space that miss the ground.
+    """Compute path lengths through the airglow over that at the zenith, for rays from space that miss the ground.
 
     Parameters
     ----------
-    perigee_m : their least distances from the centre.
+    perigee_m : least distances of the rays from the centre.
     """
     low, high = (air.radius_m + height for height in air.airglow_m)
     a, b = low**2 - perigee_m**2, high**2 - perigee_m**2
-    # emission (r^2 - low^2) (high^2 - r^2): its integral along the ray, from the perigee to each edge
+    # emission (r^2 - low^2) (high^2 - r^2): integral along the ray from the perigee to each edge
     t, u = (np.sqrt(np.maximum(v, 0)) for v in (a, b))
     near, far = (x * (x * x * ((a + b) / 3 - 0.2 * x * x) - a * b) for x in (t, u))
     middle, thick = 0.5 * (low + high), high - low
@@ -337,8 +338,8 @@ def ground_irradiance(
     Parameters
     ----------
     mu_sun : (K,) cosines of the Sun's zenith angle.
-    diffuse : ``False`` leaves the sky's part at zero, and saves nearly all of the time.
-    multiple : adds the light scattered twice or more to the diffuse part.
+    diffuse : ``False`` omits the sky's part, which takes nearly all of the time.
+    multiple : table of light scattered at least twice, added to the diffuse part.
     """
     mu_sun = np.asarray(mu_sun, float)
     direct = (

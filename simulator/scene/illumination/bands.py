@@ -1,4 +1,4 @@
-"""The camera's spectral bands: limits, solar irradiance, and the mapping of reflectances."""
+"""The camera's spectral bands: limits, solar irradiance, and reflectance per band."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Band:
 
     Parameters
     ----------
-    low_nm, high_nm : limits of a flat response.
-    rgb_weights : share of the band's solar light in the red, green and blue of a linear RGB reflectance.
+    low_nm, high_nm : limits of a rectangular response.
+    rgb_weights : share of the band's sunlight in the red, green and blue of a linear RGB reflectance.
     """
 
     name: str
@@ -66,5 +66,5 @@ def reflectance(bands: Bands, rgb: FloatArray) -> FloatArray:
 
 
 def sunlight_balance(bands: Bands) -> FloatArray:
-    """Return the gain per band that makes a white plate in sunlight as bright as in the panchromatic band [1]."""
+    """Return the gain per band at which a white plate in sunlight is as bright as in the panchromatic band [1]."""
     return np.array([PANCHROMATIC.sun_irradiance_w_m2 / band.sun_irradiance_w_m2 for band in bands_of(bands)])

@@ -1,9 +1,9 @@
 """Earth-shine and moon-shine on the spacecraft, as an irradiance field over directions.
 
-The visible part of the Earth is sampled from the target's place: each sample's radiance is the Sun's light there times
-the albedo of ground and clouds there. The field is kept in two forms: irradiance on a plate of any normal, as a
-polynomial of second degree (Ramamoorthi & Hanrahan 2001, An efficient representation for irradiance environment maps),
-and radiance of the Earth's disc as a linear function of direction, for reflections.
+The visible part of the Earth is sampled from the target: each sample's radiance is the sunlight there times the albedo
+of ground and clouds. The field is stored in two forms: irradiance on a plate of any normal, a second-degree polynomial
+(Ramamoorthi & Hanrahan 2001, An efficient representation for irradiance environment maps), and radiance of the Earth's
+disc, linear in direction, for reflections.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
     from flyaround.simulator.world.ephemeris.body import Body
 
-_SAMPLES = 256
-_PLATES = 96
-_GRADIENT = np.arange(3)
+_SAMPLES = 256  # directions over a globe's disc
+_PLATES = 96  # plate normals to which the field is fitted
+_GRADIENT = np.arange(3)  # the gradient's terms, which are regularised
 
 
 @dataclass(frozen=True, eq=False)
 class IrradianceField:
-    """Irradiance of all sources except the Sun on a plate of any normal, camera frame.
+    """Irradiance from all sources but the Sun on a plate of any normal, camera frame.
 
     Parameters
     ----------
     irradiance_w_m2 : (10, n) coefficients per band of 1, x, y, z, xy, yz, zx, 3 z^2 - 1, x^2 - y^2 of the normal, and
-        of the fourth Legendre polynomial of its cosine with ``axis``: a disc is even about its axis.
-    radiance_w_m2_sr : (n, 4) per band, over directions inside the disc: gradient, constant.
-    disc_cosine : of the disc's angular radius about ``axis``; -2 for light from everywhere.
+        of the fourth Legendre polynomial of its cosine with ``axis``, about which a disc is symmetric.
+    radiance_w_m2_sr : (n, 4) radiance inside the disc per band: gradient over directions, and constant.
+    disc_cosine : cosine of the disc's angular radius about ``axis``; -2 for light from everywhere.
     axis : (3,) unit vector to the disc's centre.
     """
 
@@ -64,7 +64,7 @@ def _legendre_4(cosine: FloatArray) -> FloatArray:
 
 
 _NORMALS = spherical_fibonacci(_PLATES)
-_DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # its last column is the axis's
+_DESIGN = basis(_NORMALS, np.array([0.0, 0.0, 1.0]))  # the last column needs its axis
 
 
 def _fit_irradiance(axis: FloatArray, irradiance: FloatArray) -> FloatArray:
@@ -80,7 +80,7 @@ def dark_field(bands: int) -> IrradianceField:
 
 
 def uniform_field(radiance_w_m2_sr: FloatArray) -> IrradianceField:
-    """Return the field of uniform radiance from all directions: a white furnace."""
+    """Return the field of uniform radiance from all directions, for white-furnace tests."""
     radiance = np.asarray(radiance_w_m2_sr, float)
     irradiance = np.zeros((10, len(radiance)))
     irradiance[0] = np.pi * radiance
@@ -102,19 +102,20 @@ def field_of_samples(
 
     Parameters
     ----------
-    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1]. solid_angle_sr : of each, or (K,).
-    also_w_m2 : (P, n) irradiance of other light, as `moon_plate_irradiance` gives it.
-    disc : how many of them, the first, are of the disc; the others lie around it.
+    directions : (K, 3) unit vectors from the target. radiance : (K, n) [W m-2 sr-1].
+    solid_angle_sr : solid angle of each sample, or (K,).
+    also_w_m2 : (P, n) irradiance of other light, from `moon_plate_irradiance`.
+    disc : number of samples, first in order, that are on the disc; the others surround it.
     """
-    share = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
-    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * share)
+    solid_angles = np.broadcast_to(solid_angle_sr, len(directions))[:, None]
+    falling = np.maximum(_NORMALS @ directions.T, 0) @ (radiance * solid_angles)
     if also_w_m2 is not None:
         falling += also_w_m2
-    directions, radiance, share = directions[:disc], radiance[:disc], share[:disc]
+    directions, radiance, solid_angles = directions[:disc], radiance[:disc], solid_angles[:disc]
     design = np.ones((len(directions), 4))
     design[:, :3] = directions
-    weighted = design * (share / share.mean())
-    # a little weight on the gradient: a small or evenly lit disc leaves it undetermined
+    weighted = design * (solid_angles / solid_angles.mean())
+    # a small weight on the gradient, which a small or uniform disc leaves undetermined
     normal_equations = design.T @ weighted
     normal_equations[_GRADIENT, _GRADIENT] += 1e-4 * len(directions)
     linear = np.linalg.solve(normal_equations, weighted.T @ radiance)
@@ -147,14 +148,14 @@ def globe_shine(
     radius_m: float,
     also_w_m2: FloatArray | None = None,
 ) -> IrradianceField:
-    """Compute the light of the part of a globe that a target sees.
+    """Compute the light of the part of a globe that is visible from a target.
 
     Parameters
     ----------
-    r_target_globe_m, sun_globe : in the globe's axes; the second a unit vector to the Sun.
-    sun_w_m2 : irradiance of the Sun at the globe, per band. radius_m : of the globe, a sphere here.
-    albedo : (H, W) of a Lambert surface, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
-    also_w_m2 : as of `field_of_samples`.
+    r_target_globe_m, sun_globe : target position [m] and unit vector to the Sun, in the globe's axes.
+    sun_w_m2 : irradiance of the Sun at the globe, per band. radius_m : radius of the globe, here a sphere.
+    albedo : (H, W) Lambertian albedo, equirectangular, row 0 in the north, column 0 at -180 degrees; or (1, 1).
+    also_w_m2 : irradiance of other light, see `field_of_samples`.
     """
     distance = float(np.linalg.norm(r_target_globe_m))
     sine = min(radius_m / distance, 1.0)
@@ -162,7 +163,7 @@ def globe_shine(
     zenith = r_target_globe_m / distance
     cap = spherical_fibonacci(_SAMPLES, rim)
     c = cap[:, 2]
-    # in radii
+    # in units of the radius
     above = distance / radius_m
     along = above * c - np.sqrt(np.maximum(1 - above**2 * (1 - c * c), 0))
     axes = orthonormal_basis(zenith)
@@ -192,12 +193,12 @@ def moon_shine(
     sun_w_m2: FloatArray,
     axis: FloatArray,
 ) -> FloatArray:
-    """Compute (10, n) coefficients of the Moon's light from its phase.
+    """Compute (10, n) coefficients of moonlight from the Moon's phase.
 
     Parameters
     ----------
-    sun : unit vector to the Sun, the frame of ``r_moon_from_target_m``. R_camera : from that frame to the camera's.
-    axis : of the field that these belong to, camera frame.
+    sun : unit vector to the Sun, in the frame of ``r_moon_from_target_m``. R_camera : rotation from it to the camera.
+    axis : axis of the field to which the coefficients belong, camera frame.
     """
     return _fit_irradiance(axis, moon_plate_irradiance(r_moon_from_target_m, sun, R_camera, sun_w_m2))
 
@@ -205,7 +206,7 @@ def moon_shine(
 def moon_plate_irradiance(
     r_moon_from_target_m: FloatArray, sun: FloatArray, R_camera: FloatArray, sun_w_m2: FloatArray
 ) -> FloatArray:
-    """Return the (P, n) irradiance of the Moon on the plates of the fit; parameters as of `moon_shine`."""
+    """Return (P, n) irradiance of moonlight on the plates of the fit; the parameters are those of `moon_shine`."""
     direction = r_moon_from_target_m / np.linalg.norm(r_moon_from_target_m)
     share = moonlight_share(r_moon_from_target_m, sun)
     return np.asarray(np.maximum(_NORMALS @ (R_camera @ direction), 0)[:, None] * (sun_w_m2 * share))

@@ -22,28 +22,29 @@ FLAT_EDGE = 0.03  # share of the half angle over which a flat beam falls to zero
 
 
 class Lamp(Section, frozen=True, kw_only=True):
-    """A lamp of the chaser that shines along the camera's boresight.
+    """A lamp on the chaser, aligned with the camera's boresight.
 
-    ``power_w`` is of the whole beam in the panchromatic band; the intensity falls to half at ``half_angle_deg`` (a
-    ``flat`` beam ends there). ``offset_m`` is its place right of, below and before the camera; it throws no shadows.
+    ``power_w`` is that of the whole beam in the panchromatic band; the intensity is half at ``half_angle_deg`` (a
+    ``flat`` beam ends there). ``offset_m`` is its position right of, below and in front of the camera; it casts no
+    shadows.
     """
 
     # with the Sun's spectrum
     power_w: Annotated[float, Meta(gt=0, le=1e6)]
     half_angle_deg: Annotated[float, Meta(ge=0.5, le=80)] = 20.0
-    # led: a power of the cosine, as bare diodes and those behind lenses shine; gaussian in the angle; flat in its cone
+    # led: power of the cosine, as for bare or lensed diodes; gaussian in the angle; flat inside its cone
     profile: Profile = "led"
-    # away from the camera shadows become visible, by the ratio of this to the range
+    # far from the camera its shadows would be visible, by the ratio of this to the range
     offset_m: MetresXyz = (0.0, 0.0, 0.0)
 
     @property
     def shape(self) -> float:
-        """The exponent of ``led``; one over the half angle [rad-1] otherwise."""
+        """The exponent of ``led``; for other profiles the inverse half angle [rad-1]."""
         half = np.radians(self.half_angle_deg)
         return float(np.log(0.5) / np.log(np.cos(half)) if self.profile == "led" else 1 / half)
 
     def beam(self, angle_rad: ArrayLike) -> FloatArray:
-        """Return the intensity off the axis relative to that on it, 0..1."""
+        """Return the intensity relative to that on the axis, 0..1."""
         angle = np.asarray(angle_rad, float)
         ahead = np.clip(np.cos(angle), 0, None)
         if self.profile == "led":

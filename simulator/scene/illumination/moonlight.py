@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.illumination.bands import Bands
 
 FULL_MOON_SHARE = 2.5e-6  # share of the Sun's irradiance: magnitudes -12.73 and -26.74, Allen (2000)
-# Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), the other
-# bands by the Moon's colour B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
+# Geometric albedo of the near side per band: 0.12 in V (Allen's Astrophysical Quantities 2000, table 12.8), other bands
+# by the Moon's colours B-V = 0.92, V-R = 0.62 against the Sun's 0.65 and 0.35 (the same table)
 _ALBEDO = {"panchromatic": 0.122, "red": 0.143, "green": 0.120, "blue": 0.096}
-_SURGE, _SURGE_DEG = 0.33, 2.0  # opposition surge: excess at zero phase, and its e-folding phase angle
+_SURGE, _SURGE_DEG = 0.33, 2.0  # excess at zero phase, and its e-folding phase angle
 
 
 def moon_albedo(bands: Bands) -> FloatArray:
@@ -26,7 +26,7 @@ def moon_albedo(bands: Bands) -> FloatArray:
 
 
 def disc_phase(angle_rad: FloatArray | float) -> FloatArray:
-    """Return the light of the whole disc relative to that at phase angle zero, 0..1.
+    """Return the brightness of the whole disc relative to that at phase angle zero, 0..1.
 
     References
     ----------
@@ -41,7 +41,7 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
 
     Parameters
     ----------
-    r_moon_m : (3,) the Moon from where it shines. sun : (3,) unit vector to the Sun, the same frame.
+    r_moon_m : (3,) vector to the Moon from the lit point. sun : (3,) unit vector to the Sun, same frame.
     """
     distance = float(np.linalg.norm(r_moon_m))
     phase = math.acos(min(max(float(-r_moon_m @ sun) / distance, -1.0), 1.0))
@@ -49,25 +49,22 @@ def moonlight_share(r_moon_m: FloatArray, sun: FloatArray) -> float:
 
 
 def lommel_seeliger_disc(angle_rad: FloatArray) -> FloatArray:
-    """Return the disc-integrated Lommel-Seeliger reflection relative to zero phase: 1 - sin(a/2) tan(a/2)
-    ln(cot(a/4)).
-    """
+    """Return the disc-integrated Lommel-Seeliger law relative to zero phase: 1 - sin(a/2) tan(a/2) ln(cot(a/4))."""
     half = np.clip(np.abs(np.asarray(angle_rad, float)) / 2, 1e-6, np.pi / 2 - 1e-6)
     return np.asarray(1 - np.sin(half) * np.tan(half) * np.log(1 / np.tan(half / 2)))
 
 
 def surface_phase(angle_rad: FloatArray) -> FloatArray:
-    """Return the surface phase function for which a Lommel-Seeliger disc follows ``disc_phase``, times the opposition
-    surge.
+    """Return the surface phase function for which a Lommel-Seeliger disc follows ``disc_phase``, with opposition surge.
 
-    The surge belongs to the phases that are not seen from the Earth but in eclipse.
+    The surge is at phase angles that are visible from space, but from the Earth only in eclipse.
 
     References
     ----------
     Buratti, Hillier & Wang (1996), The lunar opposition surge: observations by Clementine, Icarus 124, 490: the ground
     at 0 degrees is 1.4 times as bright as at 4.
     """
-    # beyond 165 degrees the crescent's light is that of relief, which neither formula knows
+    # beyond 165 degrees relief dominates the crescent, which neither formula describes
     angle = np.clip(np.abs(np.asarray(angle_rad, float)), 0, np.radians(165))
     surge = 1 + _SURGE * np.exp(-np.degrees(angle) / _SURGE_DEG)
     return surge * disc_phase(angle) / lommel_seeliger_disc(angle)

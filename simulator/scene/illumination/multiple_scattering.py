@@ -1,8 +1,8 @@
 """Multiple scattering in double precision, as a table over height and the Sun's zenith angle.
 
-What arrives at a point after the first scattering is scattered on evenly, as in Hillaire (2020), A scalable and
-production ready sky and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5; but order by order
-along the rays and with the sky's light on the ground, where he takes the orders as a geometric series at one place.
+Light is scattered isotropically after the first scattering, as in Hillaire (2020), A scalable and production ready sky
+and atmosphere rendering technique, Computer Graphics Forum 39(4), section 5.5. Unlike there, orders are summed along
+the rays, with the sky's light on the ground, instead of as a local geometric series.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.atmosphere import Atmosphere
 
-HEIGHTS, SUNS = 24, 33
-_STEPS = 16
-_ORDERS = 12  # scattering orders: blue light over snow is then down to a thousandth
-_POLAR, _TURNS = 8, 6
+HEIGHTS, SUNS = 24, 33  # size of the table: heights, and elevations of the Sun
+_STEPS = 16  # steps along a ray
+_ORDERS = 12  # number of scattering orders: blue light over snow has then decayed to a thousandth
+_POLAR, _TURNS = 8, 6  # directions of integration: polar and azimuth angles
 
 
 def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) -> MultipleScattering:
@@ -38,7 +38,7 @@ def multiple_scattering(air: Atmosphere, ground_albedo: float = EARTH.albedo) ->
     # the middle column is on the horizon
     column = np.linspace(-1, 1, SUNS)
     mu_sun = np.sign(column) * column**2
-    # a metre above the ground, a metre below the top: rays then know where they are
+    # a metre above the ground and below the top, so that rays are unambiguous
     height = np.linspace(0, 1, HEIGHTS) ** 2 * air.thickness_m
     height = np.clip(height, 1.0, air.thickness_m - 1.0)
     rays, weight = _sphere()
@@ -52,7 +52,7 @@ def _sphere() -> tuple[FloatArray, FloatArray]:
     nodes, weights = np.polynomial.legendre.leggauss(_POLAR)
     c, a = (v.ravel() for v in np.meshgrid(nodes, (np.arange(_TURNS) + 0.5) / _TURNS * np.pi, indexing="ij"))
     s = np.sqrt(1 - c * c)
-    # the sky is symmetric about the Sun's vertical: half of the turns are enough
+    # the sky is symmetric about the Sun's vertical: half of the azimuths suffice
     return np.stack([s * np.cos(a), s * np.sin(a), c], axis=1), np.repeat(weights / 2, _TURNS) / _TURNS
 
 
@@ -60,7 +60,7 @@ class _SunTable:
     """Transmittance to the Sun from tabulated optical depths by height and cosine above the horizon, to 1e-3."""
 
     def __init__(self, air: Atmosphere) -> None:
-        from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
+        from scipy.interpolate import RegularGridInterpolator  # noqa: PLC0415 - slow to import
 
         self._air = air
         height, lift = np.linspace(0, 1, 40), np.linspace(0, 1, 60)
@@ -84,14 +84,14 @@ class _SunTable:
 
 @dataclass(frozen=True, eq=False)
 class _Paths:
-    """Rays from each of H heights in K directions, for S Suns: the radiance that reaches their starts.
+    """Rays from each of H heights in K directions, for S Suns: quantities for the radiance at their starts.
 
     Parameters
     ----------
-    first : (H, K, S, n) radiance of light scattered once. sunlit : (H, K, S, n) that of ground in direct sunlight.
-    scattered : (STEPS, H, K, n) share of the radiance from all around that each step scatters this way.
-    row, column : (STEPS, H, K), (STEPS, H, K, S) places of the steps in the table.
-    foot, foot_column : (H, K, n) radiance of white ground over its irradiance; (H, K, S) place there.
+    first : (H, K, S, n) radiance of single scattering. sunlit : (H, K, S, n) radiance of ground in direct sunlight.
+    scattered : (STEPS, H, K, n) share of the mean radiance that each step scatters along the ray.
+    row, column : (STEPS, H, K), (STEPS, H, K, S) positions of the steps in the table.
+    foot, foot_column : (H, K, n) radiance of white ground over its irradiance; (H, K, S) column there.
     """
 
     first: FloatArray
@@ -104,7 +104,7 @@ class _Paths:
 
 
 def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatArray) -> _Paths:
-    """March along the rays (K, 3) from radii (H,), for Suns (S, 3)."""
+    """Integrate along the rays (K, 3) from radii (H,), for Suns (S, 3)."""
     sunlight = _SunTable(air)
     mu, at = rays[:, 2], radius_m[:, None]
     to_top = -at * mu + np.sqrt((at * mu) ** 2 + air.top_m**2 - at**2)
@@ -118,14 +118,14 @@ def _paths(air: Atmosphere, radius_m: FloatArray, rays: FloatArray, suns: FloatA
     start = np.array([0.0, 0.0, 1.0]) * radius_m[:, None, None]
     steps = []
     for k in range(_STEPS):
-        # dense near the point, where most of the light is
+        # dense near the start, where most of the light comes from
         edge0, edge1 = (k / _STEPS) ** 2, ((k + 1) / _STEPS) ** 2
         t, dt = 0.5 * (edge0 + edge1) * length, (edge1 - edge0) * length
         p = start + t[..., None] * rays
         r = np.linalg.norm(p, axis=-1)
         rayleigh, mie, _ = air.density(r - air.radius_m)
         extinction = air.extinction_m(r - air.radius_m)
-        # analytic over the step: exact for even air, however thick
+        # analytic over the step: exact for uniform air of any thickness
         through = np.exp(-extinction * dt[..., None])
         arrives = np.exp(-depth) * (1 - through) / np.maximum(extinction, 1e-30)
         mu_sun = np.clip(p @ suns.T / r[..., None], -1, 1)
@@ -149,14 +149,14 @@ def _second_and_on(
 ) -> MultipleScattering:
     """Sum the mean radiance of all higher orders; rays have zenith cosines ``mu``."""
     up = np.clip(mu, 0, None) * weight * 4 * np.pi
-    known = paths.first + albedo * paths.sunlit
-    light = known
+    total = paths.first + albedo * paths.sunlit
+    light = total
     for _ in range(_ORDERS):
         psi = np.stack([np.einsum("k,ksn->sn", weight, one) for one in light])
-        falling = np.einsum("k,ksn->sn", up, light[0])[None]  # on the ground
-        more = np.zeros_like(known)
+        falling = np.einsum("k,ksn->sn", up, light[0])[None]  # irradiance on the ground
+        more = np.zeros_like(total)
         for scattered, row, column in zip(paths.scattered, paths.row, paths.column, strict=True):
             more += scattered[:, :, None] * between(psi, row[..., None], column)
         ground = between(falling, np.zeros_like(paths.foot_column), paths.foot_column)
-        light = known + more + albedo * paths.foot[:, :, None] * ground
+        light = total + more + albedo * paths.foot[:, :, None] * ground
     return MultipleScattering(psi, thickness_m)

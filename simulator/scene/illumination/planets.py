@@ -18,9 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Planet:
-    """Number in SOFA's list, V at one astronomical unit from Sun and Earth, change with the phase angle, B-V.
+    """Photometry of a planet.
 
-    ``phase`` are coefficients of the powers 1, 2, 3 of the phase angle in degrees.
+    Parameters
+    ----------
+    number : SOFA's number of the planet. magnitude : V at 1 au from Sun and Earth.
+    phase : coefficients of the powers 1, 2, 3 of the phase angle in degrees.
     """
 
     name: str
@@ -40,12 +43,12 @@ _PLANETS = (
     _Planet("Saturn", 6, -8.88, (4.4e-2, 0.0, 0.0), 1.09),
 )
 NAMES = tuple(planet.name for planet in _PLANETS)
-_LIGHT_DAYS_PER_AU = 499.004784 / 86400.0
+_LIGHT_DAYS_PER_AU = 499.004784 / 86400.0  # light time of an astronomical unit [days]
 
 
 @dataclass(frozen=True, eq=False)
 class PlanetLight:
-    """Planets seen from a place: unit directions (5, 3) GCRS without aberration, V magnitudes, B-V colours."""
+    """Planets seen from a position: unit directions (5, 3) GCRS without aberration, V magnitudes, B-V colours."""
 
     directions: FloatArray
     v_mag: FloatArray
@@ -55,23 +58,21 @@ class PlanetLight:
 def planets(epoch_utc: str, observer_eci_m: FloatArray) -> PlanetLight:
     """Return the five bright planets, in the order of ``NAMES``.
 
-    Positions are SOFA's ``iauPlan94``: within half an arc minute, for Saturn one and a half, over 1900-2100; those of
-    the whole minute, in which Mercury moves by 5 arc seconds.
+    Positions are SOFA's ``iauPlan94``: within half an arc minute, for Saturn one and a half, over 1900-2100; rounded to
+    the minute, in which Mercury moves by 5 arc seconds.
 
     Parameters
     ----------
-    observer_eci_m : (3,) from the Earth's centre.
+    observer_eci_m : (3,) position from the Earth's centre.
     """
     almanac = _almanac(epoch_utc[: len("2026-01-01T00:00")])
-    seen = almanac.geocentric_m - np.asarray(observer_eci_m, float)
-    directions = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+    relative = almanac.geocentric_m - np.asarray(observer_eci_m, float)
+    directions = relative / np.linalg.norm(relative, axis=1, keepdims=True)
     return PlanetLight(directions, almanac.v_mag, np.array([p.b_minus_v for p in _PLANETS]))
 
 
 def earth_velocity_c(epoch_utc: str) -> FloatArray:
-    """Return the velocity (3,) of the Earth about the barycentre over that of light, GCRS; it shifts stars by up to
-    20.5".
-    """
+    """Return the barycentric velocity (3,) of the Earth over that of light, GCRS, which shifts stars by up to 20.5"."""
     return _almanac(epoch_utc[: len("2026-01-01T00:00")]).earth_c
 
 
@@ -94,11 +95,11 @@ def _almanac(minute_utc: str) -> _Almanac:
         at = np.asarray(
             without_year_warning(erfa.plan94, now.tt1, now.tt2 - delay, planet.number)["p"], float
         )
-        seen = at - earth
-        r, d = float(np.linalg.norm(at)), float(np.linalg.norm(seen))
-        phase = np.degrees(np.arccos(np.clip(at @ seen / (r * d), -1, 1)))
+        relative = at - earth
+        r, d = float(np.linalg.norm(at)), float(np.linalg.norm(relative))
+        phase = np.degrees(np.arccos(np.clip(at @ relative / (r * d), -1, 1)))
         a, b, c = planet.phase
         magnitudes.append(planet.magnitude + 5 * np.log10(r * d) + a * phase + b * phase**2 + c * phase**3)
-        geocentric.append(seen * AU_M)
+        geocentric.append(relative * AU_M)
     earth_c = np.asarray(barycentric["v"], float) * _LIGHT_DAYS_PER_AU
     return _Almanac(np.array(geocentric), np.array(magnitudes), earth_c)

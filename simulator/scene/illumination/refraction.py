@@ -1,8 +1,8 @@
 """Sunlight through the Earth's limb: dimmed, reddened and refracted into the shadow; the Sun's limb darkening.
 
-One model for the Sun seen past the Earth by a spacecraft, and for the light inside the Earth's shadow on the Moon.
-Geometry: a straight ray that would pass the centre at radius + y arrives where a bent one of perigee height h does,
-y = h - D e(h), D the distance behind the Earth and e(h) the bending.
+One model for the Sun seen past the Earth, and for the light inside the Earth's shadow on the Moon. A straight ray that
+would pass the centre at radius + y arrives where a refracted one of perigee height h does, y = h - D e(h), with D the
+distance behind the Earth and e(h) the bending.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.scene.illumination.bands import Bands
 
-BENDING_RAD = np.radians(69.0 / 60)  # through the whole air at the ground: twice the 34.5' of a setting Sun
-BENDING_HEIGHT_M = 8000.0  # it falls off as the density
+# through the whole air along the ground: twice the 34.5' of a setting Sun
+BENDING_RAD = np.radians(69.0 / 60)
+BENDING_HEIGHT_M = 8000.0  # scale height of the bending, that of the density
 LIMB_DARKENING = 0.6  # linear law in the visible: Allen's Astrophysical Quantities (2000), 14.7
 _HEIGHTS_M = np.concatenate([np.linspace(0, 60e3, 601), np.linspace(62e3, 300e3, 120)])
-_STRIPS = 96
+_STRIPS = 96  # strips of the Sun's disc
 
 
 def limb_darkening(share_of_radius: FloatArray) -> FloatArray:
@@ -37,7 +38,7 @@ def _grazing(bands: Bands) -> FloatArray:
     """Return the transmittance (K, n) of the whole air along rays of perigee height ``_HEIGHTS_M``."""
     air = earth_atmosphere(bands)
     depth = optical_depth_to_top(air, air.radius_m + _HEIGHTS_M, np.zeros_like(_HEIGHTS_M), steps=48)
-    # clouds block most of the lowest rays: from a tenth open at the ground to all at 12 km
+    # clouds block most of the lowest rays: a tenth passes at the ground, all at 12 km
     clear = 0.1 + 0.9 * np.clip(_HEIGHTS_M / 12e3, 0, 1)
     return np.exp(-2 * depth) * clear[:, None]
 
@@ -55,11 +56,12 @@ def _strips() -> tuple[FloatArray, FloatArray]:
 
 
 def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> FloatArray:
-    """Return the share (n,) of sunlight per band that reaches a place past the Earth and through its air.
+    """Return the share (n,) of sunlight per band that reaches a position past the Earth and through its air.
 
     Parameters
     ----------
-    r_m, r_sun_m : (3,) place and Sun from the Earth's centre, in space where the ellipsoid is a sphere or near it [m].
+    r_m, r_sun_m : (3,) position and Sun from the Earth's centre, in space stretched so that the ellipsoid is a sphere
+        [m].
     """
     air = earth_atmosphere(bands)
     to_sun = np.asarray(r_sun_m, float) - r_m
@@ -68,7 +70,8 @@ def sunlight_past_earth(r_m: FloatArray, r_sun_m: FloatArray, bands: Bands) -> F
     behind = -float(np.dot(r_m, u))  # distance behind the Earth's centre
     if behind <= 0:
         return np.ones(len(air.rayleigh_m))
-    y = float(np.linalg.norm(r_m + behind * u)) - air.radius_m  # height of the centre's straight ray
+    # height of the straight ray from the Sun's centre
+    y = float(np.linalg.norm(r_m + behind * u)) - air.radius_m
     sun_m = behind * SUN_RADIUS_M / away
     if y - sun_m > _HEIGHTS_M[-1]:
         return np.ones(len(air.rayleigh_m))
@@ -86,18 +89,18 @@ def shadow_profile(distance_km: int, sun_distance_gm: int, bands: Bands) -> tupl
 
     Parameters
     ----------
-    distance_km : behind the Earth. sun_distance_gm : of the Sun from there [10^9 m].
+    distance_km : distance behind the Earth. sun_distance_gm : distance of the Sun from there [10^9 m].
 
     Returns
     -------
-    share : (256, n) of the unobstructed light per band, at even steps from the axis out.
-    reach_m : distance of the last one from the axis; there and beyond it is one.
+    share : (256, n) share of the unobstructed light per band, at uniform steps from the axis.
+    reach_m : distance of the last one from the axis, where it is one.
     """
     air = earth_atmosphere(bands)
     behind = distance_km * 1e3
     sun_m = behind * SUN_RADIUS_M / (sun_distance_gm * 1e9)
     reach = air.radius_m + 1.15 * sun_m + 300e3
-    # rings of the plane at the limb are laid down where they land: light is kept, the axis's focus included
+    # rings in the plane of the limb are mapped to where their light arrives, which conserves light, also at the axis
     h = np.concatenate([np.linspace(0, 300e3, 6001), np.linspace(300e3, reach + sun_m, 4000)[1:]])
     middle, width = 0.5 * (h[1:] + h[:-1]), np.diff(h)
     lands = np.abs(air.radius_m + middle - behind * BENDING_RAD * np.exp(-middle / BENDING_HEIGHT_M))

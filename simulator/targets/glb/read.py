@@ -45,7 +45,7 @@ def load_glb(path: str | Path) -> Target:
     Raises
     ------
     UserError
-        If it is not one, is damaged, or does not match its own hash.
+        If it is not a target file, is damaged, or does not match its own hash.
     """
     path = Path(path)
     try:
@@ -63,12 +63,12 @@ def target_from(data: bytes, path: Path, *, checked: bool = False) -> Target:
     path : Path
         Name of the file in messages.
     checked : bool
-        Whether the file was checked when it was made and a checksum says that it is still the same.
+        True if the file was checked when it was written and a checksum shows that it has not changed.
 
     Raises
     ------
     UserError
-        As `load_glb`.
+        As in `load_glb`.
     """
     document, blob = read_chunks(data, path)
     record = _record(document, path)
@@ -177,7 +177,7 @@ def _material(
     r, g, b = (float(c) for c in pbr.get("baseColorFactor", [1, 1, 1, 1])[:3])
     coat = m.get("extensions", {}).get(CLEARCOAT, {})
     brushed = float(m.get("extensions", {}).get(ANISOTROPY, {}).get("anisotropyStrength", 0.0))
-    # glTF's own defaults, where a file leaves a factor out
+    # glTF's defaults for factors that a file omits
     return Material(
         name=m["name"],
         base_color=(r, g, b),
@@ -234,7 +234,7 @@ def _array(document: dict[str, Any], blob: bytes, number: int, width: int) -> ND
 
 
 MAX_VALUES = 2_000_000
-"""Largest number of values and brackets in a document; as Python objects they take a hundred times the file's size."""
+"""Largest number of values and brackets in a document; Python objects take a hundred times the file's size."""
 
 
 def parse_json(data: bytes) -> object:
@@ -243,7 +243,7 @@ def parse_json(data: bytes) -> object:
     Raises
     ------
     ValueError
-        If it is no JSON, holds NaN or Infinity, nests too deep, or has more values than any model needs.
+        If it is not JSON, holds NaN or Infinity, nests too deep, or has more values than any model needs.
     """
     if len(data) > MAX_VALUES:
         count = sum(data.count(sign) for sign in (b",", b"[", b"{"))

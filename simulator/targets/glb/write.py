@@ -1,7 +1,7 @@
 """Writer of target files: a Target as binary glTF 2.0, exact to the bit.
 
-One node and one mesh per part; a root node turns the model's z axis to glTF's y for viewers. The document is plain
-JSON of glTF 2.0, sections 3 and 5: a library's classes for it took as long as building a craft.
+One node and one mesh per part; a root node rotates the model's z axis to glTF's y for viewers. The document is plain
+JSON of glTF 2.0, sections 3 and 5, because a library's classes are slow.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ def glb_bytes(target: Target) -> bytes:
     document["scenes"] = [{"name": target.name, "nodes": [len(children)], "extras": extras}]
     document["scene"] = 0
     document["buffers"] = [{"byteLength": len(blob)}]
-    used = {CLEARCOAT: any(m.clearcoat > 0 for m in target.materials), ANISOTROPY: bool(grain)}
-    if any(used.values()):
-        document["extensionsUsed"] = [name for name, is_used in used.items() if is_used]
+    in_use = {CLEARCOAT: any(m.clearcoat > 0 for m in target.materials), ANISOTROPY: bool(grain)}
+    if any(in_use.values()):
+        document["extensionsUsed"] = [name for name, is_used in in_use.items() if is_used]
     return _chunks(document, bytes(blob))
 
 
@@ -108,7 +108,7 @@ def _gltf_material(m: Material, pictures: tuple[TextureImage, ...]) -> Json:
         "metallicFactor": m.metallic,
         "roughnessFactor": m.roughness,
     }
-    written: Json = {"name": m.name, "pbrMetallicRoughness": pbr, "alphaMode": "OPAQUE"}
+    gltf_material: Json = {"name": m.name, "pbrMetallicRoughness": pbr, "alphaMode": "OPAQUE"}
     extensions: Json = {}
     if m.clearcoat > 0:
         extensions[CLEARCOAT] = {
@@ -118,20 +118,20 @@ def _gltf_material(m: Material, pictures: tuple[TextureImage, ...]) -> Json:
     if m.anisotropy > 0:
         extensions[ANISOTROPY] = {"anisotropyStrength": m.anisotropy}
     if extensions:
-        written["extensions"] = extensions
+        gltf_material["extensions"] = extensions
     number = {p.name: k for k, p in enumerate(pictures)}
     for place, key, texture in (
         (pbr, "baseColorTexture", m.base_color_texture),
         (pbr, "metallicRoughnessTexture", m.metallic_roughness_texture),
-        (written, "normalTexture", m.normal_texture),
+        (gltf_material, "normalTexture", m.normal_texture),
     ):
         if texture:
             place[key] = {"index": number[texture]}
-    return written
+    return gltf_material
 
 
 def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
-    """Return (N, 4) glTF tangents of a brushed part: across the grain, the direction of its wide highlight."""
+    """Return (N, 4) glTF tangents of a brushed part: across the grain, along which its highlight is wide."""
     axis = np.asarray(brushed.grain, float) / np.linalg.norm(brushed.grain)
     n = part.normals.astype(float)
     across = axis - (n @ axis)[:, None] * n if brushed.turned else np.cross(n, axis)
@@ -144,7 +144,7 @@ def _tangents(part: Part, brushed: Material) -> NDArray[Any]:
 
 
 def _append(document: Json, blob: bytearray, data: NDArray[Any], use: int) -> int:
-    """Append an array to the buffer. Return the number of its accessor."""
+    """Append an array to the buffer and return the index of its accessor."""
     view = {"buffer": 0, "byteOffset": len(blob), "byteLength": data.nbytes, "target": use}
     document["bufferViews"].append(view)
     accessor: Json = {"bufferView": len(document["bufferViews"]) - 1, "byteOffset": 0}

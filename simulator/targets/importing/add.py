@@ -1,4 +1,4 @@
-"""The steps from a mesh file to a target: read, place, check, repair, shade, propose labels."""
+"""Import of a mesh file as a target: read, place, check, repair, shade, propose labels."""
 
 from __future__ import annotations
 
@@ -55,19 +55,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """A user's options about a mesh.
+    """A user's options for importing a mesh.
 
     Parameters
     ----------
-    scale, units : factor to metres, or mm, cm, m, in. up : y or z.
-    recentre : move the origin to the middle of the box about the model.
-    any_size : take a size that no spacecraft has.
+    scale, units : factor to metres, or one of mm, cm, m, in. up : y or z.
+    recentre : True to move the origin to the centre of the bounding box.
+    any_size : True to accept a size that no spacecraft has.
     decimate : reduce to at most this many triangles.
-    strict : refuse what is missing, open, branches or is one-sided, unless one of the next three allows it.
-    fill_holes, keep_holes, keep_non_manifold : what to do where the surface is not closed or branches; openings are
-        filled where that leaves a solid.
-    new_normals : compute normals even where the file's fit.
-    mass_kg, density_kg_m3 : of the uniform solid.
+    strict : True to refuse missing textures, and open, non-manifold or one-sided surfaces, unless an option allows
+        them.
+    fill_holes, keep_holes, keep_non_manifold : treatment of open or non-manifold surfaces; holes are filled if the
+        result is a solid.
+    new_normals : True to recompute normals even if the file's are consistent.
+    mass_kg, density_kg_m3 : mass or density of the uniform solid.
     """
 
     scale: float | None = None
@@ -106,19 +107,19 @@ class Findings:
 
 
 def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> tuple[Target, list[str]]:
-    """Import a target from a mesh file. Return it with a line for each finding, assumption, repair and loss.
+    """Import a target from a mesh file; return it with a line for each finding, assumption, repair and loss.
 
     Raises
     ------
     UserError
-        If the file cannot be a target as it is: one sentence with what, where and what to do.
+        If the file cannot become a target; the message says why and what to do.
     """
     options = options or ImportOptions()
     _check_weights(options)
     ready = _target_file(path, name, options)
     if ready is not None:
-        taken = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
-        return ready, [taken, _summary(ready)]
+        note = "already a target file: geometry, keypoints, wireframe and mass taken as they are"
+        return ready, [note, _summary(ready)]
     model, bodies, extent, materials, parts, lines = read_surface(path, options)
     mass, how = mass_properties_of(bodies, options.mass_kg, options.density_kg_m3)
     keypoints = propose_keypoints(bodies, extent)
@@ -126,10 +127,10 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     occluders = propose_occluders(bodies, extent)
     lines += _proposals(len(keypoints), len(wireframe), left_out, len(occluders.triangles))
     lines.append(how)
-    used = {p.material for p in parts}
-    kept = tuple(m for m in materials if m.name in used)
-    named = {name for m in kept for name in m.textures if name}
-    pictures = tuple(p for p in model.pictures.values() if p.name in named)
+    names_in_use = {p.material for p in parts}
+    materials_in_use = tuple(m for m in materials if m.name in names_in_use)
+    texture_names = {name for m in materials_in_use for name in m.textures if name}
+    pictures = tuple(p for p in model.pictures.values() if p.name in texture_names)
     if pictures:
         lines.append(
             f"took {len(pictures)} texture{'s' * (len(pictures) > 1)}: {', '.join(p.name for p in pictures)}"
@@ -137,8 +138,8 @@ def import_mesh(path: Path, name: str, options: ImportOptions | None = None) -> 
     target = Target(
         name=name,
         title=f"{path.name}, imported",
-        sha256=content_sha256(kept, parts, keypoints, wireframe, occluders, pictures),
-        materials=kept,
+        sha256=content_sha256(materials_in_use, parts, keypoints, wireframe, occluders, pictures),
+        materials=materials_in_use,
         parts=tuple(parts),
         keypoints=keypoints,
         wireframe=wireframe,
@@ -164,7 +165,7 @@ def read_surface(
     Raises
     ------
     UserError
-        As `import_mesh`.
+        As in `import_mesh`.
     """
     model = read_mesh(path)
     if options.strict and model.faults:
@@ -172,20 +173,20 @@ def read_surface(
     check_numbers(model)
     check_count(model, options.decimate)
     check_parts(model)
-    found = Findings()
-    found.shape += place_model(
+    findings = Findings()
+    findings.shape += place_model(
         model, options.scale, options.units, options.up, recentre=options.recentre, any_size=options.any_size
     )
     if options.decimate is not None and model.triangle_count > options.decimate:
-        bake_textures(model)  # reduced faces are no longer where their texture coordinates say
-    bodies, extent = _bodies(model, options, found)
-    found.look += model.faults + model.notes
+        bake_textures(model)  # texture coordinates do not survive the reduction
+    bodies, extent = _bodies(model, options, findings)
+    findings.look += model.faults + model.notes
     everything, notes = plain_where_unwrapped(bodies, model.materials, model.pictures)
-    found.look += notes
+    findings.look += notes
     materials, notes = used_materials(bodies, everything)
-    found.look += notes
-    parts = _parts(bodies, materials, options, found.repairs)
-    return model, bodies, extent, materials, parts, found.lines()
+    findings.look += notes
+    parts = _parts(bodies, materials, options, findings.repairs)
+    return model, bodies, extent, materials, parts, findings.lines()
 
 
 def _check_weights(options: ImportOptions) -> None:
@@ -199,7 +200,7 @@ def _check_weights(options: ImportOptions) -> None:
 def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None:
     """Return the file itself if it is a target file and no option changes it.
 
-    A target file that is unsound is refused: as a plain mesh it would quietly lose its keypoints.
+    A damaged target file is refused: as a plain mesh it would silently lose its keypoints.
     """
     plain = replace(options, strict=False, any_size=False) == ImportOptions()
     if not plain or path.suffix.lower() != ".glb" or not holds_target(path):
@@ -210,7 +211,7 @@ def _target_file(path: Path, name: str, options: ImportOptions) -> Target | None
         raise UserError(f"{error}; or add --units m to take it as a plain mesh with new keypoints") from error
 
 
-def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[list[MeshBody], float]:
+def _bodies(model: RawModel, options: ImportOptions, findings: Findings) -> tuple[list[MeshBody], float]:
     """Return welded, reduced, filled and outward-facing bodies, and the craft's extent [m]."""
     low, high = bounds(model)
     extent = float((high - low).max())
@@ -221,7 +222,7 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         if len(body.triangles):
             bodies.append(body)
         else:
-            found.shape.append(f"part {part.name!r} has no face with area: left out")
+            findings.shape.append(f"part {part.name!r} has no face with area: left out")
     if not bodies:
         raise UserError(f"{model.path} has no face with area; export the model again")
     reduced = options.decimate is not None and sum(len(b.triangles) for b in bodies) > options.decimate
@@ -232,7 +233,7 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         bodies = [without_slivers(b, extent, RepairCounts()) for b in bodies]
         bodies = [b for b in bodies if len(b.triangles)]
         after = sum(len(b.triangles) for b in bodies)
-        found.shape.append(
+        findings.shape.append(
             f"reduced {before:,} triangles to {after:,}: {off.rms_m * 1e3:.3g} mm off in the mean (rms), "
             f"{off.largest_m * 1e3:.3g} mm at most"
         )
@@ -240,9 +241,9 @@ def _bodies(model: RawModel, options: ImportOptions, found: Findings) -> tuple[l
         capped = cap_solids(bodies, extent)
         tally.filled, tally.left_open = capped.filled, capped.left
         bodies = [without_slivers(b, extent, tally) for b in capped.bodies]
-    out = _checked(model, bodies, options, tally, found, reduced=reduced)
-    found.repairs += tally.lines()
-    found.shape += coincidence_lines(out, extent)
+    out = _checked(model, bodies, options, tally, findings, reduced=reduced)
+    findings.repairs += tally.lines()
+    findings.shape += coincidence_lines(out, extent)
     return out, extent
 
 
@@ -251,15 +252,13 @@ def _checked(
     bodies: list[MeshBody],
     options: ImportOptions,
     tally: RepairCounts,
-    found: Findings,
+    findings: Findings,
     *,
     reduced: bool,
 ) -> list[MeshBody]:
-    """Return the bodies wound outwards; open outlines and non-manifold edges are counted, or refused by
-    ``--strict``.
-    """
+    """Return the bodies oriented outwards; open edges and non-manifold edges are counted or, if ``strict``, refused."""
     holes = rims = branches = one_sided = 0
-    lenient = not options.strict or reduced  # reducing may open seams and pinch edges
+    lenient = not options.strict or reduced  # reducing may open seams and merge edges
     out = []
     for body in bodies:
         where = f"{model.path}, part {body.name!r}"
@@ -271,20 +270,20 @@ def _checked(
             tried_to_fill=options.fill_holes,
         )
         holes, rims, branches = holes + counts[0], rims + counts[1], branches + counts[2]
-        turned, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
-        out.append(turned)
+        oriented_body, twisted = oriented(body, where, tally, lenient=options.keep_non_manifold or lenient)
+        out.append(oriented_body)
         one_sided += twisted
     model.openings = holes
     if holes:
-        found.shape.append(
+        findings.shape.append(
             f"kept {holes:,} open outlines ({rims:,} open edges) as sheets seen from both sides"
             + (" (--fill-holes caps those that then bound a solid)" if not options.fill_holes else "")
         )
     if branches:
         advice = "" if options.keep_non_manifold else " (--strict refuses them and names the first)"
-        found.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
+        findings.shape.append(f"kept {branches:,} edges of three or more faces{advice}")
     if one_sided:
-        found.shape.append(
+        findings.shape.append(
             f"kept {one_sided:,} faces of one-sided surfaces (--strict refuses them and names the first)"
         )
     return out
@@ -294,11 +293,11 @@ def _parts(
     bodies: list[MeshBody], materials: list[Material], options: ImportOptions, lines: list[str]
 ) -> list[Part]:
     parts: list[Part] = []
-    taken = absent = wrong = 0
+    n_taken = absent = wrong = 0
     for body in bodies:
         if not options.new_normals and normals_fit(body):
             normals: FloatArray = file_normals(body)
-            taken += 1
+            n_taken += 1
         else:
             absent += body.corner_normals is None
             wrong += body.corner_normals is not None

@@ -33,12 +33,12 @@ _MIN_SINE = 1e-3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PointingContext:
-    """The references that a target can point at over a flight.
+    """Reference directions that a target can point at during a flight.
 
     Parameters
     ----------
-    orbit : of the target. body : that it circles. epoch, duration_s : of the flight.
-    relative : chaser minus target at a time, position [m] and velocity [m s-1], GCRS axes.
+    orbit : orbit of the target. body : central body. epoch, duration_s : start and length of the flight.
+    relative : function of time: chaser minus target, position [m] and velocity [m s-1], GCRS axes.
     """
 
     orbit: OrbitTrack
@@ -48,7 +48,7 @@ class PointingContext:
     relative: Callable[[float], tuple[FloatArray, FloatArray]]
 
     def direction(self, name: DirectionName) -> Direction:
-        """Return the direction of that name: unit vector along GCRS axes and its derivative [s-1], over time."""
+        """Return a named direction: unit vector along GCRS axes and its derivative [s-1], over time."""
         match name:
             case "nadir" | "zenith":
                 return RadialDirection(self.orbit, 1.0 if name == "zenith" else -1.0)
@@ -61,7 +61,7 @@ class PointingContext:
 
     def _sun(self) -> CubicSpline:
         """Return the apparent Sun from the central body, over the flight."""
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
         nodes = np.arange(-1, int(np.ceil(self.duration_s / _NODE_S)) + 3) * _NODE_S
         places = [
@@ -112,7 +112,7 @@ class ChaserDirection:
 
 @dataclass(frozen=True, eq=False)
 class SunDirection:
-    """Direction to the apparent Sun; ``where`` gives its position from the central body [m]."""
+    """Direction to the apparent Sun; ``where`` returns its position from the central body [m]."""
 
     orbit: OrbitTrack
     where: CubicSpline
@@ -125,11 +125,12 @@ class SunDirection:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TwoAxisTrack:
-    """Attitude with one axis exactly along a direction and another as near to a second direction as possible.
+    """Attitude with one axis along a direction and another as near to a second direction as possible.
 
     Parameters
     ----------
-    axis_body, toward : what follows, and what it follows. second_axis_body, second_toward : likewise.
+    axis_body, toward : body axis, and the direction that it follows.
+    second_axis_body, second_toward : the same for the second axis.
     """
 
     axis_body: Vec3
@@ -138,7 +139,7 @@ class TwoAxisTrack:
     second_toward: Direction
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return ``q_eci_from_body_wxyz`` (unit) and the body's rate relative to ECI, body axes [rad s-1].
+        """Return ``q_eci_from_body_wxyz`` (unit) and the angular velocity relative to ECI, body axes [rad s-1].
 
         References
         ----------

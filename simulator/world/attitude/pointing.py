@@ -30,7 +30,7 @@ DOWN_AXES_LVLH: dict[Down, tuple[float, float, float]] = {
     "cross_track": (0.0, 0.0, -1.0),
     "along_track": (0.0, -1.0, 0.0),
 }
-"""Down side of the image: towards the Earth, against the orbit normal, or against the velocity."""
+"""Direction that the image's down side follows: the Earth, minus the orbit normal, or minus the velocity."""
 
 _DEGENERATE = 1e-4
 """Sine of the angle between boresight and reference below which the reference is degenerate."""
@@ -39,13 +39,13 @@ _DEGENERATE = 1e-4
 class Pointing(Section, frozen=True, kw_only=True, dict=True):
     """Boresight at the target's centre of mass, then rotated by constant angles.
 
-    ``right_deg`` and ``below_deg`` turn the boresight to the right of and below the target; ``roll_deg``
-    turns the camera clockwise about it. ``down`` is what the image's down side follows; ``auto`` takes the
-    first of nadir, cross_track, along_track that stays clear of the boresight all through the flight.
+    ``right_deg`` and ``below_deg`` rotate the boresight to the right of and below the target; ``roll_deg`` rotates the
+    camera clockwise about it. ``down`` is the reference for the image's down side; ``auto`` is the first of nadir,
+    cross_track, along_track that stays away from the boresight during the flight.
     """
 
-    # until `flight.build.with_best_down` has chosen, auto is nadir; when the boresight runs along it
-    # the next of the three takes its place for that moment
+    # until `flight.build.with_best_down` has chosen, auto is nadir; while the boresight is along it, the next of the
+    # three replaces it
     down: Literal["auto", "nadir", "cross_track", "along_track"] = "auto"
     right_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
     below_deg: Annotated[float, Meta(ge=-90, le=90)] = 0.0
@@ -59,7 +59,7 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
         Parameters
         ----------
         los_eci_m, los_rate_eci_m_s : (3,) target minus camera and its derivative, GCRS axes.
-        lvlh : the target's frame, whose axes ``down`` names.
+        lvlh : the target's LVLH frame, to which ``down`` refers.
 
         Returns
         -------
@@ -88,7 +88,7 @@ class Pointing(Section, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def _turn(self) -> FloatArray:
-        """``q_turned_from_pointed``: right about +y, then down about -x, then roll about +z."""
+        """Return ``q_turned_from_pointed``: right about +y, then down about -x, then roll about +z."""
         right = quat_from_rotvec([0.0, np.radians(self.right_deg), 0.0])
         down = quat_from_rotvec([-np.radians(self.below_deg), 0.0, 0.0])
         roll = quat_from_rotvec([0.0, 0.0, np.radians(self.roll_deg)])

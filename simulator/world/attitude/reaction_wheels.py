@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 
 class Wheels(Section, frozen=True, kw_only=True):
-    """Reaction wheels that turn the camera; it points only as well as they can.
+    """Reaction wheels that rotate the camera, within their limits.
 
-    Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` turns the camera at the start.
+    Three wheels along the camera's axes (right, down, forward). ``start_error_deg`` is the initial attitude error.
     """
 
-    # moments of the chaser about the camera's axes, taken as principal
+    # principal moments of inertia about the camera's axes
     inertia_kg_m2: tuple[Inertia, Inertia, Inertia] = (20.0, 20.0, 20.0)
-    # limits of each wheel; a full wheel gives no more torque that way
+    # limits of each wheel; a saturated wheel gives no more torque in that direction
     torque_nm: Annotated[float, Meta(gt=0, le=1e3)] = 0.05
     momentum_nms: Annotated[float, Meta(gt=0, le=1e4)] = 4.0
     # closed-loop bandwidth of the attitude controller
@@ -52,9 +52,9 @@ class WheelTrack:
     Parameters
     ----------
     wheels : wheels of the chaser.
-    q_eci_from_camera_wxyz, omega_rad_s, momentum_nms, torque_nm : (n, 4) and (n, 3) at the start of each period,
-        rate, wheels' momentum and torque on the body along the camera's axes.
-    error_rad : (n,) angle from where the camera should look.
+    q_eci_from_camera_wxyz, omega_rad_s, momentum_nms, torque_nm : (n, 4) and (n, 3) attitude, angular velocity, wheel
+        momentum and torque on the body at the start of each period, camera axes.
+    error_rad : (n,) angle between attitude and reference.
     """
 
     wheels: Wheels
@@ -78,15 +78,15 @@ class WheelTrack:
 
 
 def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> WheelTrack:
-    """Simulate the wheels that follow a reference attitude.
+    """Simulate wheels that follow a reference attitude.
 
-    Each period asks for the reference's own acceleration, the gyroscopic torque of body and wheels, and a spring
-    and damper on what is missing; then the limits cut.
+    The commanded torque of each period is the sum of the reference's acceleration, the gyroscopic torque of body and
+    wheels, and a PD law on the error; then the limits apply.
 
     Parameters
     ----------
-    reference : ``q_camera_from_eci_wxyz`` and rate in camera axes over time, as `Pointing.attitude` gives them.
-    duration_s : of the flight. wheels : of the chaser.
+    reference : ``q_camera_from_eci_wxyz`` and angular velocity in camera axes over time, as from `Pointing.attitude`.
+    duration_s : length of the flight. wheels : wheels of the chaser.
 
     References
     ----------
@@ -100,7 +100,7 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     rows = []
     for k in range(int(np.ceil(duration_s / h))):
         next_q, next_rate = reference(min((k + 1) * h, duration_s))
-        # the wanted attitude relative to the present one
+        # the reference attitude relative to the present one
         apart = quat_multiply(quat_conjugate(q), quat_conjugate(wanted_q))
         apart = apart if apart[0] >= 0 else -apart
         angle = 2 * float(np.arctan2(np.linalg.norm(apart[1:]), apart[0]))

@@ -34,7 +34,7 @@ class RigidBodyTrack:
 
     Parameters
     ----------
-    duration_s : span [s]. solution : the attitude and the angular momentum along ECI axes, (7,).
+    duration_s : span [s]. solution : (7,) attitude and angular momentum along ECI axes, over time.
     inertia_kg_m2, inverse_inertia : (3, 3), body axes.
     """
 
@@ -59,8 +59,7 @@ def propagate_attitude(
 ) -> RigidBodyTrack:
     """Propagate the tumble of a rigid body.
 
-    The state is the attitude and the angular momentum along inertial axes, which only a torque changes: a free
-    tumble keeps it to the last bit.
+    The state is the attitude and the angular momentum along inertial axes, which is exactly constant without torque.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def propagate_attitude(
     omega_body_rad_s : (3,) rate relative to ECI, body axes.
     inertia_kg_m2 : (3, 3) about the centre of mass, body axes.
     duration_s : span [s].
-    torque : on the body, in its axes [N m], from time [s] and attitude ``R_eci_from_body``; none unless given.
+    torque : torque on the body, body axes [N m], as a function of time [s] and ``R_eci_from_body``; by default none.
 
     Raises
     ------
@@ -84,19 +83,19 @@ def propagate_attitude(
     J_inverse = np.linalg.inv(J)
     q0, w0 = quat_normalize(q_eci_from_body_wxyz), np.asarray(omega_body_rad_s, float)
     momentum = matrix_from_quat(q0) @ (J @ w0)
-    # a step turns the body by a fifth of a radian at most, which keeps the interpolant as good as the steps
-    # (1e-14); under a torque, which costs more and is known to fewer digits, by twice that (1e-12)
+    # a step rotates the body by at most 0.2 rad, so that the interpolant is as accurate as the steps (1e-14); under a
+    # torque, which is slower and less accurate, by twice that (1e-12)
     rate = float(np.linalg.norm(w0))
     max_step = (0.2 if torque is None else 0.4) / rate if rate > 1e-6 else np.inf
     if torque is not None:
-        # a body at rest may be turned: a minute bounds what the interpolant has to follow
+        # a torque may rotate a body at rest: a minute bounds the interpolation error
         max_step = min(max_step, 60.0)
     ((a00, a01, a02), (a10, a11, a12), (a20, a21, a22)) = J_inverse.tolist()
 
     def derivative(t: float, y: FloatArray) -> FloatArray:
         w, x, y_, z, lx, ly, lz = y.tolist()
         s = 2 / (w * w + x * x + y_ * y_ + z * z)
-        # the momentum in the body: R_body_from_eci L
+        # angular momentum in the body: R_body_from_eci L
         bx = lx - s * ((y_ * y_ + z * z) * lx - (x * y_ + w * z) * ly - (x * z - w * y_) * lz)
         by = ly - s * ((x * x + z * z) * ly - (x * y_ - w * z) * lx - (y_ * z + w * x) * lz)
         bz = lz - s * ((x * x + y_ * y_) * lz - (x * z + w * y_) * lx - (y_ * z - w * x) * ly)

@@ -1,4 +1,4 @@
-"""Attitude of the target over a flight: free or driven tumble, steady spin, inertial or LVLH hold, pointing."""
+"""Attitude of the target: free or driven tumble, steady spin, inertial or LVLH hold, pointing."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.frames.lvlh import Lvlh
     from flyaround.simulator.world.orbit.propagation import OrbitTrack
 
-_CHECKED_TIMES = 61
+_CHECKED_TIMES = 61  # times of a flight at which the attitude is checked
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyTrack:
-    """A steady rotation, or none: initial attitude, and the rate in body axes [rad s-1]."""
+    """A steady rotation or none: initial attitude, and angular velocity in body axes [rad s-1]."""
 
     q_eci_from_body_wxyz: FloatArray
     omega_rad_s: FloatArray
@@ -45,7 +45,7 @@ class SteadyTrack:
 
 @dataclass(frozen=True, eq=False)
 class LvlhTrack:
-    """At rest in LVLH."""
+    """An attitude fixed in LVLH."""
 
     orbit: OrbitTrack
     q_lvlh_from_body_wxyz: FloatArray
@@ -59,7 +59,7 @@ class LvlhTrack:
 
 
 class Point(Section, frozen=True, kw_only=True):
-    """Pointing with ``axis`` exactly at ``at`` and ``second_axis`` as near to ``second_at`` as possible."""
+    """Pointing of ``axis`` exactly at ``at``, and of ``second_axis`` as near to ``second_at`` as possible."""
 
     axis: DirectionXyz
     at: DirectionName
@@ -72,7 +72,7 @@ class Point(Section, frozen=True, kw_only=True):
         Raises
         ------
         UserError
-            If the two directions run together at some time.
+            If the two directions are parallel at some time.
         """
         track = TwoAxisTrack(
             axis_body=self.axis,
@@ -90,16 +90,15 @@ class Point(Section, frozen=True, kw_only=True):
 
 
 class Attitude(Section, frozen=True, kw_only=True):
-    """Attitude of the target at the epoch, and its motion from there.
+    """Attitude of the target at the epoch, and its motion from then on.
 
-    ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); instead of it ``euler_deg`` gives yaw,
-    pitch, roll (turns about z, then the new y, then the new x) that carry the frame's axes to the target's.
-    Or ``aem_file`` names a CCSDS attitude ephemeris message, which gives attitude and rate at the epoch.
-    ``rate_deg_s`` is relative to the stars, about the target's axes.
+    ``q_wxyz`` is ``q_frame_from_target`` (Hamilton, scalar first); alternatively ``euler_deg`` gives yaw, pitch, roll
+    (rotations about z, then the new y, then the new x) from the frame's axes to the target's, or ``aem_file`` names a
+    CCSDS attitude ephemeris message. ``rate_deg_s`` is the angular velocity relative to the stars, target axes.
 
-    ``motion``: ``tumble`` as a rigid body, free or under the torques below; ``spin`` steadily by ``rate_deg_s``, the
-    axis fixed in the target and among the stars; ``fixed`` in ``frame``; ``point`` as section ``point`` says;
-    ``aem`` follows the file all through the flight.
+    ``motion``: ``tumble`` as a rigid body, free or under the torques below; ``spin`` steadily by ``rate_deg_s`` about
+    an inertially fixed axis; ``fixed`` in ``frame``; ``point`` as in section ``point``; ``aem`` follows the file during
+    the flight.
     """
 
     motion: Literal["tumble", "spin", "fixed", "point", "aem"] = "tumble"
@@ -117,9 +116,7 @@ class Attitude(Section, frozen=True, kw_only=True):
     ) = None
 
     def q_eci_from_target_wxyz(self, frame: Lvlh) -> FloatArray:
-        """Return the attitude at the start of the flight, where the target's LVLH frame is ``frame``; an AEM is
-        already read.
-        """
+        """Return the attitude at the start of the flight for the target's LVLH ``frame``; an AEM is already read."""
         q = np.array([1.0, 0.0, 0.0, 0.0])
         if self.q_wxyz is not None:
             q = quat_normalize(self.q_wxyz)
@@ -134,17 +131,17 @@ class Attitude(Section, frozen=True, kw_only=True):
     def track(
         self, q_eci_from_body_wxyz: FloatArray, inertia_kg_m2: ArrayLike, around: PointingContext
     ) -> AttitudeTrack:
-        """Return the attitude over the flight, unless a file gives it.
+        """Return the attitude over the flight, unless a file defines it.
 
         Parameters
         ----------
-        q_eci_from_body_wxyz : (4,) at the start. inertia_kg_m2 : (3, 3) of the target's model, body axes, unless the
-            section has its own.
+        q_eci_from_body_wxyz : (4,) initial attitude. inertia_kg_m2 : (3, 3) inertia of the target's model, body axes,
+            unless the section has its own.
 
         Raises
         ------
         UserError
-            If two directions that the target points at run together at some time.
+            If two directions that the target points at are parallel at some time.
         """
         rate = np.radians(self.rate_deg_s)
         if self.motion == "spin":

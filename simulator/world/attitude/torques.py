@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25
 _FIELD_RADIUS_M = 6_371_200.0
-_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9
-_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9
+_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # terms g11, h11, g10 of IGRF-14 in 2025
+_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their change per year
 
 
 def torque_on(
@@ -39,9 +39,9 @@ def torque_on(
 
     Parameters
     ----------
-    orbit : gives the position. inertia_kg_m2 : (3, 3), body axes. epoch : of the orbit's start.
-    constant_nm : fixed in the body, such as a leak's [N m].
-    gravity_gradient : True for the torque by the central body's gravity gradient.
+    orbit : orbit of the body. inertia_kg_m2 : (3, 3), body axes. epoch : start of the orbit.
+    constant_nm : torque fixed in the body, for example of a leak [N m].
+    gravity_gradient : True for the gravity-gradient torque of the central body.
     residual_dipole_a_m2 : magnetic moment fixed in the body, in the Earth's field [A m2].
     """
     J, fixed = np.asarray(inertia_kg_m2, float), np.array(constant_nm, float)
@@ -77,9 +77,9 @@ def gravity_gradient_torque(
 
     Parameters
     ----------
-    r_eci_m : (3,) body's position from the attracting centre, GCRS [m].
+    r_eci_m : (3,) position of the body from the attracting centre, GCRS [m].
     R_body_from_eci : (3, 3) rotation.
-    inertia_kg_m2 : (3, 3) about the centre of mass, body frame.
+    inertia_kg_m2 : (3, 3) inertia about the centre of mass, body frame.
     mu_m3_s2 : gravitational parameter.
 
     References
@@ -92,10 +92,9 @@ def gravity_gradient_torque(
 
 
 def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
-    """Return the flux density of the Earth's tilted dipole at (3,) Earth-fixed position, along Earth-fixed axes (3,)
-    [T].
+    """Return the flux density of the Earth's tilted dipole at an Earth-fixed position (3,), Earth-fixed axes (3,) [T].
 
-    Degree 1 alone: within 30 % of the whole field in low orbit, worst over the South Atlantic.
+    Only degree 1: within 30 % of the whole field in low orbit, worst over the South Atlantic.
 
     References
     ----------

@@ -68,7 +68,7 @@ class Earth(Body):
         return EARTH_POLAR_RADIUS_M
 
     def pole_eci(self, now: Instant) -> FloatArray:
-        """Return the celestial intermediate pole; polar motion (0.6 arcsec) is left out."""
+        """Return the celestial intermediate pole; polar motion (0.6 arcsec) is neglected."""
         return pole_eci(now)
 
 

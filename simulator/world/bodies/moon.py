@@ -1,4 +1,4 @@
-"""The Moon: a sphere of its mean radius, by SOFA's series and the rotational elements of the IAU."""
+"""The Moon: a sphere of its mean radius, with SOFA's series and the IAU's rotational elements."""
 
 from __future__ import annotations
 

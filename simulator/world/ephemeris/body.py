@@ -1,6 +1,4 @@
-"""Bodies of the solar system: shape, gravity, rotation, albedo, air, position and orientation; their registry by
-name.
-"""
+"""Bodies of the solar system (shape, gravity, rotation, albedo, air, position, orientation) and their registry."""
 
 from __future__ import annotations
 
@@ -30,10 +28,10 @@ BUILT_IN = {
 }
 """Module and attribute of the bodies that every scene holds, in the order of `bodies_at`."""
 MAX_LAYERS = 13
-"""Largest number of heights of `BodyAir.density`: shaders hold a layer between each two, in three vectors of four."""
+"""Largest number of heights in `BodyAir.density`: shaders hold one layer per interval, in three vectors of four."""
 _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 SLOWEST_TURN_RAD_S = 1e-5
-"""Rotation rate below which the ground seen from a low orbit moves by less than 1 % of the orbital motion."""
+"""Rotation rate below which the ground, seen from low orbit, moves by less than 1 % of the orbital motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,13 +43,14 @@ class BodyAir:
     rayleigh_m_um4 : Rayleigh scattering at the ground times wavelength^4 [m-1 um^4].
     rayleigh_dispersion_um : coefficients of wavelength^-2 [um^2] and wavelength^-4 [um^4], added to 1.
     rayleigh_height_m, aerosol_height_m : scale heights [m].
-    density : heights, increasing from 0, and densities there, in place of ``rayleigh_height_m``; exponential between
-        and beyond them. At most `MAX_LAYERS` of them.
-    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], its single-scattering albedo.
+    density : heights, increasing from 0, and densities there, which replace ``rayleigh_height_m``; exponential between
+        and beyond them. At most `MAX_LAYERS`.
+    aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], and its single-scattering
+        albedo.
     aerosol_exponent : Angstrom exponent. aerosol_g : asymmetry of its phase function.
-    ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by the name of the band.
-    airglow_w_m2_sr : radiance of the night's glow straight up [W m-2 sr-1], by the name of the band. airglow_m : height
-        of its lower and upper edge [m].
+    ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by name of the band.
+    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band. airglow_m : lower and
+        upper edge [m].
     thickness_m : height of the top [m].
     """
 
@@ -83,18 +82,18 @@ class Body(ABC):
 
     Parameters
     ----------
-    name : lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
+    name : name in lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
     radius_m, flattening : equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
     mean_radius_m : radius of a sphere of similar size.
-    j2 : second zonal harmonic of its plain gravity, with ``radius_m``. turn_rad_s : sidereal rotation.
-    lowest_m : perigee altitude below which an orbit is treated as a mistake.
+    j2 : second zonal harmonic of the simple gravity model, with ``radius_m``. turn_rad_s : sidereal rotation rate.
+    lowest_m : perigee altitude below which an orbit is probably a mistake.
     reach_m : radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
     sun_distance_m : mean distance from the Sun, for metering.
-    albedo : mean reflectance, used everywhere if there is no map. albedo_map : path of an
-        equirectangular grey image of the reflectance (full scale: one), north up, 180 degrees west at its left.
-    air : None without atmosphere. surface : render passes; docs/adr/0025-bodies-are-objects.md.
-    layer : switch of the environment that shows it.
-    degrees : allowed values of ``forces.gravity_degree``. acting : other keys of [forces] that are modelled.
+    albedo : mean reflectance, used without a map. albedo_map : path of an equirectangular grey image of the reflectance
+        (full scale: one), north up, 180 degrees west at its left.
+    air : None without atmosphere. surface : render passes; see docs/adr/0025-bodies-are-objects.md.
+    layer : switch of the environment that shows the body.
+    degrees : allowed values of ``forces.gravity_degree``. acting : other supported keys of [forces].
     has_field : True if its magnetic field exerts a torque on a residual dipole.
     """
 
@@ -147,24 +146,25 @@ class Body(ABC):
 
     def distance_problem(self, distance_m: float) -> str | None:
         """Return why a distance from its centre is not allowed, as the end of a sentence; None if it is."""
-        allowed = None
+        limit = None
         if not distance_m >= self.radius_m + self.lowest_m:
-            allowed = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
+            limit = f"at least {(self.radius_m + self.lowest_m) / 1e3:.0f} km"
         elif not distance_m <= self.reach_m:
-            allowed = f"at most {self.reach_m / 1e3:.0f} km"
-        if allowed is None:
+            limit = f"at most {self.reach_m / 1e3:.0f} km"
+        if limit is None:
             return None
-        return f"is {distance_m / 1e3:.1f} km from the centre of {self.title}, allowed: {allowed}"
+        return f"is {distance_m / 1e3:.1f} km from the centre of {self.title}, allowed: {limit}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyState:
-    """A body at one moment.
+    """The state of a body at one time.
 
     Parameters
     ----------
-    name : name of the body. r_eci_m : its centre, GCRS axes from the Earth's centre; apparent, but geometric for the
-        central body. q_fixed_from_eci_wxyz : orientation of its axes.
+    name : name of the body.
+    r_eci_m : centre of the body, GCRS axes from the Earth's centre; apparent, but geometric for the central body.
+    q_fixed_from_eci_wxyz : orientation of its axes.
     """
 
     name: str
@@ -183,13 +183,13 @@ class BodyState:
 
 
 class BodyStates:
-    """Mixin of states of the world: access to their ``bodies`` by name."""
+    """Mixin for states of the world: access to their ``bodies`` by name."""
 
     bodies: tuple[BodyState, ...]
     central_body: str
 
     def body(self, name: str) -> BodyState:
-        """Return the state of a body; `KeyError` if the world holds none of that name."""
+        """Return the state of a body; raise `KeyError` if there is none of that name."""
         for state in self.bodies:
             if state.name == name:
                 return state
@@ -202,7 +202,7 @@ class BodyStates:
 
 
 def bodies_at(now: Instant, central: Body) -> tuple[BodyState, ...]:
-    """Return the states of Earth and Moon, then of ``central`` if it is another body; its own position is geometric."""
+    """Return the states of Earth and Moon, then of ``central`` if it is another body, with a geometric position."""
     return tuple(
         BodyState(
             name=body.name,
@@ -224,18 +224,18 @@ def earth_and_moon(
 
 
 def body_names() -> tuple[str, ...]:
-    """Return the names of the built-in bodies, then of those that other packages add."""
+    """Return the names of the built-in bodies, then of those from other packages."""
     return (*BUILT_IN, *(name for name in plugins("body") if name not in BUILT_IN))
 
 
 @cache
 def body_named(name: str) -> Body:
-    """Return the body of a name; imports its module.
+    """Return a body by name, importing its module.
 
     Raises
     ------
     UserError
-        If there is none, or a package's object of that name is no body.
+        If there is none, or a package's object of that name is not a body.
     """
     if name in BUILT_IN:
         module, attribute = BUILT_IN[name]
@@ -250,7 +250,7 @@ def body_named(name: str) -> Body:
 
 
 def R_fixed_from_pole(alpha_deg: float, delta_deg: float, W_deg: float) -> FloatArray:
-    """Return the (3, 3) rotation from GCRS to a body's axes, from the angles that the IAU tabulates.
+    """Return the (3, 3) rotation from GCRS to a body's axes, from the angles tabulated by the IAU.
 
     Parameters
     ----------

@@ -16,14 +16,13 @@ if TYPE_CHECKING:
 
 
 def R_itrs_from_eci(instant: Instant, *, polar_motion: bool = True) -> FloatArray:
-    """Return the (3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where the table has
-    them.
+    """Return the (3, 3) rotation from GCRS to ITRS, IAU 2006/2000A, with measured UT1 and pole where tabulated.
 
-    The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are left out.
+    The celestial pole offsets of the IERS (0.3 mas, 1 cm on the ground) are neglected.
 
     Parameters
     ----------
-    instant : the moment. polar_motion : without it the pole is the Earth's axis (up to 0.6 arcsec, 18 m).
+    instant : time of the orientation. polar_motion : False to use the Earth's axis as pole (up to 0.6 arcsec, 18 m).
 
     References
     ----------

@@ -18,28 +18,27 @@ if TYPE_CHECKING:
 
 GCRS_POLE = (0.0, 0.0, 1.0)
 """The Earth's axis of J2000.0, a sixth of a degree from that of 2026; this moves the limb by 60 m."""
-_DAY_SIDE_COSINE = (
-    0.01  # 0.6 degrees sunward of the body's centre and more, its limb cannot reach the Sun's disc
-)
+# more than 0.6 degrees sunward of the body's centre its limb cannot reach the Sun's disc
+_DAY_SIDE_COSINE = 0.01
 
 
 def sun_fraction_past_bodies(
     bodies: Iterable[BodyState], r_eci_m: ArrayLike, r_sun_eci_m: ArrayLike
 ) -> float:
-    """Compute the share of the Sun's disc that no body hides from one spacecraft.
+    """Compute the share of the Sun's disc visible from a spacecraft past all bodies.
 
-    The hidden shares are added: two bodies cover a part of the Sun at once for some seconds a century.
+    The hidden shares are added: an overlap of two bodies in front of the Sun lasts some seconds a century.
 
     Parameters
     ----------
-    bodies : the Earth among them. r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
+    bodies : states of the bodies. r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
     return max(float(add_shares([past_body(state, r, sun) for state in bodies])), 0.0)
 
 
 def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) -> FloatArray:
-    """Return the share of the Sun's disc not hidden by one body; (..., 3) places as of `sun_visible_fraction`."""
+    """Return the share of the Sun's disc visible past one body; (..., 3) positions as in `sun_visible_fraction`."""
     body, centre = state.body, np.asarray(state.r_eci_m)
     r, sun = r_eci_m - centre, r_sun_eci_m - centre
     if not body.flattening:
@@ -48,7 +47,7 @@ def past_body(state: BodyState, r_eci_m: FloatArray, r_sun_eci_m: FloatArray) ->
 
 
 def add_shares(shares: Sequence[FloatArray]) -> FloatArray:
-    """Return the share of the Sun past several bodies from those past each; below zero where they overlap."""
+    """Return the share of the Sun visible past several bodies from those past each; below zero where they overlap."""
     total = shares[0]
     for share in shares[1:]:
         total = total + share - 1.0
@@ -76,9 +75,9 @@ def sun_visible_fraction(
 def _past_ellipsoid(
     r: FloatArray, sun: FloatArray, pole: FloatArray, radius_m: float, flattening: float
 ) -> FloatArray:
-    """Return the share past an ellipsoid: stretched along its axis to a sphere, straight rays stay straight.
+    """Return the share past an ellipsoid, after stretching its axis to make it a sphere, which keeps rays straight.
 
-    The Sun's disc becomes an ellipse, of the Earth by three thousandths, which is ignored.
+    The Sun's disc becomes an ellipse (flattened by 0.003 for the Earth), which is neglected.
     """
     stretch = 1 / (1 - flattening) - 1
     r, sun = (x + (stretch * np.asarray(x @ pole))[..., None] * pole for x in (r, sun))
@@ -88,13 +87,13 @@ def _past_ellipsoid(
 def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float) -> FloatArray:
     """Return the share of the Sun's disc not hidden by a spherical body: 1 in sunlight, 0 in umbra.
 
-    The two discs overlap as plane circles of their angular radii, as is usual: within the half degree of
-    the Sun the body's limb is straight enough. The atmosphere neither absorbs nor bends.
+    The discs overlap like plane circles of their angular radii, as usual: within the Sun's half degree the body's limb
+    is nearly straight. The atmosphere neither absorbs nor refracts.
 
     Parameters
     ----------
     r_m, r_sun_m : (..., 3) spacecraft and Sun from the body's centre [m].
-    radius_m : of the body.
+    radius_m : radius of the body.
 
     Returns
     -------
@@ -104,7 +103,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
     ----------
     Montenbruck & Gill (2000), Satellite Orbits, sec. 3.4.2.
     """
-    # component by component, which is five times as fast for one place as numpy's cross product and norms
+    # scalar arithmetic is five times as fast for one position as NumPy's cross product and norms
     x, y, z = (np.asarray(r_m, float)[..., k] for k in range(3))
     sx, sy, sz = (np.asarray(r_sun_m, float)[..., k] - at for k, at in enumerate((x, y, z)))
     distance = np.sqrt(x * x + y * y + z * z)
@@ -116,7 +115,7 @@ def sun_fraction_past_sphere(r_m: ArrayLike, r_sun_m: ArrayLike, radius_m: float
     a = np.arcsin(SUN_RADIUS_M / sun_distance)
     b = np.arcsin(np.minimum(radius_m / distance, 1.0))
     c = np.arctan2(across, along)
-    # chord of the two circles: its middle from the Sun's centre towards the body's, and half its length
+    # chord of the two circles: distance of its midpoint from the Sun's centre, and half its length
     c_safe = np.maximum(c, 1e-12)
     middle = (c_safe**2 + a**2 - b**2) / (2 * c_safe)
     half = np.sqrt(np.maximum(a**2 - middle**2, 0.0))

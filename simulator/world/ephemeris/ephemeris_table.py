@@ -26,10 +26,10 @@ class EphemerisTable:
 
     Parameters
     ----------
-    pieces : (k, 4, 16) coefficients, highest power first, of: the matrix GCRS to CIRS (9), the Earth rotation
-        angle less a uniform turn (1), the geometric Sun (3) and Moon (3) [m].
-    era_start_rad, era_rate_rad_s : that uniform turn.
-    R_itrs_from_tirs : polar motion, held over the flight.
+    pieces : (k, 4, 16) coefficients, highest power first, of the matrix GCRS to CIRS (9), the Earth rotation angle
+        minus a uniform rotation (1), the geometric Sun (3) and Moon (3) [m].
+    era_start_rad, era_rate_rad_s : the uniform rotation.
+    R_itrs_from_tirs : polar motion, constant over the flight.
     """
 
     pieces: FloatArray
@@ -41,12 +41,12 @@ class EphemerisTable:
     def of(epoch: Instant, duration_s: float) -> EphemerisTable:
         """Build the table from an hour before ``epoch`` to an hour after the flight's end."""
         nodes = np.arange(-2, int(np.ceil(duration_s / _STEP_S)) + 4) * _STEP_S
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import: maps are begun before
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import
 
         instants = [epoch.plus(float(t)) for t in nodes]
         celestial = np.array([celestial_and_polar(i)[0].ravel() for i in instants])
         era = np.unwrap([float(erfa.era00(*i.ut1)) for i in instants])
-        # the nodes are closer than half a turn apart, so that unwrapping counts every turn
+        # nodes are less than half a rotation apart, so that unwrapping is unambiguous
         rate = float(era[-1] - era[0]) / float(nodes[-1] - nodes[0])
         start = float(era[0] - rate * nodes[0])
         tt2 = epoch.tt2 + nodes / DAY_S

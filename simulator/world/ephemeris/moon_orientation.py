@@ -43,8 +43,7 @@ _W = np.array(
 
 
 def R_moon_from_eci(instant: Instant) -> FloatArray:
-    """Return the (3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, good to about 150 m on its
-    ground.
+    """Return the (3, 3) rotation from GCRS to the Moon's mean Earth / polar axis frame, within 150 m on its surface.
 
     Its x axis points to the mean Earth (longitude 0), z along the axis.
 

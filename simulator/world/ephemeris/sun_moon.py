@@ -19,13 +19,13 @@ _C_AU_DAY = LIGHT_M_S * DAY_S / AU_M
 
 
 def sun_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Return the geometric geocentric position of the Sun, GCRS axes (..., 3) [m]; for its attraction."""
+    """Return the geometric geocentric position of the Sun, GCRS axes (..., 3) [m], for its attraction."""
     heliocentric, _ = without_year_warning(erfa.epv00, tt1, tt2)
     return np.asarray(-heliocentric["p"] * AU_M, float)
 
 
 def moon_geometric_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
-    """Return the geometric geocentric position of the Moon, GCRS axes (..., 3) [m]; for its attraction."""
+    """Return the geometric geocentric position of the Moon, GCRS axes (..., 3) [m], for its attraction."""
     return np.asarray(erfa.moon98(tt1, tt2)["p"] * AU_M, float)
 
 
@@ -38,11 +38,11 @@ def moon_geometric_state(tt1: float, tt2: float) -> tuple[FloatArray, FloatArray
 def sun_eci_m(tt1: ArrayLike, tt2: ArrayLike) -> FloatArray:
     """Return the apparent geocentric position of the Sun in GCRS [m], with light time and annual aberration.
 
-    A spacecraft's own speed adds at most 5 arcsec more, which is left out.
+    A spacecraft's own velocity adds at most 5 arcsec, which is neglected.
 
     Parameters
     ----------
-    tt1, tt2 : (...) two-part Julian date of TT (used for TDB: 2 ms, no matter here).
+    tt1, tt2 : (...) two-part Julian date of TT (used for TDB: 2 ms, negligible here).
 
     Returns
     -------

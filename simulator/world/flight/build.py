@@ -42,10 +42,11 @@ class TargetStart:
 
     Parameters
     ----------
-    r_eci_m, v_eci_m_s : (3,) centre of mass from the centre of the body it circles, GCRS axes.
-    attitude : at the start and from there. inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its own.
-    history : attitude read from a file, which replaces the propagation by ``attitude``.
-    ephemeris : the orbit that is followed instead of being propagated from ``r_eci_m`` and ``v_eci_m_s``.
+    r_eci_m, v_eci_m_s : (3,) state of the centre of mass from the central body's centre, GCRS axes.
+    attitude : attitude at the start and from then on. inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its
+        own.
+    history : attitude from a file, which replaces the propagation by ``attitude``.
+    ephemeris : orbit to follow instead of propagating ``r_eci_m`` and ``v_eci_m_s``.
     """
 
     r_eci_m: ArrayLike
@@ -72,9 +73,9 @@ def propagate_flight(
     Parameters
     ----------
     target, chaser : the two craft. epoch, duration_s : start and length.
-    forces : on both craft; the plain gravity of the body, a point mass with J2, unless given.
-    body : what they circle.
-    burns : of both craft; the chaser's are for one in free flight.
+    forces : forces on both craft; by default the plain gravity of the body, a point mass with J2.
+    body : central body.
+    burns : burns of both craft; the chaser's must be for free flight.
     chaser_ephemeris : ephemeris that the chaser follows; its mode is then `FollowedChaser`.
     """
     r, v = np.asarray(target.r_eci_m, float), np.asarray(target.v_eci_m_s, float)
@@ -95,15 +96,15 @@ def propagate_flight(
             refuse_thrust(followed, duration_s, forces)
         orbit = follow(followed, duration_s, forces, start, burns)
     if chaser_ephemeris is not None:
-        beside = followed_craft(chaser_ephemeris, duration_s, forces)
-        orbit = replace(orbit, solution=CraftPair(orbit.solution, chaser=beside))
+        chaser_track = followed_craft(chaser_ephemeris, duration_s, forces)
+        orbit = replace(orbit, solution=CraftPair(orbit.solution, chaser=chaser_track))
     q0 = quat_normalize(target.attitude.q_eci_from_target_wxyz(frame))
     thrusters = chaser.acting_thrusters
     flight = Flight(
         epoch=epoch,
         duration_s=duration_s,
         orbit=orbit,
-        # a stand-in: what the target points at may be the chaser
+        # placeholder, because the target may point at the chaser
         attitude=SteadyTrack(q0, np.zeros(3)),
         guidance=chaser,
         n_rad_s=n,
@@ -124,14 +125,14 @@ def propagate_flight(
     if track is None:
         track = target.attitude.track(q0, target.inertia_kg_m2, around)
     flight = replace(flight, attitude=track)
-    # the thrust of a script follows the camera's axes, which must stay as they were flown
+    # a script's thrust is along the camera's axes, which must stay as flown
     if chaser.pointing.down == "auto" and flight.scripted is None:
         flight = with_best_down(flight)
     return with_wheels(flight, chaser.wheels)
 
 
 def with_wheels(flight: Flight, wheels: Wheels | None) -> Flight:
-    """Return the flight with its camera turned by wheels that follow the pointing, or unchanged without wheels."""
+    """Return the flight with its camera rotated by wheels that follow the pointing, or unchanged without wheels."""
     if wheels is None:
         return flight
     return replace(flight, wheels=fly_wheels(flight.pointing_reference, flight.duration_s, wheels))

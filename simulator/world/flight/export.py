@@ -36,8 +36,8 @@ Row = dict[str, str | float | None]
 def fly_table(flight: Flight, times_s: Iterable[float]) -> list[Row]:
     """Return states as rows of a table; a vector ``r_target_eci_m`` becomes ``r_target_eci_x_m`` and so on.
 
-    After the states: the chaser's phase, what its thrusters give, its mass, the velocity given so far, and what
-    happened since the row before. What is not known is None.
+    After the states: the chaser's phase, thrust, mass, delta-v so far, and the events since the previous row. Unknown
+    values are None.
     """
     rows: list[Row] = []
     for t in times_s:
@@ -82,13 +82,13 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
     Parameters
     ----------
-    rows : of `fly_table`; phases and the nearest approach are as fine as they are.
+    rows : rows of `fly_table`, whose spacing is the resolution of phases and of the closest approach.
 
     Returns
     -------
     dict
         ``rows``; ``aborted``, ``abort_s``; ``phases`` [{``phase from_s to_s``}]; ``delta_v_m_s``, ``propellant_kg``,
-        ``mass_kg`` [at the start, at the end], each None where it is not known; ``min_range_m`` at ``min_range_s``;
+        ``mass_kg`` [at the start, at the end], each None if unknown; ``min_range_m`` at ``min_range_s``;
         ``events`` [{``t_s kind what``}].
     """
     log = FlightLog(flight)
@@ -113,7 +113,7 @@ def summarise_flight(flight: Flight, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _phases(rows: Sequence[Row], times_s: Sequence[float]) -> list[dict[str, Any]]:
-    """Return the phases: runs of rows of one phase, each to the start of the next."""
+    """Return the phases: runs of rows of one phase, each up to the start of the next."""
     starts = [k for k, row in enumerate(rows) if k == 0 or row["phase"] != rows[k - 1]["phase"]]
     ends = [*starts[1:], len(rows) - 1]
     return [
@@ -135,7 +135,7 @@ def flight_messages(
 
     Orbits are those of the centres of mass; the target's body frame is its model's, the chaser's its camera's.
     """
-    # the states of the stamped times, which have microseconds: in half of one a craft moves by millimetres
+    # states at the stamped times, which have microseconds: in half of one a craft moves by millimetres
     times = [round(float(t), 6) for t in times_s]
     states = [flight.state(t) for t in times]
     epochs = [s.epoch_utc for s in states]

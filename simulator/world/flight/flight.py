@@ -1,4 +1,4 @@
-"""A propagated flight: target, tumble, chaser and sky at any moment of its span."""
+"""A propagated flight: target, tumble, chaser and sky at any time of its span."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Flight:
 
     Parameters
     ----------
-    epoch : the start. duration_s : length [s].
-    orbit, attitude : the target's propagated tracks; the orbit's is from the centre of ``body``.
+    epoch : start of the flight. duration_s : length [s].
+    orbit, attitude : the target's propagated tracks; the orbit is relative to the centre of ``body``.
     guidance : guidance of the chaser. n_rad_s : the target's mean motion at the start.
     pointing : attitude of the camera.
-    controlled : the chaser's track if it flies by thrusters. recording : recorded flight to play back instead.
-    burns : of both craft, which the orbits hold already.
+    controlled : the chaser's track if it flies by thrusters. recording : recorded flight to replay instead.
+    burns : burns of both craft, already included in the orbits.
     """
 
     epoch: Instant
@@ -97,7 +97,7 @@ class Flight:
         return self.state_with_chaser(self.chaser(t_s))
 
     def state_with_chaser(self, chaser: ChaserState) -> WorldState:
-        """Return the world at ``chaser.t_s`` with a given state of the chaser, for example under manual control.
+        """Return the world at ``chaser.t_s`` with a given chaser state, for example under manual control.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class Flight:
     def _target(self, now: Instant, t_s: float) -> tuple[FloatArray, FloatArray]:
         """Return the geocentric position and velocity of the target."""
         if self.recording is not None:
-            # as recorded, to the last bit
+            # exactly as recorded
             y = self.recording.target(t_s)
             return y[:3], y[3:]
         r, v = self.orbit(t_s)
@@ -148,7 +148,7 @@ class Flight:
 
         Parameters
         ----------
-        frame : `lvlh` at that time, where it is known; else the quick one of the track.
+        frame : result of `lvlh` at that time, if known; by default the track's approximation.
         """
         played_back = self.recording.chaser if self.recording else self.scripted
         if played_back is not None:

@@ -30,7 +30,7 @@ class Event:
 
     Parameters
     ----------
-    t_s : since the flight's start [s]. kind : its kind, one word. what : a sentence.
+    t_s : time since the flight's start [s]. kind : kind, one word. what : description in one sentence.
     """
 
     t_s: float
@@ -40,13 +40,14 @@ class Event:
 
 @dataclass(frozen=True, kw_only=True)
 class ThrustState:
-    """Thrust of the chaser at one moment; None if unknown.
+    """Thrust of the chaser at one time; None if unknown.
 
     Parameters
     ----------
     phase : phase of the chaser, one or two words.
-    acceleration_lvlh_m_s2 : of the thrusters alone, along the target's LVLH axes. mass_kg : of the chaser.
-    delta_v_m_s : given since the start.
+    acceleration_lvlh_m_s2 : acceleration by thrusters alone, along the target's LVLH axes.
+    mass_kg : mass of the chaser.
+    delta_v_m_s : total since the start.
     """
 
     phase: str
@@ -61,7 +62,7 @@ class FlightLog:
 
     Parameters
     ----------
-    flight : that was propagated.
+    flight : the propagated flight.
     """
 
     flight: Flight
@@ -70,16 +71,18 @@ class FlightLog:
     def __post_init__(self) -> None:
         """Sum the delta-v, once."""
         f = self.flight
-        given: list[float] = []
+        delta_v_m_s: list[float] = []
         if f.controlled is not None:
-            given = [float(np.linalg.norm(a)) * f.controlled.period_s for a in f.controlled.thrust_eci_m_s2]
+            delta_v_m_s = [
+                float(np.linalg.norm(a)) * f.controlled.period_s for a in f.controlled.thrust_eci_m_s2
+            ]
         elif f.scripted is not None and f.recording is None:
             spans = pairwise([*f.scripted.times_s, f.duration_s])
-            given = [
+            delta_v_m_s = [
                 float(np.linalg.norm(_commanded_acceleration(f.scripted, k))) * (end - start)
                 for k, (start, end) in enumerate(spans)
             ]
-        object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(given)])
+        object.__setattr__(self, "_totals_m_s", [0.0, *accumulate(delta_v_m_s)])
 
     def thrust_state(self, t_s: float) -> ThrustState:
         """Return the chaser's thrust and phase at ``t_s``."""
@@ -92,7 +95,7 @@ class FlightLog:
             return self._scripted(f.scripted, t_s)
         if f.guidance.ballistic:
             return _ballistic(f.guidance.phase(t_s), f.burns, t_s)
-        # a path followed exactly, by forces that are not modelled
+        # a path followed exactly, by unmodelled forces
         return ThrustState(phase=f.guidance.phase(t_s))
 
     def _controlled(self, track: ControlledTrack, t_s: float) -> ThrustState:
@@ -115,11 +118,11 @@ class FlightLog:
         start = track.times_s[k]
         a = _commanded_acceleration(track, k)
         frame = track.orbit.frame(start)
-        moved = frame.R_eci_from_lvlh.T @ a
+        lvlh = frame.R_eci_from_lvlh.T @ a
         phase = "guarded" if track.overruled[k] else "commanded" if a.any() else "coast"
         return ThrustState(
             phase=phase,
-            acceleration_lvlh_m_s2=vec3(moved),
+            acceleration_lvlh_m_s2=vec3(lvlh),
             delta_v_m_s=self._totals_m_s[k] + float(np.linalg.norm(a)) * (t_s - start),
         )
 
@@ -128,20 +131,20 @@ class FlightLog:
 
         Parameters
         ----------
-        times_s, sun_fractions : samples of the share of the Sun that the target sees; without them the Earth's and the
-            Moon's shadows are not looked for.
+        times_s, sun_fractions : samples of the share of the Sun visible from the target; without them eclipses are
+            omitted.
         """
         f = self.flight
-        found = _shadow_events(times_s, sun_fractions)
+        events = _shadow_events(times_s, sun_fractions)
         for burn in f.burns if f.recording is None else ():
             speed = float(np.linalg.norm(burn.delta_v_lvlh_m_s))
-            found.append(
+            events.append(
                 Event(t_s=burn.start_s, kind="burn", what=f"burn of the {burn.craft}, {speed:.4g} m/s")
             )
             if burn.duration_s > 0:
-                found.append(Event(t_s=burn.end_s, kind="burn_end", what=f"end of the {burn.craft}'s burn"))
+                events.append(Event(t_s=burn.end_s, kind="burn_end", what=f"end of the {burn.craft}'s burn"))
         if f.controlled is not None and f.controlled.abort_s is not None:
-            found += _abort_events(f.controlled, f.controlled.abort_s)
+            events += _abort_events(f.controlled, f.controlled.abort_s)
         if f.scripted is not None and f.recording is None:
             starts = (
                 t
@@ -150,11 +153,11 @@ class FlightLog:
                 )
                 if now and not before
             )
-            found += [
+            events += [
                 Event(t_s=t, kind="guarded", what="the keep-out sphere's guard overrules the commands")
                 for t in starts
             ]
-        return sorted((e for e in found if e.t_s <= f.duration_s), key=lambda e: e.t_s)
+        return sorted((e for e in events if e.t_s <= f.duration_s), key=lambda e: e.t_s)
 
     @property
     def delta_v_m_s(self) -> float | None:
@@ -187,7 +190,7 @@ def _still_retreating(track: ControlledTrack, k: int) -> bool:
 
 
 def _ballistic(phase: str, burns: tuple[Burn, ...], t_s: float) -> ThrustState:
-    """Return True for free flight, apart from burns."""
+    """Return the state of free flight, apart from burns."""
     total, push = 0.0, np.zeros(3)
     for burn in burns:
         if burn.craft != "chaser" or burn.start_s > t_s:

@@ -43,7 +43,7 @@ _FIELDS = {
     "q_camera_from_eci_wxyz": 4,
     "omega_camera_rad_s": 3,
 }
-"""Arrays of the file with their widths, named as in `WorldState`."""
+"""Arrays of the file and their widths, named as in `WorldState`."""
 NUMBERS = sum(_FIELDS.values())
 """Number of values of one state."""
 CSV_SUFFIX = ".csv"
@@ -99,7 +99,7 @@ class Recording:
         Raises
         ------
         UserError
-            If it cannot be read, is too large, lacks an array, or its times do not start at 0 and rise.
+            If it cannot be read, is too large, lacks an array, or its times do not start at 0 and increase.
         """
         try:
             data = read_regular(path, MAX_BYTES)
@@ -127,9 +127,7 @@ class Recording:
         return k, t_s - float(t[k])
 
     def _moved(self, r: str, v: str, t_s: float) -> FloatArray:
-        """Return position and velocity (6,): the sample, a cubic between two samples, or a straight line after the
-        last.
-        """
+        """Return position and velocity (6,): the sample, a cubic between samples, or a straight line after the last."""
         k, d = self._place(t_s)
         p, w = self.arrays[r], self.arrays[v]
         if d == 0.0:
@@ -139,7 +137,7 @@ class Recording:
         h = float(self.arrays["t_s"][k + 1] - self.arrays["t_s"][k])
         x = d / h
         chord = (p[k + 1] - p[k]) / h
-        # Hermite's cubic as the first sample plus what its slopes add
+        # Hermite cubic as the first sample plus the contributions of the slopes
         a, b = w[k] - chord, w[k + 1] - chord
         place = p[k] + d * chord + d * (1 - x) * ((1 - x) * a - x * b)
         slope = chord + (1 - x) * (1 - 3 * x) * a - x * (2 - 3 * x) * b
@@ -150,7 +148,7 @@ class Recording:
         return self._moved("r_target_eci_m", "v_target_eci_m_s", t_s)
 
     def target_attitude(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return ``q_eci_from_target_wxyz`` and the rate in target axes; the rate is constant between samples."""
+        """Return ``q_eci_from_target_wxyz`` and the angular velocity, target axes, constant between samples."""
         k, d = self._place(t_s)
         q, w = self.arrays["q_eci_from_target_wxyz"][k], self.arrays["omega_target_rad_s"][k]
         return (q, w) if d == 0.0 else (quat_multiply(q, quat_from_rotvec(w * d)), w)
@@ -195,7 +193,7 @@ class Replay(Chaser, tag_field="mode", tag="replay", frozen=True, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class RecordedAttitude:
-    """The target's recorded attitude, exact to the last bit."""
+    """The target's recorded attitude, exact to the bit."""
 
     recording: Recording
 
@@ -221,9 +219,9 @@ def csv_line(row: Sequence[float]) -> str:
 
 
 def _from_npz(data: bytes) -> dict[str, FloatArray]:
-    """Return the arrays of an npz file. Raises one of ``_DAMAGED`` if it is not one, or would be too large unpacked."""
-    with zipfile.ZipFile(io.BytesIO(data)) as packed:
-        size = sum(entry.file_size for entry in packed.infolist())
+    """Return the arrays of an npz file; raise one of ``_DAMAGED`` if it is not one, or too large unpacked."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
     if size > MAX_BYTES:
         raise ValueError(f"unpacked it has {size:,} bytes, and at most {MAX_BYTES:,} are read")
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
@@ -231,8 +229,8 @@ def _from_npz(data: bytes) -> dict[str, FloatArray]:
 
 
 def _from_lines(text: str) -> dict[str, FloatArray]:
-    """Return the arrays of `csv_header` and the complete lines after it. Raises ValueError if they are not that."""
-    first, *rows = text.replace("\r\n", "\n").split("\n")[:-1]  # text after the last line's end is incomplete
+    """Return the arrays of `csv_header` and the complete lines after it; raise ValueError if they are malformed."""
+    first, *rows = text.replace("\r\n", "\n").split("\n")[:-1]  # text after the last line end is incomplete
     if first + "\n" != csv_header():
         raise ValueError("its first line does not name the numbers of a flight")
     return _columns(np.array([row.split(",") for row in rows], float).reshape(-1, NUMBERS))
@@ -249,7 +247,7 @@ def _columns(table: FloatArray) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class RecordedOrbit:
-    """The target's recorded orbit from the centre of the body it circles."""
+    """The target's recorded orbit relative to the centre of its central body."""
 
     recording: Recording
     forces: ForceModel

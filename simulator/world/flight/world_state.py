@@ -1,4 +1,4 @@
-"""State of the world at one moment: orbits, attitudes, Sun and Moon, before a camera is chosen."""
+"""State of the world at one time: orbits, attitudes, Sun and Moon, before a camera is chosen."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ class WorldState(BodyStates):
 
     Parameters
     ----------
-    epoch_utc : this moment, ISO 8601 with a trailing Z. t_s : seconds since the flight's start.
-    r_target_eci_m, v_target_eci_m_s : the target's centre of mass.
-    q_eci_from_target_wxyz, omega_target_rad_s : its attitude and its rate relative to ECI, target axes.
-    r_chaser_eci_m, v_chaser_eci_m_s : the camera (it sits in the chaser's centre of mass).
-    q_camera_from_eci_wxyz, omega_camera_rad_s : its attitude and its rate relative to ECI, camera axes.
-    relative_eci_m, relative_eci_m_s : chaser minus target, without the rounding of two large numbers.
-    position_lvlh_m, velocity_lvlh_m_s : the same in the target's rotating LVLH frame.
-    r_sun_eci_m : apparent, geocentric.
-    bodies : Earth, Moon and, where it is another, the body that is circled, whose place is geometric so that
-        ``r_target_eci_m`` less it is the orbit.
-    sun_visible_fraction : share of the Sun's disc that the target sees past the bodies, 0..1.
+    epoch_utc : this time, ISO 8601 with a trailing Z. t_s : seconds since the flight's start.
+    r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
+    q_eci_from_target_wxyz, omega_target_rad_s : target's attitude and angular velocity relative to ECI, target axes.
+    r_chaser_eci_m, v_chaser_eci_m_s : state of the camera (at the chaser's centre of mass).
+    q_camera_from_eci_wxyz, omega_camera_rad_s : camera's attitude and angular velocity relative to ECI, camera axes.
+    relative_eci_m, relative_eci_m_s : chaser minus target, without the rounding of large numbers.
+    position_lvlh_m, velocity_lvlh_m_s : relative position and velocity in the target's rotating LVLH frame.
+    r_sun_eci_m : apparent geocentric position of the Sun.
+    bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_target_eci_m``
+        minus it is the orbit.
+    sun_visible_fraction : share of the Sun's disc visible from the target past the bodies, 0..1.
     central_body : body that the target orbits, and the centre of LVLH.
     """
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Lvlh:
-    """The frame at one moment.
+    """The LVLH frame at one time.
 
     Parameters
     ----------
@@ -28,21 +28,21 @@ class Lvlh:
     omega_eci_rad_s: FloatArray
 
     def to_eci(self, p_lvlh: FloatArray, v_lvlh: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the relative position and velocity of LVLH along GCRS axes (the frame's rotation added)."""
+        """Convert relative position and velocity from LVLH to GCRS axes, adding the frame's rotation."""
         p = self.R_eci_from_lvlh @ p_lvlh
         return p, self.R_eci_from_lvlh @ v_lvlh + cross(self.omega_eci_rad_s, p)
 
     def from_eci(self, p_eci: FloatArray, v_eci: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the relative position and velocity as seen in the rotating LVLH frame."""
+        """Convert relative position and velocity from GCRS axes to the rotating LVLH frame."""
         R = self.R_eci_from_lvlh.T
         return R @ p_eci, R @ (v_eci - cross(self.omega_eci_rad_s, p_eci))
 
 
 def lvlh_frame(r_eci_m: FloatArray, v_eci_m_s: FloatArray, a_eci_m_s2: FloatArray) -> Lvlh:
-    """LVLH of a spacecraft at ``r_eci_m`` moving with ``v_eci_m_s`` under ``a_eci_m_s2``.
+    """Return the LVLH frame of a spacecraft at ``r_eci_m`` with velocity ``v_eci_m_s`` and acceleration ``a_eci_m_s2``.
 
-    The rate is exact for the given acceleration: ``h/r^2`` about the cross-track axis, and the turning of the
-    orbit plane by the out-of-plane acceleration about the radial axis.
+    The angular velocity is exact for the given acceleration: ``h/r^2`` about the cross-track axis, and the rotation of
+    the orbit plane by the out-of-plane acceleration about the radial axis.
 
     References
     ----------

@@ -28,9 +28,7 @@ def quat_multiply(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> FloatArray:
 
 
 def _product(pw: Any, px: Any, py: Any, pz: Any, qw: Any, qx: Any, qy: Any, qz: Any) -> list[Any]:  # noqa: ANN401
-    """Return the components of the Hamilton product, of floats (one product, at a tenth of numpy's cost) or of
-    arrays.
-    """
+    """Return the components of the Hamilton product, of floats (at a tenth of NumPy's cost) or of arrays."""
     return [
         pw * qw - px * qx - py * qy - pz * qz,
         pw * qx + px * qw + py * qz - pz * qy,
@@ -121,7 +119,7 @@ def quat_from_rotvec(rotvec_rad: ArrayLike) -> FloatArray:
     """
     v = np.asarray(rotvec_rad, float)
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
-    # sin(x/2)/x by numpy's sinc, which is exact at zero
+    # sin(x/2)/x by NumPy's sinc, which is exact at zero
     return np.concatenate([np.cos(angle / 2), 0.5 * np.sinc(angle / (2 * np.pi)) * v], axis=-1)
 
 
@@ -132,7 +130,7 @@ def rotation_angle_rad(p_wxyz: ArrayLike, q_wxyz: ArrayLike) -> float:
 
 
 def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
-    """Return the rotation vector (3,) of a unit quaternion [rad], the shorter way round."""
+    """Return the rotation vector (3,) of a unit quaternion, at most pi long [rad]."""
     d = np.asarray(q_wxyz, float)
     d = d if d[0] >= 0 else -d
     sine = float(np.linalg.norm(d[1:]))
@@ -142,5 +140,5 @@ def rotvec_from_quat(q_wxyz: ArrayLike) -> FloatArray:
 
 
 def rotvec_between(q_a_from_b_wxyz: ArrayLike, q_a_from_c_wxyz: ArrayLike) -> FloatArray:
-    """Return the (3,) rotation vector in b's axes that carries b to c [rad], the shorter way round."""
+    """Return the (3,) rotation vector in b's axes from b to c, at most pi long [rad]."""
     return rotvec_from_quat(quat_multiply(quat_conjugate(q_a_from_b_wxyz), q_a_from_c_wxyz))

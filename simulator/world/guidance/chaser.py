@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 class Chaser(Section, frozen=True, kw_only=True):
-    """Base of every mode of motion; positions are in LVLH: radial outward, along-track, cross-track.
+    """Base of all modes of motion; positions are in LVLH: radial outward, along-track, cross-track.
 
-    ``keep_out`` takes effect for a chaser that flies by thrusters or is steered.
+    ``keep_out`` applies to a chaser under thrusters or manual control.
     """
 
     ballistic: ClassVar[bool] = False
-    """True if the mode only gives the state at t = 0, from where gravity alone moves the chaser.
+    """True if the mode defines only the state at t = 0, followed by free flight.
 
     Any other mode is a path, which the chaser follows exactly unless it flies by thrusters.
     """

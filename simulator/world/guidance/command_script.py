@@ -34,7 +34,7 @@ class ScriptedCommand(Section, frozen=True, kw_only=True):
     acceleration_m_s2: SpeedXyz = (0.0, 0.0, 0.0)
     # lvlh: radial, along-track, cross-track; camera: right, down, forward
     axes: Literal["lvlh", "camera"] = "lvlh"
-    # rate of the camera relative to the stars, unless with_tracking_camera keeps it on the target
+    # angular velocity of the camera relative to the stars, unless with_tracking_camera keeps it on the target
     rate_camera_deg_s: tuple[Rate, Rate, Rate] = (0.0, 0.0, 0.0)
 
 
@@ -45,7 +45,7 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
     velocity_lvlh_m_s: SpeedXyz = (0.0, 0.0, 0.0)
     commands: Annotated[list[ScriptedCommand], Meta(max_length=10_000)] = msgspec.field(default_factory=list)
     tracking: bool = True
-    # with which the keep-out sphere is defended, and the period of its guard
+    # braking acceleration and period of the keep-out guard
     brake_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.05
     period_s: Annotated[float, Meta(ge=0.05, le=60)] = 0.5
 
@@ -76,13 +76,14 @@ class CommandScript(Chaser, tag_field="mode", tag="steered", frozen=True, kw_onl
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScriptedTrack:
-    """A manually controlled flight: states and commands at the start of each step.
+    """A flight under manual control: states and commands at the start of each step.
 
     Parameters
     ----------
-    orbit : of the target. pointing : of the camera while it tracks. script : what was flown.
-    times_s, states, commands : at the start of each step. guarded_s : when the guard first overruled, or None.
-    overruled : True if it did, at each step.
+    orbit : orbit of the target. pointing : pointing of the camera while it tracks. script : script that was flown.
+    times_s, states, commands : values at the start of each step. guarded_s : first time that the guard intervened, or
+        None.
+    overruled : True for each step with an intervention.
     """
 
     orbit: OrbitTrack
@@ -103,11 +104,11 @@ class ScriptedTrack:
 
 
 def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> ScriptedTrack:
-    """Fly a script to the end of the target's track, with the keep-out sphere guarded.
+    """Fly a script to the end of the target's track, with the keep-out guard.
 
     Parameters
     ----------
-    orbit : of the target. script : start and commands. n_rad_s : mean motion.
+    orbit : orbit of the target. script : start and commands. n_rad_s : mean motion.
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))
@@ -150,7 +151,7 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
 
 
 def with_tracking_camera(state: ChaserState, orbit: OrbitTrack, pointing: Pointing) -> ChaserState:
-    """Return the state with its camera turned by the pointing."""
+    """Return the state with its camera rotated by the pointing."""
     p, v = np.array(state.position_eci_m), np.array(state.velocity_eci_m_s)
     q, omega = pointing.attitude(-p, -v, orbit.frame(state.t_s))
     return replace(state, q_camera_from_eci_wxyz=quat(q), omega_camera_rad_s=vec3(omega))

@@ -75,7 +75,7 @@ class NaturalCircumnavigation(
     ``radial_m`` is half the radial size; along-track it is twice that.
     """
 
-    # out-of-plane swing and its lead over the radial one
+    # out-of-plane amplitude, and its phase relative to the radial motion
     cross_track_m: Annotated[float, Meta(ge=0, le=1e5)] = 0.0
     cross_phase_deg: Degrees = 90.0
 
@@ -86,7 +86,7 @@ class NaturalCircumnavigation(
 class SafeEllipse(_BoundedFlight, tag_field="mode", tag="safe_ellipse", frozen=True, kw_only=True):
     """Free flight on an ellipse that stays clear of the along-track axis by the smaller of its two half sizes.
 
-    Radial and cross-track swing are a quarter turn apart, so that one is largest where the other is zero.
+    Radial and cross-track motion are 90 degrees apart, so that one is largest where the other is zero.
 
     References
     ----------
@@ -110,7 +110,7 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
     position_lvlh_m: MetresXyz
     near_m: Range
     far_m: Range
-    # radial speed after each correction, and how far inside the shell corrections are made
+    # radial speed after each correction, and margin inside the shell at which corrections are made
     turn_m_s: Annotated[float, Meta(gt=0, le=1)] = 0.01
     margin_m: Annotated[float, Meta(gt=0, le=1e3)] = 1.0
 
@@ -130,7 +130,7 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
     def impulse_lvlh(self, p: FloatArray, v: FloatArray, n_rad_s: float) -> FloatArray:  # noqa: ARG002
         """Return the velocity change [m s-1]: zero while the range is well inside or the chaser returns.
 
-        Else the radial speed is reversed.
+        Otherwise the radial velocity is reversed.
         """
         distance = float(np.linalg.norm(p))
         out = p / distance
@@ -141,10 +141,10 @@ class RangeKeeping(Chaser, tag_field="mode", tag="keep_range", frozen=True, kw_o
             return np.zeros(3)
         sideways = v - rate * out
         speed = float(np.linalg.norm(sideways))
-        # sideways motion soon leads outward: it has the same speed limit
-        kept = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
-        wanted = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + kept
-        return np.asarray(wanted - v)
+        # lateral motion soon leads outward, so it has the same speed limit
+        lateral = sideways * min(1.0, self.turn_m_s / max(speed, 1e-12))
+        velocity = (-self.turn_m_s if leaving_far else self.turn_m_s) * out + lateral
+        return np.asarray(velocity - v)
 
 
 class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=True):
@@ -152,7 +152,7 @@ class FollowedChaser(Chaser, tag_field="mode", tag="oem", frozen=True, kw_only=T
 
     ballistic: ClassVar[bool] = True
     file: str
-    # name or identifier, of a file with several
+    # name or identifier, in a file with several
     satellite: str | None = None
 
     def phase(self, t_s: float) -> str:  # noqa: ARG002

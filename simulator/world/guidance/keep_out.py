@@ -1,4 +1,4 @@
-"""Keep-out sphere about the target with an approach corridor, and the guard that overrules commands."""
+"""Keep-out sphere around the target with an approach corridor, and the guard that overrides commands."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from flyaround.simulator.runtime.sections import DirectionXyz, Range, Section
 
 
 class KeepOut(Section, frozen=True, kw_only=True):
-    """A sphere about the target that may be entered through a cone only; else the chaser aborts and retreats."""
+    """A sphere around the target that may be entered only through a cone; otherwise the chaser aborts and retreats."""
 
     # about the target's centre of mass
     radius_m: Range
-    # from the target outward along the cone; None closes the sphere
+    # axis of the cone, outward from the target; None closes the sphere
     corridor_axis_lvlh: DirectionXyz | None = None
     corridor_half_angle_deg: Annotated[float, Meta(ge=0, le=90)] = 10.0
-    # straight outward after an abort, until twice the radius; then free drift
+    # outward speed after an abort, until twice the radius; then free drift
     retreat_m_s: Annotated[float, Meta(gt=0, le=10)] = 0.1
 
     def violated(self, position_lvlh_m: FloatArray) -> bool:
@@ -41,11 +41,11 @@ class KeepOut(Section, frozen=True, kw_only=True):
         dt_s: float,
         brake_m_s2: float,
     ) -> tuple[FloatArray, bool]:
-        """Limit an operator's acceleration to what the sphere allows. Return it, and whether it was overruled.
+        """Limit an operator's acceleration to what the sphere allows; return it, and True if it was overridden.
 
-        The command passes while the chaser, after this step of it, could still stop outside the sphere or
-        inside the corridor. Otherwise the inward part is removed and the chaser brakes; inside the
-        sphere it is driven out at the retreat speed. The sideways part stays.
+        The command passes if the chaser could still stop outside the sphere or inside the corridor after this step.
+        Otherwise its inward part is removed and the chaser brakes; inside the sphere it is driven out at the retreat
+        speed. The lateral part is kept.
 
         Parameters
         ----------
@@ -67,13 +67,13 @@ class KeepOut(Section, frozen=True, kw_only=True):
         ):
             return a, False
         rate = float(v @ out)
-        wanted = self.retreat_m_s if inside else 0.0
-        push = float(np.clip((wanted - rate) / dt_s, 0.0, brake_m_s2))
+        outward_m_s = self.retreat_m_s if inside else 0.0
+        push = float(np.clip((outward_m_s - rate) / dt_s, 0.0, brake_m_s2))
         outward = float(a @ out)
         return a - outward * out + max(outward, push) * out, True
 
     def _crosses(self, position_lvlh_m: FloatArray) -> bool:
-        """Return True if a straight way in from here would enter the sphere outside the corridor."""
+        """Return True if a straight line inward from here would enter the sphere outside the corridor."""
         distance = float(np.linalg.norm(position_lvlh_m))
         return distance >= self.radius_m and self.violated(
             position_lvlh_m * (self.radius_m * (1 - 1e-9) / distance)

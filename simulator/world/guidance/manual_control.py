@@ -1,4 +1,4 @@
-"""Manual control of the chaser: commands of six degrees of freedom, the keep-out guard, the predicted drift."""
+"""Manual control of the chaser: commands in six degrees of freedom, keep-out guard, predicted drift."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class SteeringCommand:
     Parameters
     ----------
     acceleration_camera_m_s2 : thrust per mass along camera axes (x right, y down, z forward).
-    acceleration_lvlh_m_s2 : and along the target's LVLH axes (radial, along-track, cross-track); the two add up.
-    rate_camera_rad_s : angular rate relative to ECI about camera axes; attitude control follows it exactly.
+    acceleration_lvlh_m_s2 : the same along the target's LVLH axes (radial, along-track, cross-track); both are added.
+    rate_camera_rad_s : angular velocity relative to ECI, camera axes; attitude control follows it exactly.
     """
 
     acceleration_camera_m_s2: Vec3 = (0.0, 0.0, 0.0)
@@ -44,13 +44,13 @@ class SteeringCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class ChaserState:
-    """State of the chaser next to the target at ``t_s``.
+    """State of the chaser relative to the target at ``t_s``.
 
     Parameters
     ----------
     position_eci_m, velocity_eci_m_s : chaser minus target's centre of mass, along GCRS axes.
     q_camera_from_eci_wxyz : attitude of the camera.
-    omega_camera_rad_s : its rate relative to ECI, camera axes.
+    omega_camera_rad_s : camera's angular velocity relative to ECI, camera axes.
     """
 
     t_s: float
@@ -68,7 +68,7 @@ def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: Orbit
     Parameters
     ----------
     state : state of the chaser.
-    command : held over the step.
+    command : command held over the step.
     dt_s : step [s], positive.
     orbit : the target's track, for the difference of gravity.
     """
@@ -78,12 +78,12 @@ def step(state: ChaserState, command: SteeringCommand, dt_s: float, orbit: Orbit
     turning = bool(omega.any() and push.any())
     steady = np.zeros(3)
     if any(command.acceleration_lvlh_m_s2):
-        # along the axes of the middle of the step, which turn a tenth of a milliradian a step
+        # along the LVLH axes at the middle of the step, which rotate by 0.1 mrad per step
         steady = orbit.frame(state.t_s + dt_s / 2).R_eci_from_lvlh @ np.array(command.acceleration_lvlh_m_s2)
 
     def thrust(tau: float) -> list[float]:
-        turned = matrix_from_quat(quat_from_rotvec(omega * tau)) @ push if turning else push
-        return [float(x) for x in R0_eci_from_camera @ turned + steady]
+        rotated = matrix_from_quat(quat_from_rotvec(omega * tau)) @ push if turning else push
+        return [float(x) for x in R0_eci_from_camera @ rotated + steady]
 
     h = dt_s
     p, v = relative_step(
@@ -108,18 +108,18 @@ def guarded_command(
     keep_out: KeepOut,
     brake_m_s2: float,
 ) -> tuple[SteeringCommand, bool]:
-    """Limit a command to what the keep-out sphere allows. Return it, and whether it was overruled.
+    """Limit a command to what the keep-out sphere allows; return it, and True if it was overridden.
 
     Parameters
     ----------
-    state, command, dt_s : step to check. frame : the target's LVLH frame now.
-    keep_out : the sphere. brake_m_s2 : with which the chaser can stop.
+    state, command, dt_s : step to check. frame : the target's present LVLH frame.
+    keep_out : sphere around the target. brake_m_s2 : available deceleration.
     """
     p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
     R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
-    asked = R_lvlh_from_camera @ np.array(command.acceleration_camera_m_s2)
-    asked = asked + np.array(command.acceleration_lvlh_m_s2)
-    allowed, overruled = keep_out.guard(p, v, asked, dt_s, brake_m_s2)
+    requested = R_lvlh_from_camera @ np.array(command.acceleration_camera_m_s2)
+    requested = requested + np.array(command.acceleration_lvlh_m_s2)
+    allowed, overruled = keep_out.guard(p, v, requested, dt_s, brake_m_s2)
     if not overruled:
         return command, False
     return replace(
@@ -134,7 +134,8 @@ def predicted_drift_lvlh_m(
 
     Parameters
     ----------
-    orbit : orbit of the target. chaser : state now. horizon_s : length of the prediction. samples : number of states.
+    orbit : orbit of the target. chaser : present state. horizon_s : length of the prediction. samples : number of
+        points.
     """
     mu = orbit.forces.mu_m3_s2
     elements = elements_from_state(*orbit(chaser.t_s), mu)

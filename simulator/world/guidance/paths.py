@@ -1,4 +1,4 @@
-"""Paths of LVLH that the chaser follows: hold point, V-bar and R-bar, forced flyaround, waypoints, glideslope."""
+"""Paths in LVLH that the chaser follows: hold point, V-bar and R-bar, forced flyaround, waypoints, glideslope."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
     axis_lvlh: ClassVar[Vec3]
     start_m: Metres
     hold_m: Metres
-    # closing speed, and the deceleration that ends at rest on the hold point
+    # closing speed, and the deceleration to rest at the hold point
     speed_m_s: Annotated[float, Meta(gt=0, le=100)]
     braking_m_s2: Annotated[float, Meta(gt=0, le=100)] = 0.005
 
@@ -48,13 +48,13 @@ class StraightApproach(Chaser, frozen=True, kw_only=True):
         cruise_s = (length - speed**2 / (2 * self.braking_m_s2)) / speed
         braking_s = speed / self.braking_m_s2
         if t_s <= cruise_s:
-            done, rate = speed * t_s, speed
+            distance, rate = speed * t_s, speed
         elif t_s < cruise_s + braking_s:
             left_s = cruise_s + braking_s - t_s
-            done, rate = length - 0.5 * self.braking_m_s2 * left_s**2, self.braking_m_s2 * left_s
+            distance, rate = length - 0.5 * self.braking_m_s2 * left_s**2, self.braking_m_s2 * left_s
         else:
-            done, rate = length, 0.0
-        return start + done * along, rate * along
+            distance, rate = length, 0.0
+        return start + distance * along, rate * along
 
     def phase(self, t_s: float) -> str:
         """Return cruise, braking or hold, by the speed."""
@@ -88,16 +88,16 @@ class RbarApproach(StraightApproach, tag_field="mode", tag="rbar", frozen=True, 
 class ForcedFlyaround(Chaser, tag_field="mode", tag="flyaround", frozen=True, kw_only=True):
     """Forced circle in a plane fixed in LVLH; with ``far_radius_m`` the range oscillates."""
 
-    # range at the start and, unless far_radius_m is given, always; time of one turn
+    # range at the start and, unless far_radius_m is given, always; period of one revolution
     radius_m: Range
     period_s: Seconds
     # inclination of the circle's plane against the orbit plane; 180 reverses the sense
     inclination_deg: Inclination = 0.0
     # ascending node in the orbit plane, from radial (0) to along-track (90)
     node_deg: Degrees = 0.0
-    # place on the circle at the start, from the node
+    # initial position on the circle, from the node
     phase_deg: Degrees = 0.0
-    # the range swings between the two radii as a cosine of this period
+    # the range oscillates between the two radii as a cosine of this period
     far_radius_m: Range | None = None
     range_period_s: Seconds = 120.0
 
@@ -122,9 +122,9 @@ class Waypoints(Chaser, tag_field="mode", tag="waypoints", frozen=True, kw_only=
     """Straight lines from point to point, with rest at each end."""
 
     points_lvlh_m: Annotated[list[MetresXyz], Meta(min_length=1, max_length=1000)]
-    # mean over each leg
+    # mean speed on each leg
     speed_m_s: Annotated[float, Meta(gt=0, le=100)]
-    # at each point
+    # time at rest at each point
     rest_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
     def state_lvlh(self, t_s: float, n_rad_s: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
@@ -181,14 +181,14 @@ class Glideslope(Chaser, tag_field="mode", tag="glideslope", frozen=True, kw_onl
         out = (start - end) / length
         slope = (self.start_m_s - self.end_m_s) / length
         if abs(slope) * length < 1e-9 * self.end_m_s:
-            left, speed = length - self.end_m_s * t_s, self.end_m_s
+            remaining, speed = length - self.end_m_s * t_s, self.end_m_s
         else:
             fallen = np.exp(-slope * t_s)
-            left = length * fallen - self.end_m_s * (1 - fallen) / slope
-            speed = self.end_m_s + slope * left
-        if left <= 0.0:
+            remaining = length * fallen - self.end_m_s * (1 - fallen) / slope
+            speed = self.end_m_s + slope * remaining
+        if remaining <= 0.0:
             return end, np.zeros(3)
-        return end + left * out, -speed * out
+        return end + remaining * out, -speed * out
 
     def phase(self, t_s: float) -> str:
         """Return glideslope, then hold."""

@@ -1,4 +1,4 @@
-"""A chaser under thrusters: guidance gives the reference, a controller commands impulses, thrusters limit them."""
+"""A chaser under thrusters: guidance defines the reference, a controller commands impulses, thrusters limit them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class ControlledTrack:
     orbit : the target's track. period_s : control period.
     position_eci_m, velocity_eci_m_s : (n, 3) chaser minus target along GCRS axes.
     thrust_eci_m_s2 : (n, 3) acceleration held over each period.
-    mass_kg : (n,) of the chaser.
-    abort_s : when the keep-out sphere was defended, or None.
-    end_mass_kg : after the last period. keep_out : the sphere, or None.
+    mass_kg : (n,) mass of the chaser.
+    abort_s : time of an abort at the keep-out sphere, or None.
+    end_mass_kg : mass after the last period. keep_out : the sphere, or None.
     """
 
     orbit: OrbitTrack
@@ -67,9 +67,9 @@ def fly_controlled(
 ) -> ControlledTrack:
     """Simulate the chaser under its guidance to the end of the target's track.
 
-    At the start of each period the Clohessy-Wiltshire equations predict where the chaser would coast to; the
-    thrusters are requested what is missing to the guidance's velocity, and for a tenth of what is missing to
-    its position. A mode with a method ``impulse_lvlh`` decides for itself.
+    At the start of each period the Clohessy-Wiltshire equations predict the coasting state; the commanded impulse is
+    the error of its velocity plus a tenth of the correction for its position. A mode with a method ``impulse_lvlh``
+    decides for itself.
 
     Parameters
     ----------
@@ -90,13 +90,13 @@ def fly_controlled(
         if abort_s is None and keep_out is not None and keep_out.violated(p):
             abort_s = t
         if abort_s is not None and keep_out is not None:
-            wanted = retreat_impulse(p, v, keep_out)
+            impulse = retreat_impulse(p, v, keep_out)
         elif decide is not None:
-            wanted = decide(p, v, n_rad_s)
+            impulse = decide(p, v, n_rad_s)
         else:
-            wanted = path_impulse((p, v), guidance.state_lvlh(t + h, n_rad_s), Phi, h)
-        given, after = thrusters.fire(wanted, mass)
-        thrust = frame.R_eci_from_lvlh @ given / h
+            impulse = path_impulse((p, v), guidance.state_lvlh(t + h, n_rad_s), Phi, h)
+        delivered, after = thrusters.fire(impulse, mass)
+        thrust = frame.R_eci_from_lvlh @ delivered / h
         rows.append(np.array([*state[0].tolist(), *state[1].tolist(), *thrust.tolist(), mass]))
         state = relative_step(orbit, t, min(h, orbit.duration_s - t), state, ThrustHold(thrust))
         mass = after
@@ -122,12 +122,12 @@ def path_impulse(
 ) -> FloatArray:
     """Return the velocity change (3,) that brings the chaser to its path, LVLH [m s-1].
 
-    It corrects the velocity to that of the aim, and the position over `_PULL_IN_PERIODS` periods.
+    It corrects the velocity to that of the reference, and the position over `_PULL_IN_PERIODS` periods.
 
     Parameters
     ----------
-    state_lvlh : position [m] and velocity [m s-1] now. aim_lvlh : the path's, a period later.
-    transition : (6, 6) Clohessy-Wiltshire matrix of a period. period_s : of control.
+    state_lvlh : present position [m] and velocity [m s-1]. aim_lvlh : reference state one period later.
+    transition : (6, 6) Clohessy-Wiltshire matrix of one period. period_s : control period.
     """
     coasted = transition @ np.concatenate(state_lvlh)
     aim_p, aim_v = aim_lvlh

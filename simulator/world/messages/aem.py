@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _ROUNDING_S = 1e-6
 _MARGIN_LINES = 12
-"""Lines before and after a flight that the spline includes."""
+"""Lines before and after a flight that are included in the spline."""
 _QUATERNION_TYPES = ("QUATERNION", "QUATERNION/DERIVATIVE", "QUATERNION/RATE", "QUATERNION/ANGVEL")
 _EULER_TYPES = ("EULER_ANGLE", "EULER_ANGLE/RATE", "EULER_ANGLE/DERIVATIVE", "EULER_ANGLE/ANGVEL")
 _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
@@ -38,14 +38,14 @@ _TYPES = (*_QUATERNION_TYPES, *_EULER_TYPES, "SPIN")
 def read_aem_state(text: str, where: str, epoch: Instant) -> tuple[FloatArray, FloatArray]:
     """Return ``q_eci_from_body_wxyz`` and the rate relative to ECI in body axes [rad s-1] at ``epoch``.
 
-    Between two lines the body rotates at a constant rate about a fixed axis; that rate is returned.
-    Lines must therefore be closer together than half a turn.
+    Between two lines the rotation rate is constant, about a fixed axis, so lines must be less than half a rotation
+    apart.
 
     Raises
     ------
     UserError
-        If the file is not an AEM of a known kind against a known frame, its lines are out of order, or the
-        epoch falls outside every segment or into a gap.
+        If the file is not an AEM of a known kind in a known frame, its lines are out of order, or the epoch is outside
+        every segment or in a gap.
     """
     segment, times = _segment_over(text, where, epoch, 0.0)
     k = min(max(int(np.searchsorted(times, 0.0)) - 1, 0), len(times) - 2)
@@ -64,7 +64,7 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    spline : over the flight. end_s : of what was requested; from there it turns on at its last rate.
+    spline : spline over the flight. end_s : end of the requested span, after which the last rate continues.
     """
 
     spline: RotationSpline
@@ -84,13 +84,13 @@ def read_aem_history(text: str, where: str, epoch: Instant, duration_s: float) -
     Raises
     ------
     UserError
-        As `read_aem_state`, and if no segment covers the whole flight.
+        As in `read_aem_state`, and if no segment covers the whole flight.
 
     References
     ----------
     Hughes (1986), Spacecraft Attitude Dynamics, ch. 2; the spline is that of scipy's ``RotationSpline``.
     """
-    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import: maps are begun before
+    from scipy.spatial.transform import Rotation, RotationSpline  # noqa: PLC0415 - slow to import
 
     segment, times = _segment_over(text, where, epoch, duration_s)
     low = max(int(np.searchsorted(times, 0.0)) - _MARGIN_LINES, 0)
@@ -112,9 +112,9 @@ def _segment_over(text: str, where: str, epoch: Instant, duration_s: float) -> t
         spans.append(f"{epoch.plus(first).iso()} to {epoch.plus(last).iso()}")
         if len(times) > 1 and first <= _ROUNDING_S and last >= duration_s - _ROUNDING_S:
             return segment, times
-    asked = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
+    span = epoch.iso() + (f" to {epoch.plus(duration_s).iso()}" if duration_s else "")
     raise UserError(
-        f"{where} covers {' and '.join(spans)}, not {asked}: choose an epoch and a duration within"
+        f"{where} covers {' and '.join(spans)}, not {span}: choose an epoch and a duration within"
     )
 
 
@@ -149,8 +149,8 @@ def _attitudes(segment: Segment, times_s: FloatArray, epoch: Instant) -> FloatAr
 def _quaternions(segment: Segment) -> FloatArray:
     """Return the (n, 4) quaternions, scalar first.
 
-    A quaternion of these messages carries vectors of frame A to frame B by rotating the frame, which makes
-    it the Hamilton quaternion ``q_A_from_B``.
+    A quaternion of these messages maps vectors of frame A to frame B by rotating the frame, so it is the Hamilton
+    quaternion ``q_A_from_B``.
     """
     values = segment.numbers(4)
     if segment.meta.get("QUATERNION_TYPE", "LAST").upper() == "LAST":
@@ -163,12 +163,17 @@ def _quaternions(segment: Segment) -> FloatArray:
 
 def _sequence(segment: Segment) -> str:
     """Return the axes of an Euler sequence such as 321, as SciPy names intrinsic rotations."""
-    named = segment.require("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
-    if len(named) != 3 or set(named) - set("XYZ") or named[0] == named[1] or named[1] == named[2]:
+    sequence = segment.require("EULER_ROT_SEQ").upper().translate(str.maketrans("123", "XYZ"))
+    if (
+        len(sequence) != 3
+        or set(sequence) - set("XYZ")
+        or sequence[0] == sequence[1]
+        or sequence[1] == sequence[2]
+    ):
         raise UserError(
             f"{segment.where}: EULER_ROT_SEQ is {segment.meta['EULER_ROT_SEQ']}, allowed: three axes such as 321"
         )
-    return named
+    return sequence
 
 
 def _spin_angles(segment: Segment) -> FloatArray:
@@ -181,7 +186,7 @@ def _spin_angles(segment: Segment) -> FloatArray:
 
 def _from_angles(angles_deg: FloatArray, axes: str) -> FloatArray:
     """Return (n, 4) ``q_A_from_B`` of rotations that carry frame A's axes to B's, in the order of the sequence."""
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import: maps are begun before
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
 
     return np.roll(Rotation.from_euler(axes, angles_deg, degrees=True).as_quat(), 1, axis=1)
 
@@ -199,8 +204,8 @@ def write_aem(
 
     Parameters
     ----------
-    name : of the object. body_frame : what its axes are called, for example SC_BODY_1.
-    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4).
+    name : name of the object. body_frame : name of its axes, for example SC_BODY_1.
+    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4) attitudes.
     """
     lines = header("AEM", "1.0", epochs_utc[0])
     lines += [
@@ -222,7 +227,7 @@ def write_aem(
     ]
     before = np.zeros(4)
     for epoch, q in zip(epochs_utc, np.asarray(q_eci_from_body_wxyz, float), strict=True):
-        # one sign through the file, so that readers may interpolate the numbers
+        # continuous signs, so that readers may interpolate the numbers
         near = -q if q @ before < 0 else q
         before = near
         w, x, y, z = near

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 _TT_AHEAD_OF = {"TAI": 32.184, "TT": 0.0, "GPS": 51.184}
 TIME_SYSTEMS = ("UTC", *_TT_AHEAD_OF, "TDB")
 _GAP_FACTOR = 5.0
-"""Factor over the median spacing above which lines are taken to be missing, and nothing is interpolated."""
-_AROUND = 5
+"""Factor over the median spacing above which lines are considered missing, and nothing is interpolated."""
+_AROUND = 5  # steps on either side that a gap is compared with
 _TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 HEADER_KEYS = ("CREATION_DATE", "ORIGINATOR", "CLASSIFICATION", "MESSAGE_ID", "COMMENT")
@@ -47,7 +47,7 @@ def number(text: str, where: str) -> float:
     Raises
     ------
     UserError
-        If it is none.
+        If it is not one.
     """
     value = float(text.upper().replace("D", "E")) if _NUMBER.fullmatch(text) else np.nan
     if not np.isfinite(value):
@@ -61,7 +61,7 @@ def refuse_unknown_key(key: str, known: Sequence[str], where: str) -> None:
     Raises
     ------
     UserError
-        If it is none of them, with the nearest one.
+        If it does not; the message suggests the nearest one.
     """
     if key in known:
         return
@@ -80,7 +80,7 @@ class Segment:
 
     Parameters
     ----------
-    where : file, for messages. meta : keys of the metadata block. rows : (line number, words) of the data.
+    where : file name in messages. meta : keys of the metadata block. rows : (line number, words) of the data.
     """
 
     where: str
@@ -93,7 +93,7 @@ class Segment:
         Raises
         ------
         UserError
-            If it is not.
+            If it is missing.
         """
         if key not in self.meta:
             raise UserError(f"{self.where}: a metadata block lacks the key {key}: add it")
@@ -105,7 +105,7 @@ class Segment:
         Raises
         ------
         UserError
-            If it is missing or another.
+            If it is missing or has another value.
         """
         value = self.require(key).upper()
         if value not in allowed:
@@ -118,7 +118,7 @@ class Segment:
         Raises
         ------
         UserError
-            If it is there already.
+            If it has been set already.
         """
         if key in self.meta:
             raise UserError(f"{where}: key {key} is given twice: remove one of them")
@@ -147,7 +147,7 @@ class Segment:
         return times
 
     def usable_span_s(self, times_s: FloatArray, epoch: Instant) -> tuple[float, float]:
-        """Return the first and last moment that may be interpolated, from the metadata or else from the lines."""
+        """Return the first and last time that may be interpolated, from the metadata or else from the lines."""
         system = self.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)
 
         def limit(key: str, otherwise: float) -> float:
@@ -164,7 +164,7 @@ class Segment:
         Raises
         ------
         UserError
-            With the line and the length of the gap.
+            If they are; the message states the line and the length of the gap.
         """
         steps = np.diff(times_s[max(k - 1 - _AROUND, 0) : k + 1 + _AROUND])
         step = float(times_s[k] - times_s[k - 1])
@@ -179,20 +179,20 @@ class Segment:
 
         Parameters
         ----------
-        lengths : allowed numbers of values of a line; any from ``count`` on unless given.
+        lengths : allowed numbers of values per line; by default any from ``count`` on.
 
         Raises
         ------
         UserError
-            If a line has too few or too many, or one is no finite number.
+            If a line has too few or too many, or one is not a finite number.
         """
         table = []
         for line, words in self.rows:
             there = len(words) - 1
             if there < count or (lengths and there not in lengths):
-                needed = " or ".join(str(n) for n in lengths or (count,))
+                expected = " or ".join(str(n) for n in lengths or (count,))
                 raise UserError(
-                    f"{self.where}, line {line} has {there} values, {needed} finite ones are needed"
+                    f"{self.where}, line {line} has {there} values, {expected} finite ones are needed"
                 )
             table.append([number(word, f"{self.where}, line {line}") for word in words[1 : count + 1]])
         return np.array(table)
@@ -210,7 +210,7 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
     Raises
     ------
     UserError
-        If it is another file, has no segment, or a key that is not known.
+        If it is another file, has no segment, or an unknown key.
     """
     if not first_line(text).startswith(f"CCSDS_{kind}_VERS"):
         raise UserError(
@@ -237,8 +237,8 @@ def read_segments(text: str, where: str, kind: str) -> list[Segment]:
                 raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
             if key == f"CCSDS_{kind}_VERS" and value not in VERSIONS:
                 raise UserError(f"{here}: {key} is {value[:20]}, allowed: {', '.join(VERSIONS)}")
-            known = META_KEYS[kind] if segments else (*HEADER_KEYS, f"CCSDS_{kind}_VERS")
-            refuse_unknown_key(key, known, here)
+            known_keys = META_KEYS[kind] if segments else (*HEADER_KEYS, f"CCSDS_{kind}_VERS")
+            refuse_unknown_key(key, known_keys, here)
             if segments:
                 segments[-1].set_once(key, value, here)
         elif block != "COVARIANCE":
@@ -318,7 +318,7 @@ def _seconds_since(
             raise erfa.ErfaError("a field is outside its range")
         one, two = _two_part_tt(sound, system)
     except erfa.ErfaError:
-        # one by one: the message names the line
+        # one by one, so that the message names the line
         instants = [read_time(words[0], system, f"{where}, line {line}") for line, words in rows]
         one, two = np.array([i.tt1 for i in instants]), np.array([i.tt2 for i in instants])
     return np.asarray(((one - epoch.tt1) + (two - epoch.tt2)) * DAY_S)
@@ -335,5 +335,5 @@ def header(kind: str, version: str, created_utc: str) -> list[str]:
 
 
 def stamp(utc: str) -> str:
-    """Return an ISO time without the Z, as these messages write it."""
+    """Return an ISO time without the Z, as in these messages."""
     return utc.removesuffix("Z")

@@ -35,12 +35,12 @@ def known_frame(name: str) -> str | None:
 
 
 def require_frame(name: str, where: str) -> str:
-    """Return the frame of ``FRAMES`` that a message names. Raise if it is unknown.
+    """Return the frame of ``FRAMES`` that a message names; raise if it is unknown.
 
     Raises
     ------
     UserError
-        If there is none.
+        If it is.
     """
     frame = known_frame(name)
     if frame is None:
@@ -77,7 +77,7 @@ def motion_in_gcrf(
     """Return position, velocity and acceleration along GCRF axes, with the Earth's rotation added for ITRF."""
     R = R_gcrf_from(frame, instant)
     if frame == "ITRF":
-        # the Earth turns about the pole of the day, up to half an arcsecond from the frame's z axis
+        # the Earth rotates about the pole of date, up to half an arcsecond from the frame's z axis
         axis = celestial_and_polar(instant)[1] @ np.array([0.0, 0.0, EARTH_RATE_RAD_S])
         carried = cross(axis, r_m)
         a_m_s2 = a_m_s2 + 2 * cross(axis, v_m_s) + cross(axis, carried)

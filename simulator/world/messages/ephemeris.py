@@ -25,7 +25,7 @@ _METRES_FASTER = 100.0
 _SHORT_RAD = 0.5
 """Angle between two lines up to which the chord approximates the velocity [rad]."""
 _CHORD_SHARE = 0.02
-"""Share of the circular speed by which a burn or rounding may make velocities differ from the chord."""
+"""Deviation of velocities from the chord, over the circular speed, that a burn or rounding may explain."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,9 +34,10 @@ class Piece:
 
     Parameters
     ----------
-    segment : for messages. frame : of the lines. frozen : moment at which a frame of date is held, if it is.
-    times_s : (n,) of the lines. states : (n, 6) position [m] and velocity [m s-1].
-    method : HERMITE, LAGRANGE or LINEAR. lines : number of lines that a polynomial goes through.
+    segment : source, for messages. frame : frame of the lines. frozen : time at which a frame of date is frozen, or
+        None.
+    times_s : (n,) times of the lines. states : (n, 6) position [m] and velocity [m s-1].
+    method : HERMITE, LAGRANGE or LINEAR. lines : number of lines per polynomial.
     first_s, last_s : span in which the message allows interpolation.
     """
 
@@ -54,8 +55,8 @@ class Piece:
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position [m], velocity [m s-1] and acceleration [m s-2] in the segment's frame.
 
-        Hermite's polynomial has the positions and velocities of the lines as its values and slopes, and the velocity is
-        its slope. By Lagrange and linearly, positions and velocities are interpolated each by themselves.
+        The Hermite polynomial interpolates positions with velocities as slopes, and its derivative is the velocity.
+        Lagrange and linear interpolation treat positions and velocities separately.
         """
         t, n = self.times_s, len(self.times_s)
         k = min(max(int(np.searchsorted(t, t_s, side="right")), 1), n - 1) if n > 1 else 0
@@ -81,13 +82,13 @@ class Piece:
     def _coefficients(self, near: slice, middle_s: float, half_s: float) -> FloatArray:
         """Return polynomial coefficients through some lines, in powers of the time from the middle of an interval.
 
-        Over the interval the terms of high order are small, so that nothing is lost in their sum.
+        High-order terms are small over the interval, so that the sum is accurate.
         """
-        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import: maps are begun before
+        from scipy.interpolate import KroghInterpolator  # noqa: PLC0415 - slow to import
 
         t, states = self.times_s[near], self.states[near]
         if self.method == "HERMITE":
-            # a point that is there twice is its value, then its slope
+            # a repeated point gives its value, then its slope
             t, states = np.repeat(t, 2), states.reshape(-1, 3)
         slopes = KroghInterpolator(t, states).derivatives(middle_s)
         j = np.arange(len(slopes))
@@ -101,7 +102,7 @@ class Ephemeris:
 
     Parameters
     ----------
-    where : file, for messages. epoch : from which times count. pieces : in the order of their first moments.
+    where : file name in messages. epoch : origin of times. pieces : segments in order of their first times.
     """
 
     where: str
@@ -109,12 +110,12 @@ class Ephemeris:
     pieces: Sequence[Piece]
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return position [m], velocity [m s-1] and acceleration [m s-2]; a segment applies from its first moment
-        on.
-        """
-        begun = [p for p in self.pieces if p.first_s <= t_s]
-        # the later one of overlapping pieces; in gaps and outside, the nearest edge, because of rounding
-        piece = next((p for p in reversed(begun) if t_s <= p.last_s), begun[-1] if begun else self.pieces[0])
+        """Return position [m], velocity [m s-1] and acceleration [m s-2]; a segment applies from its first time on."""
+        started = [p for p in self.pieces if p.first_s <= t_s]
+        # the later of overlapping pieces; in gaps and outside, the nearest edge, because of rounding
+        piece = next(
+            (p for p in reversed(started) if t_s <= p.last_s), started[-1] if started else self.pieces[0]
+        )
         return motion_in_gcrf(piece.frame, piece.frozen or self.epoch.plus(t_s), *piece(t_s))
 
     @property
@@ -127,12 +128,12 @@ class Ephemeris:
         return reach
 
     def require_span(self, duration_s: float) -> None:
-        """Check that the message covers a span from its epoch on.
+        """Raise if the message does not cover a span from its epoch on.
 
         Raises
         ------
         UserError
-            If it does not, or lines are missing within.
+            If it does not, or has a gap.
         """
         starts = any(p.first_s <= ROUNDING_S and p.last_s >= -ROUNDING_S for p in self.pieces)
         if not starts or self.end_s < duration_s - ROUNDING_S:
@@ -140,10 +141,8 @@ class Ephemeris:
                 f"{self.epoch.plus(p.first_s).iso()} to {self.epoch.plus(p.last_s).iso()}"
                 for p in self.pieces
             )
-            asked = self.epoch.iso() + (f" to {self.epoch.plus(duration_s).iso()}" if duration_s else "")
-            raise UserError(
-                f"{self.where} covers {spans}, not {asked}: choose an epoch and a duration within"
-            )
+            span = self.epoch.iso() + (f" to {self.epoch.plus(duration_s).iso()}" if duration_s else "")
+            raise UserError(f"{self.where} covers {spans}, not {span}: choose an epoch and a duration within")
         for piece in self.pieces:
             t = piece.times_s
             inside = (t[1:] > ROUNDING_S) & (t[:-1] < max(duration_s - ROUNDING_S, -ROUNDING_S))
@@ -156,7 +155,7 @@ class Ephemeris:
         Raises
         ------
         UserError
-            If values are of other units, below the surface or beyond reach, or velocities are not of the positions.
+            If values are in other units, or below the surface or out of reach, or velocities contradict the positions.
         """
         for piece in self.pieces:
             _refuse_impossible(piece, body)

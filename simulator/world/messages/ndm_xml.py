@@ -13,7 +13,7 @@ MAX_BYTES = 50_000_000
 _MAX_DEEP = 16
 _MAX_TEXT = 10_000
 _VECTOR = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT")
-_STATE_WORDS = (7, 10)
+_STATE_WORDS = (7, 10)  # words of a state: epoch, position, velocity, perhaps acceleration
 _UNITS = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
 
 
@@ -68,9 +68,9 @@ class _Reader:
             self.segments.append(Segment(self.where, dict(self._header)))
         elif name == "stateVector":
             self._vector = {}
-        unit, wanted = attributes.get("units"), _UNITS.get(name)
-        if unit is not None and wanted is not None and unit.lower() != wanted:
-            raise UserError(f"{self._here}: {name} is in {unit[:20]}, allowed: {wanted}")
+        unit, expected = attributes.get("units"), _UNITS.get(name)
+        if unit is not None and expected is not None and unit.lower() != expected:
+            raise UserError(f"{self._here}: {name} is in {unit[:20]}, allowed: {expected}")
 
     def _add_text(self, text: str) -> None:
         if self._leaf and sum(map(len, self._text)) < _MAX_TEXT:
@@ -107,8 +107,8 @@ class _Reader:
             if key == "MAN_EPOCH_IGNITION":
                 self.segments[-1].rows.append((self.parser.CurrentLineNumber, [value]))
         else:
-            known = META_KEYS["OEM"] if self.kind == "oem" else (*KEYS[self.kind.upper()], *COVARIANCE)
-            refuse_unknown_key(key, known, self._here)
+            known_keys = META_KEYS["OEM"] if self.kind == "oem" else (*KEYS[self.kind.upper()], *COVARIANCE)
+            refuse_unknown_key(key, known_keys, self._here)
             self.segments[-1].set_once(key, value, self._here)
 
 
@@ -117,16 +117,17 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
 
     Parameters
     ----------
-    text : the file. where : its name, for messages.
+    text : contents of the file. where : name of the file in error messages.
 
     Returns
     -------
-    ``oem``, ``opm`` or ``omm``, and the segments; keys of an OPM or OMM are all in ``meta``, ignitions in ``rows``.
+    ``oem``, ``opm`` or ``omm``, and the segments; keys of an OPM or OMM are all in ``meta``, ignition times in
+    ``rows``.
 
     Raises
     ------
     UserError
-        If it is no XML, declares a DTD, or is another message.
+        If it is not XML, declares a DTD, or is another message.
     """
     if len(text) > MAX_BYTES:
         raise UserError(

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 _DEFAULT_LINES = 8
 """Lines of a Hermite polynomial if the message names no interpolation."""
-_MAX_LINES = 20
+_MAX_LINES = 20  # lines that an interpolation may use
 _OF_DATE = ("TEME", "TOD")
 """Frames that a message may freeze at its REF_FRAME_EPOCH."""
-_WITH_ACCELERATION = 9
+_WITH_ACCELERATION = 9  # numbers of a state line with accelerations
 
 
 def read_oem(
@@ -34,14 +34,14 @@ def read_oem(
 
     Parameters
     ----------
-    text : the file. where : its name, for messages. epoch : from which times count.
-    centre : body that it must count from. satellite : name or identifier, where there are several.
+    text : contents of the file. where : name of the file in error messages. epoch : origin of times.
+    centre : required central body. satellite : name or identifier, if there are several.
 
     Raises
     ------
     UserError
-        If the file is not an OEM about that body in a known frame and time system, a key of it is not known, or its
-        lines are out of order.
+        If the file is not an OEM about that body in a known frame and time system, has an unknown key, or its lines are
+        out of order.
     """
     return ephemeris_of(read_segments(text, where, "OEM"), where, epoch, centre=centre, satellite=satellite)
 
@@ -49,28 +49,28 @@ def read_oem(
 def ephemeris_of(
     segments: Sequence[Segment], where: str, epoch: Instant, *, centre: str, satellite: str | None
 ) -> Ephemeris:
-    """Return the ephemeris of a message's segments. Parameters and errors are those of `read_oem`."""
-    chosen = one_object(segments, where, satellite)
-    pieces = sorted((_piece(s, epoch, centre) for s in chosen), key=lambda p: p.first_s)
+    """Return the ephemeris of a message's segments; parameters and errors are those of `read_oem`."""
+    selected = one_object(segments, where, satellite)
+    pieces = sorted((_piece(s, epoch, centre) for s in selected), key=lambda p: p.first_s)
     return Ephemeris(where=where, epoch=epoch, pieces=pieces)
 
 
 def one_object(segments: Sequence[Segment], where: str, satellite: str | None) -> Sequence[Segment]:
-    """Return the segments of the only object, or of the one chosen by name or identifier.
+    """Return the segments of the only object, or of the one selected by name or identifier.
 
     Raises
     ------
     UserError
-        If there are several and none is chosen, or the chosen one is not there.
+        If there are several and none is selected, or the selected one is missing.
     """
     names = [(s.meta.get("OBJECT_NAME", ""), s.meta.get("OBJECT_ID", "")) for s in segments]
     listed = ", ".join(dict.fromkeys(f"{name} ({number})" for name, number in names[:10]))
     if satellite is not None:
-        wanted = satellite.strip().upper()
-        chosen = [s for s, n in zip(segments, names, strict=True) if wanted in {x.upper() for x in n}]
-        if not chosen:
+        wanted_name = satellite.strip().upper()
+        selected = [s for s, n in zip(segments, names, strict=True) if wanted_name in {x.upper() for x in n}]
+        if not selected:
             raise UserError(f"{where} has no object {satellite!r}: it has {listed}")
-        segments, names = chosen, [n for n in names if wanted in {x.upper() for x in n}]
+        segments, names = selected, [n for n in names if wanted_name in {x.upper() for x in n}]
     if len({number for _, number in names}) > 1:
         raise UserError(f"{where} has several objects: choose one by key orbit.satellite, of {listed}")
     return segments
@@ -134,8 +134,8 @@ def write_oem(
 
     Parameters
     ----------
-    name : of the object. epochs_utc : ISO 8601 with Z, in order.
-    r_eci_m, v_eci_m_s : (n, 3) from the centre. note : a comment. centre : body they count from.
+    name : name of the object. epochs_utc : ISO 8601 with Z, in order.
+    r_eci_m, v_eci_m_s : (n, 3) states from the centre. note : text of the message's comment. centre : central body.
     """
     lines = header("OEM", "2.0", epochs_utc[0])
     lines += [

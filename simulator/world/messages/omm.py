@@ -57,12 +57,12 @@ _LARGEST_NUMBER = 339_999
 
 
 def read_json_objects(text: str, where: str) -> list[Segment]:
-    """Read the objects of a JSON list, or the one object.
+    """Read the objects of a JSON list, or a single object.
 
     Raises
     ------
     UserError
-        If it is not that, or has an unknown key.
+        If it is neither, or has an unknown key.
     """
     _refuse_long(text, where)
     refuse_deep(text.encode(), where)
@@ -77,17 +77,17 @@ def read_json_objects(text: str, where: str) -> list[Segment]:
 
 
 def read_csv_objects(text: str, where: str) -> list[Segment]:
-    """Read the objects of a table whose first line has the keys. Raises as `read_json_objects`."""
+    """Read the objects of a CSV table with a header; raises as `read_json_objects` does."""
     _refuse_long(text, where)
     try:
-        found: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
+        rows: list[dict[Any, Any]] = list(csv.DictReader(io.StringIO(text), skipinitialspace=True))
     except csv.Error as error:
         raise UserError(f"{where} is no table of mean elements: {error}: download it again") from error
-    if not found or any(None in row or None in row.values() for row in found):
+    if not rows or any(None in row or None in row.values() for row in rows):
         raise UserError(
             f"{where} has no elements, or a line with more or fewer columns than the first: download it again"
         )
-    return [_segment(row, where) for row in found]
+    return [_segment(row, where) for row in rows]
 
 
 def _refuse_long(text: str, where: str) -> None:
@@ -153,7 +153,7 @@ def satellite_of(segment: Segment) -> Satrec:
         catalogue if catalogue <= _LARGEST_NUMBER else 0,
         (utc1 - _SGP4_EPOCH_JD) + utc2,
         value_of(segment, "BSTAR"),
-        *(0.0, 0.0),  # derivatives of the mean motion, which have no part in SGP4
+        *(0.0, 0.0),  # derivatives of the mean motion, which SGP4 ignores
         e,
         *np.radians([argp, i, anomaly]).tolist(),
         motion * 2 * np.pi / _MINUTES_A_DAY,

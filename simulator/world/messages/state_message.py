@@ -70,7 +70,7 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
     Raises
     ------
     UserError
-        If a line or a key is not understood.
+        If a line or a key is invalid.
     """
     segment = Segment(where)
     for line_number, raw in enumerate(text.splitlines(), start=1):
@@ -82,8 +82,8 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
             raise UserError(f"{here}: {line[:60]!r} is not of the form KEY = value")
         if key.startswith("USER_DEFINED_"):
             continue
-        known = (*HEADER_KEYS, f"CCSDS_{kind}_VERS", *KEYS[kind], *COVARIANCE, *_MANOEUVRE)
-        refuse_unknown_key(key, known, here)
+        known_keys = (*HEADER_KEYS, f"CCSDS_{kind}_VERS", *KEYS[kind], *COVARIANCE, *_MANOEUVRE)
+        refuse_unknown_key(key, known_keys, here)
         if key == "MAN_EPOCH_IGNITION":
             segment.rows.append((line_number, [value]))
         elif key not in _MANOEUVRE:
@@ -92,19 +92,19 @@ def read_fields(text: str, where: str, kind: str) -> Segment:
 
 
 def value_of(segment: Segment, key: str) -> float:
-    """Return a number of a message; its unit, if named, must be the standard's.
+    """Return a number of a message, checking its unit, if stated.
 
     Raises
     ------
     UserError
-        If it is not there, no number, or in another unit.
+        If it is missing, not a number, or in another unit.
     """
     text = segment.require(key)
     match = _UNIT.fullmatch(text)
     if match is not None:
-        text, unit, wanted = match[1], match[2].strip(), _UNITS.get(key)
-        if wanted is not None and unit.lower() != wanted:
-            raise UserError(f"{segment.where}: {key} is in {unit[:20]}, allowed: {wanted}")
+        text, unit, expected = match[1], match[2].strip(), _UNITS.get(key)
+        if expected is not None and unit.lower() != expected:
+            raise UserError(f"{segment.where}: {key} is in {unit[:20]}, allowed: {expected}")
     return number(text, f"{segment.where}: {key}")
 
 
@@ -114,10 +114,11 @@ class OrbitParameters:
 
     Parameters
     ----------
-    frame : of its values. epoch : of the state. r_m, v_m_s : (3,) or None where there are elements alone.
-    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad]
-        and whether it is the mean one, gravitational parameter [m3 s-2]; None where there are none.
-    unused : what else the message has. frozen : moment at which a frame of date is held, or the epoch.
+    frame : frame of the values. epoch : time of the state.
+    state : position [m] and velocity [m s-1], or None if there are only elements.
+    elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad], True if
+        it is the mean one, gravitational parameter [m3 s-2]; or None.
+    unused : other contents of the message. frozen : time at which a frame of date is frozen, or the epoch.
     """
 
     frame: str
@@ -135,7 +136,7 @@ def read_opm(segment: Segment) -> OrbitParameters:
     Raises
     ------
     UserError
-        If one is missing or not understood.
+        If one is missing or invalid.
     """
     where = segment.where
     system = segment.require_one_of("TIME_SYSTEM", TIME_SYSTEMS)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
 
 _FAR_DAYS = 30.0
-"""Days from its epoch after which an element set is refused; SGP4 loses a kilometre or more a day."""
-_LINE = 69
+"""Age in days above which an element set is refused; SGP4 loses a kilometre or more a day."""
+_LINE = 69  # characters of a line
 _DATA_LINE = re.compile(r"[12] [0-9A-Z ][0-9 ]{4}")
 
 
@@ -32,7 +32,7 @@ def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, 
     Raises
     ------
     UserError
-        If a line is malformed, a checksum is wrong, the epoch is more than 30 days away, or SGP4 gives up.
+        If a line is malformed, a checksum is wrong, the epoch is more than 30 days away, or SGP4 fails.
     """
     for number, line in ((1, line1), (2, line2)):
         check_line(line, number)
@@ -48,17 +48,18 @@ def state_from_tle(line1: str, line2: str, epoch: Instant) -> tuple[FloatArray, 
 def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray, FloatArray]:
     """Return position [m] and velocity [m s-1] in GCRS at ``epoch``.
 
-    SGP4 speaks of the true equator and mean equinox of date (TEME); the Earth's rotation links it to GCRS:
-    Greenwich mean sidereal time 1982 on one side, IAU 2006 on the other.
+    SGP4 works in the true equator and mean equinox of date (TEME), linked to GCRS by the Earth's rotation: Greenwich
+    mean sidereal time 1982 on one side, IAU 2006 on the other.
 
     Parameters
     ----------
-    satellite : mean elements. epoch : at most 30 days from theirs. what : they are called in messages.
+    satellite : mean elements. epoch : time of the state, at most 30 days from the elements'.
+    what : their name in messages.
 
     Raises
     ------
     UserError
-        If the epoch is too far away, or SGP4 gives up or gives no orbit.
+        If the epoch is too far away, or SGP4 fails or gives no orbit.
 
     References
     ----------
@@ -66,7 +67,7 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
     """
     utc1, utc2 = epoch.utc
     days = (utc1 - satellite.jdsatepoch) + (utc2 - satellite.jdsatepochF)
-    # also not a number
+    # also NaN
     if not abs(days) <= _FAR_DAYS:
         raise UserError(
             f"{what} are {abs(days):.0f} days {'older' if days > 0 else 'newer'} than the epoch, "
@@ -103,12 +104,12 @@ class ElementSet:
 
 
 def read_element_sets(text: str, where: str) -> list[ElementSet]:
-    """Read a file of two-line elements, each set with or without a line for its name, which may begin with ``0``.
+    """Read a file of two-line elements, each set optionally preceded by a name line, which may begin with ``0``.
 
     Raises
     ------
     UserError
-        If a line is malformed or alone.
+        If a line is malformed or unpaired.
     """
     sets: list[ElementSet] = []
     name, first = "", ""
@@ -151,21 +152,21 @@ def is_element_file(text: str) -> bool:
 
 
 def choose_set(sets: Sequence[ElementSet], satellite: str | None, where: str) -> ElementSet:
-    """Return the only set, or the one chosen by name or catalogue number.
+    """Return the only set, or the one selected by name or catalogue number.
 
     Raises
     ------
     UserError
-        If there are several and none is chosen, the chosen one is not there, or there are several of it.
+        If there are several and none is selected, or the selection is missing or ambiguous.
     """
     listed = ", ".join(f"{s.name or 'without a name'} ({s.number})" for s in sets[:10])
     listed += f" and {len(sets) - 10} more" if len(sets) > 10 else ""
     if satellite is not None:
-        wanted = satellite.strip().upper()
-        chosen = [s for s in sets if wanted.lstrip("0") == s.number.upper() or wanted == s.name.upper()]
-        if not chosen:
+        name = satellite.strip().upper()
+        selected = [s for s in sets if name.lstrip("0") == s.number.upper() or name == s.name.upper()]
+        if not selected:
             raise UserError(f"{where} has no satellite {satellite!r}: it has {listed}")
-        sets = chosen
+        sets = selected
     if len(sets) > 1:
         raise UserError(
             f"{where} has {len(sets)} sets of elements: choose one by key orbit.satellite, or keep one, of {listed}"
@@ -188,7 +189,7 @@ def check_line(line: str, number: int) -> None:
     Raises
     ------
     UserError
-        Saying which.
+        If one is; the message says which.
     """
     if len(line) != _LINE or not line.startswith(f"{number} ") or not line[-1].isdigit():
         raise UserError(

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class Burn(Section, frozen=True, kw_only=True):
-    """A change of velocity of either craft along the target's LVLH axes: at once, or evenly over ``duration_s``.
+    """A velocity change of either craft along the target's LVLH axes: impulsive, or uniform over ``duration_s``.
 
-    The chaser's burns are for one in free flight (drift, circumnavigation, safe_ellipse).
+    The chaser's burns require free flight (drift, circumnavigation, safe_ellipse).
     """
 
     craft: Literal["target", "chaser"]
     start_s: Annotated[float, Meta(ge=0, le=1e6)]
-    # radial, along-track, cross-track; the axes turn with the orbit
+    # radial, along-track, cross-track; the axes rotate with the orbit
     delta_v_lvlh_m_s: SpeedXyz
     duration_s: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
 
@@ -39,7 +39,7 @@ class Burn(Section, frozen=True, kw_only=True):
         return (x / self.duration_s, y / self.duration_s, z / self.duration_s)
 
     def thrusts_throughout(self, start_s: float, end_s: float) -> bool:
-        """Return True if it thrusts throughout a span that no burn's start or end divides."""
+        """Return True if it acts throughout a span that contains no start or end of a burn."""
         return self.start_s <= start_s and end_s <= self.end_s and self.duration_s > 0
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import FloatArray
 
-_DEGREE = 7
+_DEGREE = 7  # degree of the interpolating polynomials
 
 
 def _monomials() -> FloatArray:
@@ -38,9 +38,9 @@ class DenseOutput:
 
     Parameters
     ----------
-    starts_s : (n,) where each piece starts, rising; at a start the later piece holds, so that what jumps has
-        its value after the jump. lengths_s : (n,).
-    coefficients : (n, 8, width) of powers of the share of the piece that has passed, from the zeroth up.
+    starts_s : (n,) start of each piece, increasing; at a start the later piece applies, so that a jump is included.
+        lengths_s : (n,) lengths of the pieces.
+    coefficients : (n, 8, width) of powers of the elapsed share of the piece, from zero up.
     """
 
     starts_s: list[float]
@@ -89,19 +89,19 @@ def integrate(
 
     Parameters
     ----------
-    derivative : of time [s] and state (width,). start : (width,). span_s : from, to.
-    rtol, atol : of the step control. max_step_s : bounds the error of the polynomials.
+    derivative : function of time [s] and state (width,). start : (width,) initial state. span_s : start and end.
+    rtol, atol : tolerances of the step control. max_step_s : bounds the error of the polynomials.
 
     Raises
     ------
     UserError
-        If the integrator gives up.
+        If the integrator fails.
 
     References
     ----------
     Hairer, Norsett & Wanner (1993), Solving Ordinary Differential Equations I: DOP853 and its dense output.
     """
-    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import: maps are begun before
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import
 
     result = solve_ivp(
         derivative,

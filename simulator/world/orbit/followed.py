@@ -28,7 +28,7 @@ class Ephemeris(Protocol):
 
     @property
     def where(self) -> str:
-        """The file, for messages."""
+        """Name of the file in messages."""
         ...
 
     @property
@@ -47,7 +47,7 @@ class FollowedCraft:
 
     Parameters
     ----------
-    ephemeris : to ``end_s``. tail : [r, v] from there; None where the ephemeris goes as far as the flight.
+    ephemeris : motion up to ``end_s``. tail : [r, v] after it; None if the ephemeris covers the flight.
     """
 
     ephemeris: Ephemeris
@@ -114,7 +114,7 @@ class FollowedTrack(OrbitTrack):
 
 
 def followed_craft(ephemeris: Ephemeris, duration_s: float, forces: ForceModel) -> FollowedCraft:
-    """Return a craft that follows an ephemeris to its end, and the forces on to ``duration_s``."""
+    """Return a craft that follows an ephemeris to its end, and the forces from there to ``duration_s``."""
     tail, end_s = None, ephemeris.end_s
     if duration_s > end_s:
         tail = integrate(
@@ -135,15 +135,15 @@ def follow(
     relative: tuple[FloatArray, FloatArray] | None = None,
     burns: tuple[Burn, ...] = (),
 ) -> FollowedTrack:
-    """Return the track of a followed target and, if ``relative`` is given, of a chaser in free flight next to it.
+    """Return the track of a target on an ephemeris and, if ``relative`` is given, of a chaser in free flight.
 
-    What the ephemeris has beyond the forces of the scenario (higher harmonics, the air of the day) acts on both craft
-    alike: only the difference of the forces between the two moves them apart.
+    Accelerations of the ephemeris beyond the scenario's forces (higher harmonics, air of the day) act on both craft;
+    their relative motion depends on the difference of the forces alone.
 
     Parameters
     ----------
-    target : followed target. duration_s : span [s]. forces : forces that act on the difference.
-    relative : chaser minus target at t = 0, along GCRS axes. burns : of the chaser.
+    target : target on its ephemeris. duration_s : span [s]. forces : forces whose difference acts.
+    relative : chaser minus target at t = 0, GCRS axes. burns : burns of the chaser.
 
     Raises
     ------
@@ -172,15 +172,15 @@ def refuse_thrust(target: FollowedCraft, duration_s: float, forces: ForceModel) 
         states = [target(t) for t in times]
         pulls = np.array(
             [
-                # a file of a textbook's point mass is no burning one either
+                # an ephemeris of a point mass does not count as burning
                 (forces.target(t, y[:3], y[3:]), -forces.mu_m3_s2 * y[:3] / np.linalg.norm(y[:3]) ** 3)
                 for t, y in zip(times, states, strict=True)
             ]
         )
-        given = (
+        velocity_change = (
             states[2][3:] - states[0][3:] - (b - a) / 6 * np.array([1.0, 4.0, 1.0]) @ pulls.transpose(1, 0, 2)
         )
-        size = float(np.linalg.norm(given, axis=1).min())
+        size = float(np.linalg.norm(velocity_change, axis=1).min())
         if size > _THRUST_M_S2 * (b - a):
             raise UserError(
                 f"{target.ephemeris.where} changes the target's velocity by {size:.3g} m/s beside gravity "

@@ -59,7 +59,7 @@ _BREAK_UP_M = 80e3
 class ForceModel(Protocol):
     """Accelerations of the two craft; `flyaround.simulator.world.orbit.gravity.Gravity` is the simplest.
 
-    Positions are from the centre of the body that they circle, along GCRS axes.
+    Positions are from the centre of the central body, along GCRS axes.
     """
 
     @property
@@ -84,21 +84,19 @@ class ForceModel(Protocol):
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration, and the chaser's minus the target's; ``p``, ``w`` are chaser minus
-        target.
-        """
+        """Return the target's acceleration and the chaser's minus it; ``p`` and ``w`` are chaser minus target."""
         ...
 
 
 class Surface(Section, frozen=True, kw_only=True):
-    """Surface of a craft for drag and sunlight; the target's mass comes from its model unless given."""
+    """Surface of a craft for drag and sunlight; the target's default mass is that of its model."""
 
     mass_kg: Annotated[float, Meta(gt=0, le=1e6)] | None = None
-    # mean frontal area, of a sphere as air and sunlight see it
+    # mean frontal area, of a sphere as seen by air and sunlight
     area_m2: Annotated[float, Meta(gt=0, le=1e5)] = 1.0
     # 2.2 is usual in free molecular flow
     drag_coefficient: Annotated[float, Meta(ge=0, le=10)] = 2.2
-    # 1 absorbs all light, 2 mirrors it back
+    # 1: absorbing, 2: reflecting
     reflectivity: Annotated[float, Meta(ge=0, le=2)] = 1.3
 
     def push_per_pressure_m2_kg(self, coefficient: float) -> float:
@@ -107,7 +105,7 @@ class Surface(Section, frozen=True, kw_only=True):
         Raises
         ------
         ValueError
-            If the mass is not known.
+            If the mass is unknown.
         """
         if self.mass_kg is None:
             raise ValueError("the mass of a craft under drag or sunlight is not given")
@@ -115,10 +113,9 @@ class Surface(Section, frozen=True, kw_only=True):
 
 
 class Forces(Section, frozen=True, kw_only=True):
-    """Forces on both craft. ``gravity_degree``: 0 a point mass, 2 to 70 EGM96; without this section a point mass with
-    J2.
+    """Forces on both craft. ``gravity_degree``: 0 for a point mass, 2 to 70 for EGM96; without this section J2 only.
 
-    About the Moon the Earth always pulls, and the degree is 0 (the default) or 2.
+    About the Moon the Earth always acts, and the degree is 0 (the default) or 2.
     """
 
     gravity_degree: Annotated[int, Meta(ge=0, le=70)] | None = None
@@ -149,8 +146,8 @@ class EarthForces:
     Parameters
     ----------
     sky : Earth orientation, Sun and Moon over the flight.
-    forces : forces besides the Earth's gravity; masses are needed for drag and sunlight.
-    harmonics : of degree 2 and up; None leaves a round Earth.
+    forces : forces besides the Earth's gravity; drag and sunlight need masses.
+    harmonics : harmonics of degree 2 and up; None for a spherical Earth.
     """
 
     sky: EphemerisTable
@@ -179,9 +176,7 @@ class EarthForces:
         p_eci_m: FloatArray,
         w_eci_m_s: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the target's acceleration and the chaser's minus it; the large terms are differenced in closed
-        form.
-        """
+        """Return the target's acceleration and the chaser's minus it; large terms are differenced in closed form."""
         return self._both(t_s, r_eci_m, v_eci_m_s, (p_eci_m, w_eci_m_s))
 
     def _both(
@@ -233,7 +228,7 @@ class EarthForces:
     ) -> FloatArray:
         a = np.zeros(3)
         if self.forces.drag:
-            # the air turns with the Earth, about the pole of date
+            # the air rotates with the Earth, about the pole of date
             pole = R_itrs_from_eci[2]
             wind = v - self.sky.era_rate_rad_s * np.cross(pole, r)
             altitude_m = geodetic_altitude_m(r, float(pole @ r))
@@ -251,9 +246,8 @@ class EarthForces:
         return a
 
 
-def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> FloatArray:
-    """Return the solar radiation acceleration of a craft at (3,) ``from_sun_m`` that sees this share of the Sun [m
-    s-2].
+def light_pressure(craft: Surface, from_sun_m: FloatArray, sun_share: float) -> FloatArray:
+    """Return the radiation acceleration (3,) of a craft at ``from_sun_m`` that sees a share of the Sun [m s-2].
 
     References
     ----------
@@ -261,7 +255,7 @@ def light_pressure(craft: Surface, from_sun_m: FloatArray, seen: float) -> Float
     """
     distance = float(np.linalg.norm(from_sun_m))
     factor = craft.push_per_pressure_m2_kg(craft.reflectivity)
-    return np.asarray(seen * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
+    return np.asarray(sun_share * SOLAR_PRESSURE_PA * factor * (AU_M / distance) ** 2 / distance * from_sun_m)
 
 
 def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
@@ -273,8 +267,8 @@ def geodetic_altitude_m(r_eci_m: FloatArray, along_pole_m: float) -> float:
 def density_kg_m3(altitude_m: float) -> float:
     """Return the density of the air at ``altitude_m`` above the ellipsoid [kg m-3].
 
-    A mean of day and night at moderate solar activity (exospheric 1000 K); the true density at 600 km swings
-    by a factor of ten over a solar cycle. Below 100 km the lowest layer is continued.
+    A mean of day and night at moderate solar activity (exospheric 1000 K); at 600 km the true density varies tenfold
+    over a solar cycle. Below 100 km the lowest layer is extrapolated.
 
     References
     ----------

@@ -23,8 +23,8 @@ class Gravity:
     Parameters
     ----------
     j2 : second zonal harmonic; 0 gives the two-body problem.
-    pole_eci : unit vector along the body's axis of symmetry; held fixed over a flight (the Earth's moves
-        20 arcsec a year).
+    pole_eci : unit vector along the body's axis of symmetry, constant over a flight (the Earth's moves 20 arcsec a
+        year).
     mu_m3_s2, radius_m : gravitational parameter and the reference radius of ``j2``.
     """
 
@@ -36,7 +36,7 @@ class Gravity:
 
     @staticmethod
     def of(body: Body, epoch: Instant) -> Gravity:
-        """Return the gravity of a body about its pole of date."""
+        """Return the gravity of a body, symmetric about its pole of date."""
         return Gravity(body.j2, vec3(body.pole_eci(epoch)), body.mu_m3_s2, body.radius_m)
 
     def acceleration(self, r_eci_m: FloatArray) -> FloatArray:
@@ -46,7 +46,7 @@ class Gravity:
         ----------
         Vallado (2013), Fundamentals of Astrodynamics, eq. 8-28, written for any pole.
         """
-        # scalar arithmetic: numpy's per-call cost on three numbers would dominate the integration
+        # scalar arithmetic: NumPy's overhead on three numbers would dominate the integration
         x, y, z = r_eci_m.tolist()
         px, py, pz = self.pole_eci
         r2 = x * x + y * y + z * z

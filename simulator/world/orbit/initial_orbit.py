@@ -1,4 +1,4 @@
-"""The target's initial orbit as given by a user: elements, state, two-line elements or an orbit file."""
+"""The target's initial orbit as a user specifies it: elements, state, two-line elements or an orbit file."""
 
 from __future__ import annotations
 
@@ -116,8 +116,8 @@ class TleOrbit(Section, tag_field="kind", tag="tle", frozen=True, kw_only=True):
 class OemOrbit(Section, tag_field="kind", tag="oem", frozen=True, kw_only=True):
     """An orbit file (path relative to the scenario's folder): CCSDS OEM, OPM or OMM, or two-line elements.
 
-    An OEM is followed between its lines all through the flight; ``motion = "propagate"`` takes its state at the
-    scenario's epoch, from where the forces move the target, as they do from the one state that the other files give.
+    An OEM is interpolated for the whole flight. With ``motion = "propagate"``, and for files of a single state, the
+    forces move the target from the state at the scenario's epoch.
     """
 
     centre: str = "earth"

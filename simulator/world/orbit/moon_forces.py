@@ -42,7 +42,7 @@ class MoonForces:
     Parameters
     ----------
     epoch : start of the flight. sky : Sun and Moon over it.
-    forces : what acts besides; of degree 2 are the Moon's flattening and its bulge towards the Earth.
+    forces : forces beside point-mass gravity; of degree 2 are the Moon's flattening and its bulge towards the Earth.
     """
 
     epoch: Instant

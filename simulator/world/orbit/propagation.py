@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _TARGET_ONLY = 6
 """Width of a state without a chaser."""
-_RTOL = 1e-12
+_RTOL = 1e-12  # relative tolerance of the integrator
 _MAX_STEP_S = 60.0
 """Largest step [s]; bounds the interpolant's error between steps (7th order) below the micrometre."""
 _SUNLIT_STEP_S = 20.0
@@ -34,7 +34,7 @@ class Elements:
 
     Parameters
     ----------
-    semi_major_axis_m : [m]. eccentricity : 0 <= e < 1.
+    semi_major_axis_m : semi-major axis [m]. eccentricity : 0 <= e < 1.
     inclination_rad, raan_rad, argument_of_perigee_rad, true_anomaly_rad : [rad].
     """
 
@@ -135,7 +135,7 @@ class OrbitTrack:
     forces : forces of the propagation.
     duration_s : end of the propagated span [s].
     solution : [r, v] or [r, v, rho, rho'] along GCRS axes, and its derivative ``solution.rate``.
-    burns : of the target, which are in ``solution`` already.
+    burns : burns of the target, which are in ``solution`` already.
     """
 
     forces: ForceModel
@@ -188,7 +188,7 @@ def propagate(
     duration_s : span [s].
     forces : forces on both craft.
     relative : chaser minus target at t = 0, position [m] and velocity [m s-1] along GCRS axes.
-    burns : of both craft; the chaser's are for one in free flight.
+    burns : burns of both craft; the chaser's are for one in free flight.
     along : the target's states where something else than the forces gives them; only the difference is integrated.
 
     References

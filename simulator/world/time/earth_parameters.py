@@ -24,7 +24,7 @@ class EarthParameters:
 
     Parameters
     ----------
-    first_mjd : of the first row.
+    first_mjd : modified Julian date of the first row.
     ut1_minus_tai_s : (n,) [s]; against TAI, so that leap seconds make no steps.
     pole_rad : (n, 2) x and y of the pole [rad].
     """

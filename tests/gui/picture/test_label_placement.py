@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flyaround.gui.picture.label_placement import MARK, PlacedLabel, place_labels
+from flyaround.gui.picture.label_placement import MARK_PX, PlacedLabel, place_labels
 from flyaround.gui.picture.truth_overlay import Marker
 from flyaround.gui.picture.view_settings import Overlays
 from flyaround.simulator.piloting.session import FlightSession
@@ -55,7 +55,7 @@ def test_names_of_a_craft_do_not_overlap(scale: float) -> None:
 def test_no_name_lies_on_another_or_on_a_mark(points: list[tuple[float, float]]) -> None:
     sizes = [(40.0 + 5 * (k % 5), LINE) for k in range(len(points))]
     taken = [(400.0, 200.0, 100.0, 60.0)]
-    placed = place_labels(points, sizes, PLACE, taken=taken)
+    placed = place_labels(points, sizes, PLACE, obstacles=taken)
     boxes = [box_of(p, s) for p, s in zip(placed, sizes, strict=True) if p is not None]
     assert not any(overlap(a, b) for a, b in combinations(boxes, 2))
     for k, label in enumerate(placed):
@@ -68,7 +68,7 @@ def test_no_name_lies_on_another_or_on_a_mark(points: list[tuple[float, float]])
         assert box[3] <= PLACE[3]
         assert not overlap(box, (400.0, 200.0, 500.0, 260.0))
         for j, (x, y) in enumerate(points):
-            assert j == k or not overlap(box, (x - MARK, y - MARK, x + MARK, y + MARK))
+            assert j == k or not overlap(box, (x - MARK_PX, y - MARK_PX, x + MARK_PX, y + MARK_PX))
 
 
 def test_a_name_that_moved_away_is_led_to_its_point() -> None:
@@ -84,6 +84,6 @@ def test_names_stay_where_they_were() -> None:
     first = place_labels(points, sizes, PLACE)
     kept = [None if p is None else p.choice for p in first]
     moved = [(x + 2.0, y + 1.0) for x, y in points]
-    again = place_labels(moved, sizes, PLACE, kept=kept)
+    again = place_labels(moved, sizes, PLACE, last_choices=kept)
     assert [None if p is None else p.choice for p in again] == kept
     assert np.isfinite([p.corner for p in again if p is not None]).all()

@@ -57,6 +57,7 @@ OZONE_NM = (
     690,
     710,
 )
+# thousandths
 OZONE_PER_CM = (
     0,
     0,
@@ -80,7 +81,7 @@ OZONE_PER_CM = (
     51,
     28,
     18,
-)  # thousandths
+)
 # reflectance at 400, 450, 500, 550, 600, 650 and 700 nm of a white plate, sand, soil, leaves and the sea, rounded
 GROUNDS = np.array(
     [

@@ -63,7 +63,7 @@ class Document:
 
 
 def plain_name(key: object) -> str:
-    """Return a key without case, ``_``, ``-`` and blanks: programs spell one in many ways."""
+    """Return a key in lower case without ``_``, ``-`` and blanks, because programs spell keys in many ways."""
     return _LINK.sub("", str(key).lower())
 
 
@@ -73,12 +73,12 @@ def parse_document(content: bytes, where: str) -> Document:
     Parameters
     ----------
     content : bytes of the file.
-    where : name of the file, for messages.
+    where : name of the file in messages.
 
     Raises
     ------
     UserError
-        If it is binary, too long or too deep, has a key twice, or has none of the syntaxes.
+        If it is binary, too long or too deep, has a duplicate key, or is in none of the syntaxes.
     """
     for magic, kind in _BINARY:
         if content.startswith(magic):
@@ -120,12 +120,12 @@ def _with_commas(match: re.Match[str]) -> str:
 
 def _parse_json(text: str, content: bytes, where: str) -> Any:  # noqa: ANN401 - any JSON value
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        table_: dict[str, Any] = {}
         for key, value in pairs:
-            if key in found:
+            if key in table_:
                 raise UserError(f"{where} has the key {key} twice in one table; delete one")
-            found[key] = value
-        return found
+            table_[key] = value
+        return table_
 
     refuse_deep(content, where)
     try:
@@ -135,7 +135,7 @@ def _parse_json(text: str, content: bytes, where: str) -> Any:  # noqa: ANN401 -
 
 
 def _parse_ini(lines: list[str], where: str) -> dict[str, Any]:
-    """Parse ROS's INI calibration: a word line names the numbers on the lines below it."""
+    """Parse ROS's INI calibration: a line of words names the numbers on the lines below it."""
     words: dict[str, list[str]] = {}
     camera, name = "", ""
     for line in (line.strip() for line in lines if not line.lstrip().startswith(";")):

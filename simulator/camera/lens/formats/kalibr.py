@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
+# keys that do not affect the image: of a rig, of one sensor, of a Basalt rig
 _RIG = """
     T_cn_cnm1 T_cam_imu T_imu_cam T_BS timeshift_cam_imu cam_overlaps overlaps
 """
@@ -52,7 +53,7 @@ def read_kalibr(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or the lens is not drawn.
+        If a key is unknown, or the lens is not supported.
     """
     cameras = _cameras(document.table)
     if not cameras:
@@ -62,10 +63,10 @@ def read_kalibr(document: Document, where: str) -> CameraFile:
         chain.get(other)
     chain.done()
     name = next(iter(cameras))
-    others = ", ".join(list(cameras)[1:])
+    other_names = ", ".join(list(cameras)[1:])
     notes = (
-        [f"{name} was taken of {name}, {others}; keep one camera in the file to take another"]
-        if others
+        [f"{name} was taken of {name}, {other_names}; keep one camera in the file to take another"]
+        if other_names
         else []
     )
     return _read_one(chain.inner(name), name, notes)
@@ -96,7 +97,7 @@ def write_kalibr(camera: CameraFile, where: str) -> str:
     Raises
     ------
     UserError
-        If the lens has more coefficients than Kalibr's.
+        If the lens has more coefficients than Kalibr supports.
     """
     coefficients = list(camera.distortion.coefficients)
     if len(coefficients) > 4 and any(coefficients[4:]):
@@ -134,7 +135,7 @@ def read_basalt(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or the lens is not drawn.
+        If a key is unknown, or the lens is not supported.
     """
     top = Keys(document.table, where, "a Basalt calibration")
     rig = top.inner("value0") if top.find("value0") else top

@@ -1,4 +1,4 @@
-"""Strict reading of a camera file's table: a key is used, named as harmless, or the file is refused."""
+"""Strict reading of a camera file's table: every key must be read or explicitly ignored."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ Matrix = tuple[float, float, float, float]
 """fx, fy, cx, cy [px]."""
 _MATRIX_KEYS = {"rows", "cols", "dt", "data", "type_id", "sizes"}  # OpenCV's
 _NUMBER = re.compile(NUMBER)
-_ROUNDED = 1e-9  # relative to fx: a skew that is only the last digits of a product of matrices
+_ROUNDED = 1e-9  # skew relative to fx that is only rounding of a product of matrices
 
 
 class Keys:
     """Keys of one table, each to be read or named before `done`.
 
-    Names are compared without case, ``_``, ``-`` and blanks: programs spell one key as camera_matrix, Camera_Matrix
-    and cameraMatrix.
+    Names are compared without case, ``_``, ``-`` and blanks, because programs write camera_matrix, Camera_Matrix and
+    cameraMatrix.
 
     Parameters
     ----------
     table : dict
         The table.
     where : str
-        Name of the file, for messages.
+        Name of the file in messages.
     form : str
         Name of the format in messages, for example "ROS calibration".
     path : str
@@ -54,12 +54,12 @@ class Keys:
         self._asked: list[str] = []
 
     def find(self, *names: str) -> str:
-        """Return the one of several spellings that the table has, as the file spells it; empty if it has none.
+        """Return the spelling, out of several, that the table uses; empty if it has none.
 
         Raises
         ------
         UserError
-            If it has two.
+            If it has two of them.
         """
         self._asked.append(names[0])
         there = [plain for plain in dict.fromkeys(map(plain_name, names)) if plain in self._names]
@@ -72,7 +72,7 @@ class Keys:
         return self._names[there[0]]
 
     def get(self, *names: str) -> Any:  # noqa: ANN401 - any value
-        """Return the value of the one spelling that is there, or None."""
+        """Return the value under any of several spellings, or None."""
         name = self.find(*names)
         return self._table[name] if name else None
 
@@ -82,7 +82,7 @@ class Keys:
         Raises
         ------
         UserError
-            If it is missing and has no default, or is no number.
+            If it is missing and has no default, or is not a number.
         """
         value = self.get(*names)
         if value is None and default is not None:
@@ -101,12 +101,12 @@ class Keys:
         return int(value)
 
     def numbers(self, *names: str) -> list[float] | None:
-        """Return a flat list of numbers out of nested lists, OpenCV's matrix or text; None if it is missing.
+        """Return a flat list of numbers from nested lists, OpenCV's matrix or text; None if it is missing.
 
         Raises
         ------
         UserError
-            If it holds anything but numbers, or not rows times columns of them.
+            If it holds anything but numbers, or their count differs from rows times columns.
         """
         value = self.get(*names)
         if value is None and self.find(*names):
@@ -119,7 +119,7 @@ class Keys:
         Raises
         ------
         UserError
-            If it is no camera matrix, or has a skew.
+            If it is not a camera matrix, or has a skew.
         """
         name = self.find(*names)
         if name and isinstance(self._table[name], dict) and "fx" in self._table[name]:
@@ -131,11 +131,11 @@ class Keys:
         return None if m is None else camera_matrix(m, self._at(*names))
 
     def inner(self, name: str) -> Keys:
-        """Return the keys of a table within this one, which must be there."""
+        """Return the keys of a table within this one, which must exist."""
         return Keys(self.get(name), self.where, self.form, f"{self.path}{self.find(name) or name}.")
 
     def ignore(self, *names: str, prefixes: str = "") -> None:
-        """Name keys that do not change the lens, several in one text, or all that begin with one of ``prefixes``."""
+        """Ignore keys that do not affect the lens: several in one text, or all that begin with one of ``prefixes``."""
         starts = tuple(map(plain_name, prefixes.split()))
         plain = {plain_name(word) for name in names for word in name.split()}
         self._unread = {
@@ -143,12 +143,12 @@ class Keys:
         }
 
     def allow(self, name: str, *values: Any, so: str = "", aliases: Iterable[str] = ()) -> None:  # noqa: ANN401
-        """Name a key that does not change the lens if it has one of these values.
+        """Ignore a key that does not affect the lens if it has one of these values.
 
         Raises
         ------
         UserError
-            If it has another; ``so`` says what to do.
+            If it has another value; ``so`` is the advice.
         """
         value = self.get(name, *aliases)
         if value is not None and value not in values:
@@ -157,25 +157,25 @@ class Keys:
             )
 
     def done(self) -> None:
-        """Raise if a key is left.
+        """Raise if a key was neither read nor ignored.
 
         Raises
         ------
         UserError
-            With its name.
+            If there is one; the message names it.
         """
-        left = [self._names[plain] for plain in self._unread]
-        if left:
-            near = near_names(left[0], self._asked)
+        unread = [self._names[plain] for plain in self._unread]
+        if unread:
+            near = near_names(unread[0], self._asked)
             hint = f"did you mean {near[0]}? " if near else ""
-            more = f" (nor {', '.join(left[1:4])})" if left[1:] else ""
+            more = f" (nor {', '.join(unread[1:4])})" if unread[1:] else ""
             raise UserError(
-                f"{self.where}: key {self.path}{left[0]} is not known in a file of {self.form}{more}, so it could "
+                f"{self.where}: key {self.path}{unread[0]} is not known in a file of {self.form}{more}, so it could "
                 f"change the lens unseen: {hint}delete it"
             )
 
     def error(self, text: str) -> UserError:
-        """Return an error that starts with the file and the table."""
+        """Return an error whose message starts with the file and the table."""
         table = f" key {self.path.rstrip('.')}" if self.path else ""
         return UserError(f"{self.where}{':' if table else ''}{table} {text}")
 
@@ -189,7 +189,7 @@ def flat_numbers(value: Any, where: str) -> list[float]:  # noqa: ANN401 - a val
     Raises
     ------
     UserError
-        If there is anything else.
+        If there is anything but numbers.
     """
     if isinstance(value, dict):
         odd = [key for key in value if key not in _MATRIX_KEYS]
@@ -223,7 +223,7 @@ def camera_matrix(m: list[float], where: str) -> Matrix:
     Raises
     ------
     UserError
-        If it is no camera matrix, or has a skew.
+        If it is not a camera matrix, or has a skew.
     """
     if len(m) != 9:
         raise UserError(f"{where} has {len(m)} numbers, a 3 x 3 matrix is needed")

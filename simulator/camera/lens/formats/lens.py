@@ -36,30 +36,30 @@ def named_model(names: Iterable[tuple[str, object]], keys: Keys) -> DistortionMo
     Raises
     ------
     UserError
-        If a model is not drawn, or two keys name different ones.
+        If a model is not supported, or two keys name different ones.
     """
-    found: dict[DistortionModel, str] = {}
+    models: dict[DistortionModel, str] = {}
     for key, value in names:
         plain = plain_name(value or "")
         if plain in _NEUTRAL:
             continue
         if plain == "none":
-            found["none"] = key
+            models["none"] = key
         elif plain in _BROWN.split():
-            found["brown_conrady"] = key
+            models["brown_conrady"] = key
         elif plain in _FISHEYE.split():
-            found["kannala_brandt"] = key
+            models["kannala_brandt"] = key
         else:
             place = f"{keys.where}: key {keys.path}{key}"
             raise not_drawn(
                 place, value, "plumb_bob, rational_polynomial, radtan, equidistant, fisheye, none"
             )
-    if len(found) > 1:
-        first, second = list(found.values())[:2]
+    if len(models) > 1:
+        first, second = list(models.values())[:2]
         raise UserError(
             f"{keys.where}: keys {first} and {second} name different lenses; delete the wrong one"
         )
-    return next(iter(found), None)
+    return next(iter(models), None)
 
 
 def not_drawn(place: str, value: object, read: str) -> UserError:
@@ -67,7 +67,7 @@ def not_drawn(place: str, value: object, read: str) -> UserError:
 
     Parameters
     ----------
-    place : file and key. value : its value. read : names of the models that are read.
+    place : file and key. value : value of the key. read : names of the models that are read.
     """
     return UserError(
         f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"
@@ -90,17 +90,17 @@ def camera_file(
 
     Parameters
     ----------
-    keys : of the file; `Keys.done` is called.
+    keys : keys of the file; `Keys.done` is called.
     size : width and height of the image.
     intrinsics : fx, fy, cx, cy; pixel (0, 0) is the centre of the top-left pixel.
-    coefficients : of the model in OpenCV's order, None if the file has none.
-    notes : further content of the file, for the user.
-    encoding : of the images, as the file has it; None if it says nothing.
+    coefficients : coefficients of the model in OpenCV's order, or None.
+    notes : remarks for the user about other content of the file.
+    encoding : transfer function of the images as the file names it, or None.
 
     Raises
     ------
     UserError
-        If a key is left, the coefficients are missing or too many, or a number is out of bounds.
+        If a key is unread, the coefficients are missing or too many, or a number is out of bounds.
     """
     keys.done()
     where = keys.where
@@ -153,11 +153,13 @@ def _distortion(
         if model == "brown_conrady":
             coefficients = coefficients[: counts[-1]]
     if len(coefficients) not in counts:
-        allowed = " or ".join(map(str, counts))
-        raise UserError(f"{where} has {len(coefficients)} coefficients of the lens, {model} takes {allowed}")
+        counts_text = " or ".join(map(str, counts))
+        raise UserError(
+            f"{where} has {len(coefficients)} coefficients of the lens, {model} takes {counts_text}"
+        )
     if model == "brown_conrady" and not any(coefficients):
         return {"model": "none", "coefficients": ()}
-    # an ideal fish-eye has all zero, and is no pinhole
+    # an ideal fish-eye has all coefficients zero, and is not a pinhole
     return {"model": model, "coefficients": tuple(coefficients)}
 
 
@@ -167,7 +169,7 @@ def whole(value: float, where: str) -> int:
     Raises
     ------
     UserError
-        If it is none.
+        If it is not whole.
     """
     if value != int(value):
         raise UserError(

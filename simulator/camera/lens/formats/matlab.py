@@ -1,7 +1,7 @@
 """MATLAB's cameraParameters and cameraIntrinsics as JSON.
 
-MATLAB puts (1, 1) at the centre of the top-left pixel: one pixel is taken off its principal points. ImageSize is rows,
-columns; IntrinsicMatrix multiplies rows from the right, so it is the transpose of K.
+MATLAB puts (1, 1) at the centre of the top-left pixel: one pixel is subtracted from its principal points. ImageSize is
+rows, columns; IntrinsicMatrix multiplies row vectors, so it is the transpose of K.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def read_matlab(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or the lens is a fish-eye of MATLAB's own.
+        If a key is unknown, or the lens is MATLAB's own fish-eye.
     """
     keys = Keys(document.table, where, "MATLAB's cameraParameters")
     keys.ignore(_REPORT)
@@ -72,25 +72,25 @@ def read_matlab(document: Document, where: str) -> CameraFile:
 
 
 def _intrinsics(keys: Keys) -> list[float]:
-    """Return fx, fy, cx, cy by whichever of the keys there are.
+    """Return fx, fy, cx, cy from the keys that exist.
 
     Raises
     ------
     UserError
         If there are none, or they disagree.
     """
-    found = []
+    matrices = []
     focal, centre = keys.numbers("FocalLength"), keys.numbers("PrincipalPoint")
     if focal and centre and len(focal) == len(centre) == 2:
-        found.append([*focal, *centre])
+        matrices.append([*focal, *centre])
     for name, transposed in (("IntrinsicMatrix", True), ("K", False)):
         m = keys.numbers(name)
         if m is not None:
             rows = np.reshape(m, (3, 3)).T.ravel().tolist() if transposed and len(m) == 9 else m
-            found.append(list(camera_matrix(rows, f"{keys.where}: key {name}")))
-    if not found:
+            matrices.append(list(camera_matrix(rows, f"{keys.where}: key {name}")))
+    if not matrices:
         raise keys.error("lacks FocalLength and PrincipalPoint, or K; add them")
-    if not np.allclose(found, found[0], rtol=1e-6):
+    if not np.allclose(matrices, matrices[0], rtol=1e-6):
         raise keys.error("has a matrix that disagrees with FocalLength and PrincipalPoint; delete one")
-    fx, fy, cx, cy = found[0]
+    fx, fy, cx, cy = matrices[0]
     return [fx, fy, cx + ONE_BASED_PX, cy + ONE_BASED_PX]

@@ -33,17 +33,17 @@ def read_native(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        With the wrong key and the allowed values.
+        If a key is wrong; the message states the allowed values.
     """
     raw = document.table["camera"] if _holds_camera(document) else document.table
     kind: type[CameraFile | LensFile] = (
         LensFile if _DATA_SHEET.intersection(raw) and "fx_px" not in raw else CameraFile
     )
-    found = convert_document(raw, kind, where)
-    return found.solved(where) if isinstance(found, LensFile) else found
+    camera = convert_document(raw, kind, where)
+    return camera.solved(where) if isinstance(camera, LensFile) else camera
 
 
 def write_native(camera: CameraFile, where: str) -> str:  # noqa: ARG001 - a writer's signature
     """Write CAMERA.json."""
-    known = {k: v for k, v in msgspec.to_builtins(camera).items() if v is not None}
-    return msgspec.json.format(msgspec.json.encode(known), indent=1).decode() + "\n"
+    fields = {k: v for k, v in msgspec.to_builtins(camera).items() if v is not None}
+    return msgspec.json.format(msgspec.json.encode(fields), indent=1).decode() + "\n"

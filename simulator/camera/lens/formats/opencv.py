@@ -61,7 +61,7 @@ def is_ros(document: Document) -> bool:
 
 
 def is_opencv(document: Document) -> bool:
-    """Return True for OpenCV's FileStorage and what scripts dump of cv2.calibrateCamera."""
+    """Return True for OpenCV's FileStorage and for scripts' dumps of cv2.calibrateCamera."""
     return not document.names.isdisjoint(map(plain_name, MATRIX))
 
 
@@ -71,7 +71,7 @@ def read_opencv(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or a lens is not drawn.
+        If a key is unknown, or a lens is not supported.
     """
     return _read(Keys(document.table, where, "OpenCV's calibration"), [])
 
@@ -82,7 +82,7 @@ def read_ros(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, a lens is not drawn, or the image is binned or cropped.
+        If a key is unknown, a lens is not supported, or the image is binned or cropped.
     """
     keys = Keys(document.table, where, "ROS camera_info")
     keys.ignore("header", "translation rotation" if document.syntax == "ini" else "")
@@ -97,12 +97,12 @@ def _read(keys: Keys, notes: list[str]) -> CameraFile:
     if matrix is None:
         raise keys.error("lacks the camera matrix; add it")
     _check_roi(keys, size)
-    named = [(key, keys.get(key)) for key in _MODELS]
-    named += [(key, "fisheye") for key in _FISHEYE if keys.get(key)]
+    models = [(key, keys.get(key)) for key in _MODELS]
+    models += [(key, "fisheye") for key in _FISHEYE if keys.get(key)]
     flags = keys.get("flags")
     if "fisheye" in str(flags).lower():
-        named.append(("flags", "fisheye"))
-    model = named_model(named, keys)
+        models.append(("flags", "fisheye"))
+    model = named_model(models, keys)
     coefficients = keys.numbers(*_COEFFICIENTS)
     keys.allow("skew", 0, 0.0, so="calibrate with the skew fixed at 0")
     keys.ignore(_REPORT, prefixes=_REPORT_PREFIXES)
@@ -141,7 +141,7 @@ def _check_roi(keys: Keys, size: list[float]) -> None:
 
 
 def _rectified_note(keys: Keys) -> list[str]:
-    """Return a note if R and P describe another, rectified image; the image drawn is the raw one of K and D."""
+    """Return a note if R and P describe a rectified image; the raw image of K and D is used."""
     rotation = keys.numbers("rectification_matrix", "rectification", "R")
     projection = keys.numbers("projection_matrix", "projection", "P")
     differs = False

@@ -1,7 +1,7 @@
 """Cameras of structure from motion, radiance fields and pose benchmarks: COLMAP, transforms.json, BOP.
 
-COLMAP and transforms.json put pixel (0, 0) at the top-left corner of the image, and the centre of its first pixel at
-(0.5, 0.5): half a pixel is taken off their principal points. BOP counts from the centre of the first pixel.
+COLMAP and transforms.json put (0, 0) at the top-left corner of the image, so half a pixel is subtracted from their
+principal points. BOP counts from the centre of the first pixel.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-# model: names of its parameters; 0 stands for a coefficient of ours that COLMAP does not have
+# model: names of its parameters; 0 stands for a coefficient that COLMAP does not have
 _COLMAP_MODELS: dict[str, tuple[DistortionModel, str, str]] = {
     "SIMPLE_PINHOLE": ("none", "f cx cy", ""),
     "PINHOLE": ("none", "fx fy cx cy", ""),
@@ -43,7 +43,7 @@ _NERF_FRAME = """
     transform_matrix depth_file_path normal_file_path colmap_im_id camera_index rotation frame_index cam_id
     semantic_path timestamp time camera_id file_path mask_path sharpness
 """
-_AGREE = 2e-3  # tolerance between a focal length and an angle, which files round
+_AGREE = 2e-3  # relative tolerance between a focal length and an angle, which files round
 CORNER_TO_CENTRE_PX = -0.5
 
 
@@ -53,12 +53,12 @@ def is_colmap(document: Document) -> bool:
 
 
 def read_colmap(document: Document, where: str) -> CameraFile:
-    """Read cameras.txt, whose cameras must all be alike.
+    """Read cameras.txt, whose cameras must be equal.
 
     Raises
     ------
     UserError
-        If they differ, or the lens is not drawn.
+        If they differ, or the lens is not supported.
     """
     cameras = document.table["cameras"]
     if any(camera[1:] != cameras[0][1:] for camera in cameras[1:]):
@@ -99,7 +99,7 @@ def read_nerf(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, frames have different cameras, or the lens is not drawn.
+        If a key is unknown, frames have different cameras, or the lens is not supported.
     """
     top = Keys(document.table, where, "NeRF's transforms.json")
     top.ignore(_NERF_SCENE, *_NERF_LENS)
@@ -125,7 +125,7 @@ def read_nerf(document: Document, where: str) -> CameraFile:
 
 
 def _common_lens(table: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the intrinsics that all frames have, each frame's own before those of the file."""
+    """Return the intrinsics common to all frames; a frame's own take precedence over those of the file."""
     common = {key: table[key] for key in _NERF_LENS if key in table}
     frames = table.get("frames")
     lenses = []
@@ -164,11 +164,11 @@ def _nerf_focal_px(keys: Keys, length: str, angle: str, count: int) -> float | N
 
 
 def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
-    named = str(keys.get("camera_model") or "").upper()
-    fisheye = bool(keys.get("is_fisheye")) or named == "OPENCV_FISHEYE"
-    if named not in ("", "OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"):
-        raise not_drawn(f"{keys.where}: key camera_model", named, "OPENCV, OPENCV_FISHEYE, PINHOLE")
-    if fisheye and named not in ("", "OPENCV_FISHEYE"):
+    model_name = str(keys.get("camera_model") or "").upper()
+    fisheye = bool(keys.get("is_fisheye")) or model_name == "OPENCV_FISHEYE"
+    if model_name not in ("", "OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"):
+        raise not_drawn(f"{keys.where}: key camera_model", model_name, "OPENCV, OPENCV_FISHEYE, PINHOLE")
+    if fisheye and model_name not in ("", "OPENCV_FISHEYE"):
         raise UserError(
             f"{keys.where}: keys camera_model and is_fisheye name different lenses; delete the wrong one"
         )
@@ -183,8 +183,8 @@ def _nerf_lens(keys: Keys) -> tuple[DistortionModel, list[float] | None]:
             f"{keys.where}: key k4 is {k4:g}, a term of the eighth power, which is not drawn; calibrate without"
         )
     if not there:
-        return "brown_conrady" if named == "OPENCV" else "none", None
-    return "none" if "PINHOLE" in named else "brown_conrady", [k1, k2, p1, p2, k3]
+        return "brown_conrady" if model_name == "OPENCV" else "none", None
+    return "none" if "PINHOLE" in model_name else "brown_conrady", [k1, k2, p1, p2, k3]
 
 
 def is_bop(document: Document) -> bool:
@@ -203,7 +203,7 @@ def read_bop(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or it is a scene_camera.json, which has no image size.
+        If a key is unknown, or it is a scene_camera.json, which has no image size.
     """
     if _is_scene_camera(document.table):
         matrices = [

@@ -41,11 +41,11 @@ class CameraFormat:
     title : str
         Name of its files for users.
     recognises : callable
-        True for a document that has the marks of this format.
+        Returns True for a document in this format.
     read : callable
-        From a document and the name of its file to the camera; raises for a key that it does not know.
+        Converts a document and the name of its file to a camera; raises for an unknown key.
     write : callable or None
-        From a camera and its name to text; None if the format is only read.
+        Converts a camera and its name to text; None if the format is read-only.
     """
 
     name: str
@@ -81,19 +81,19 @@ CAMERA_FORMATS = (
         "opencv", "OpenCV YAML, XML or JSON", opencv.is_opencv, opencv.read_opencv, opencv.write_opencv
     ),
 )
-"""All formats, the more specific first: the first that recognises a document reads it, and refuses keys of another."""
+"""All formats, the most specific first: the first that recognises a document reads it."""
 WITH_ENCODING = ("native", "speed")
-"""Formats that name the transfer function of the images."""
+"""Formats that state the transfer function of the images."""
 WRITTEN = tuple(form.name for form in CAMERA_FORMATS if form.write is not None)
 
 
 def read_camera_document(document: Document, where: str) -> CameraFile:
-    """Read a camera in whichever format a document has.
+    """Read a camera in any known format.
 
     Raises
     ------
     UserError
-        If it has none of them, or as its reader does.
+        If the format is unknown, or its reader raises.
     """
     form = next((form for form in CAMERA_FORMATS if form.recognises(document)), None)
     if form is None:
@@ -115,7 +115,7 @@ def camera_text(camera: CameraFile, form: str, where: str) -> str:
     Raises
     ------
     UserError
-        If there is no such format, it is only read, or it has no such lens or no place for the encoding.
+        If there is no such format, it is read-only, or it cannot express the lens or the encoding.
     """
     writers = {entry.name: entry.write for entry in CAMERA_FORMATS if entry.write is not None}
     if form not in writers:

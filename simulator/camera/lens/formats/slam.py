@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.formats.document import Document
 
 _PINHOLES, _FISHEYES = ("pinhole", "perspective"), ("kannalabrandt8", "fisheye")
-# settings of the program, of its second camera and of images that it rectified itself
+# settings of the program, of a second camera, and of images that it rectifies itself
 _ORB_OTHERS = """
     ORBextractor. Extractor. Feature. Viewer. PangolinViewer. SocketPublisher. System. IMU. Stereo. RGBD. LEFT.
     RIGHT. Initializer. Tracking. Mapping. LoopDetector. LoopClosing. Relocalizer. Preprocessing.
@@ -48,12 +48,12 @@ def is_orb(document: Document) -> bool:
 
 
 def read_orb(document: Document, where: str) -> CameraFile:
-    """Read the camera of ORB-SLAM's or stella_vslam's settings; of a stereo pair the first.
+    """Read the camera of ORB-SLAM's or stella_vslam's settings; the first one of a stereo pair.
 
     Raises
     ------
     UserError
-        If a key of the camera is not known, or its lens is not drawn.
+        If a key of the camera is unknown, or its lens is not supported.
     """
     table: dict[str, Any] = {}
     for section, value in document.table.items():
@@ -72,8 +72,8 @@ def read_orb(document: Document, where: str) -> CameraFile:
         keys.count("Camera.height", "Camera.rows", "Camera1.height"),
     ]
     notes = []
-    scaled = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
-    if any(value not in (None, 1) for value in scaled):
+    scales = [keys.get(f"Camera.{key}") for key in ("newWidth", "newHeight", "imageScale")]
+    if any(value not in (None, 1) for value in scales):
         notes.append("this is the camera before the program scales its images")
     model, coefficients = _orb_lens(keys, plain)
     keys.ignore(_ORB_CAMERA, prefixes=_ORB_OTHERS)
@@ -91,7 +91,7 @@ def _spelled(name: str) -> tuple[str, str]:
 
 
 def _orb_lens(keys: Keys, kind: str) -> tuple[DistortionModel, list[float] | None]:
-    """Return model and coefficients; the programs take a pinhole without any as free of distortion."""
+    """Return model and coefficients; a pinhole without coefficients has no distortion."""
     names = ("k1", "k2", "k3", "k4") if kind in _FISHEYES else ("k1", "k2", "p1", "p2")
     there = [name for name in names if keys.find(*_spelled(name))]
     if kind in _FISHEYES:
@@ -118,7 +118,7 @@ def read_vins(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, or the lens is not drawn.
+        If a key is unknown, or the lens is not supported.
     """
     keys = Keys(document.table, where, "VINS settings")
     if keys.find("cam0_calib"):
@@ -137,10 +137,11 @@ def read_vins(document: Document, where: str) -> CameraFile:
         model, names = "brown_conrady", ("k1", "k2", "p1", "p2")
     else:
         intrinsics = [projection.number(name) for name in ("mu", "mv", "u0", "v0")]
+        # its k2 multiplies the cube of the angle
         model, names = (
             "kannala_brandt",
             ("k2", "k3", "k4", "k5"),
-        )  # its k2 multiplies the cube of the angle
+        )
         if lens is None or not lens.find("k2"):
             lens = projection
     coefficients = None if lens is None else [lens.number(name) for name in names]

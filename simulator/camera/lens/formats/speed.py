@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.camera.lens.files_native import CameraFile
     from flyaround.simulator.camera.lens.formats.document import Document
 
-_PITCH_UM = 5.86
+_PITCH_UM = 5.86  # pixel pitch of SPEED's camera
 _CENTRE_PX = 1.0  # tolerance between matrix and ccx, ccy: some sets count from corners
 _AGREE = 2e-3  # tolerance between lengths and matrix, which the sets round
 
@@ -36,7 +36,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
     Raises
     ------
     UserError
-        If a key is not known, a length is not above 0, or the lengths disagree with the matrix.
+        If a key is unknown, a length is not positive, or the lengths disagree with the matrix.
     """
     keys = Keys(document.table, where, "SPEED's camera.json")
     width, height = keys.count("Nu"), keys.count("Nv")
@@ -49,7 +49,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
     if keys.find("ppx") and keys.find("ppy"):
         across, down = (round(keys.number(name) * 1e6, 6) for name in ("ppx", "ppy"))
         pitch = (across, down)
-    found, encoding = keys.numbers("distCoeffs"), keys.get("encoding")
+    coefficients, encoding = keys.numbers("distCoeffs"), keys.get("encoding")
     keys.ignore(
         "fx_px",
         "fy_px",
@@ -67,8 +67,8 @@ def read_speed(document: Document, where: str) -> CameraFile:
         keys,
         (width, height),
         matrix or by_length or (),
-        "brown_conrady" if found is not None else "none",
-        found,
+        "brown_conrady" if coefficients is not None else "none",
+        coefficients,
         pixel_pitch_um=pitch,
         notes=notes,
         encoding=encoding,
@@ -76,7 +76,7 @@ def read_speed(document: Document, where: str) -> CameraFile:
 
 
 def _by_length(keys: Keys, width: int, height: int) -> Matrix | None:
-    """Return fx, fy, cx, cy by the lengths on the detector, if there are both."""
+    """Return fx, fy, cx, cy from the lengths on the detector, or None."""
     lengths = {name: keys.number(name) for name in ("fx", "fy", "ppx", "ppy") if keys.find(name)}
     for name, length in lengths.items():
         if length <= 0:
@@ -88,7 +88,7 @@ def _by_length(keys: Keys, width: int, height: int) -> Matrix | None:
 
 
 def _disagreement(keys: Keys, matrix: Matrix, by_length: Matrix | None) -> list[str]:
-    """Return a note if other keys contradict the matrix, which the sets' own programs use."""
+    """Return a note if other keys contradict the matrix, which the data sets' own programs use."""
     values = [
         *(by_length or matrix)[:2],
         *(keys.number(name, default=there) for name, there in zip(("ccx", "ccy"), matrix[2:], strict=True)),

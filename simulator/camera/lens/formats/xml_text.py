@@ -1,4 +1,4 @@
-"""XML of OpenCV's FileStorage as a table, without a document type, so that no entity can grow."""
+"""XML of OpenCV's FileStorage as a table; document types are refused, so that entities cannot expand."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def parse_xml(text: str, where: str) -> dict[str, Any]:
     UserError
         If it is no XML, has a document type, nests too deep, has a key twice, or has another root.
     """
-    text = re.sub(r"^\s*<\?xml.*?\?>", "", text, count=1, flags=re.DOTALL)  # its encoding was decoded
+    text = re.sub(r"^\s*<\?xml.*?\?>", "", text, count=1, flags=re.DOTALL)  # its encoding has been applied
     try:
         parser = ET.XMLParser(target=_Tree())  # noqa: S314 - without document type, bounded in length and depth
         parser.feed(text)

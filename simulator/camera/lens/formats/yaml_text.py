@@ -1,4 +1,4 @@
-"""YAML of camera files: YAML 1.2's numbers, no anchors, no key twice, bounded length and depth."""
+"""YAML of camera files: YAML 1.2 numbers, no anchors, no duplicate keys, bounded length and depth."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _TAGS = re.compile(r"tag:yaml\.org,2002:(?:opencv-(?:nd-)?matrix|map|seq|str|int
 
 
 def scalar(text: str) -> Any:  # noqa: ANN401 - number, truth value, text or None
-    """Convert a plain value as YAML 1.2 does.
+    """Convert a plain scalar as YAML 1.2 does.
 
-    In YAML 1.1, which PyYAML's own loaders read, 1e-05 is text, 0640 is 416 and 640:480 is 38880.
+    In YAML 1.1, as read by PyYAML's loaders, 1e-05 is text, 0640 is 416 and 640:480 is 38880.
     """
     for pattern, convert in _SCALARS:
         if pattern.fullmatch(text):
@@ -43,11 +43,11 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
     Raises
     ------
     UserError
-        If it is no YAML, has a key twice, or is longer or deeper than a camera file.
+        If it is not YAML, has a duplicate key, or is longer or deeper than a camera file.
     """
     if len(text) > MAX_YAML_BYTES:
         raise UserError(f"{where} is YAML of more than {MAX_YAML_BYTES / 1e6:g} MB: give the camera alone")
-    # OpenCV's writer says %YAML:1.0, which YAML itself does not allow
+    # OpenCV writes %YAML:1.0, which YAML does not allow
     text = re.sub(r"^%YAML[: ].*$", "", text, flags=re.MULTILINE)
     document = None
     try:
@@ -71,7 +71,7 @@ def parse_yaml(text: str, where: str) -> tuple[Any, bool]:
 
 
 class _Composer:
-    """Builds the value of a node from the parser's events."""
+    """Builds values from the parser's events."""
 
     def __init__(self, events: Iterator[Any]) -> None:
         self._events = events
@@ -83,7 +83,7 @@ class _Composer:
         Raises
         ------
         YAMLError, ValueError
-            If it refers to itself, nests too deep, has a key twice, or is an object of a language.
+            If it has an alias, nests too deep, has a duplicate key, or is a language-specific object.
         """
         line = event.start_mark.line + 1
         if isinstance(event, yaml.AliasEvent):
@@ -102,10 +102,10 @@ class _Composer:
         return value
 
     def _list(self) -> list[Any]:
-        found = []
+        items = []
         while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
-            found.append(self.value(event))
-        return found
+            items.append(self.value(event))
+        return items
 
     def _table(self) -> dict[str, Any]:
         table: dict[str, Any] = {}

@@ -1,1 +1,1 @@
-"""Labels proposed from a shape: keypoints, wireframe, occluders, mass. The mesh is not changed."""
+"""Labels proposed from a mesh: keypoints, wireframe, occluders, mass. The mesh is not changed."""

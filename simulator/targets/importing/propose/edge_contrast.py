@@ -1,8 +1,7 @@
-"""Contrast of edges in small shaded images from many sides, drawn on the CPU.
+"""Contrast of edges, measured in small shaded images from many sides, drawn on the CPU.
 
-A crease that a modeller drew may be invisible: a groove finer than a pixel, two faces alike in the light, an edge
-behind another body. So every candidate is looked at: the step of brightness across it, a little to either side,
-wherever it is in view.
+A modelled crease may be invisible: a groove finer than a pixel, equally lit faces, an edge behind another body. So the
+step of brightness across each candidate is measured wherever it is in view.
 """
 
 from __future__ import annotations
@@ -24,15 +23,14 @@ if TYPE_CHECKING:
 
 VIEWS = sphere_directions(40)
 SIZE_PX = 256
-POINTS = 450_000
+POINTS = 450_000  # surface points that are projected
 ASIDE_PX = 2.5
-"""Distance from the edge at which brightness is compared [pixels of 256], as an estimator does on a craft of 100 to
-200 pixels."""
+"""Distance from the edge at which brightness is compared [px of 256], as by an estimator at 100 to 200 px."""
 SURFACE_TOLERANCE = 0.012
-"""Share of the craft by which a point of an edge may lie behind the image's surface and count as visible."""
+"""Distance behind the drawn surface at which a point of an edge still counts as visible, as a share of the craft."""
 LIGHTS = ((0.0, 0.0), (50.0, 30.0), (50.0, 150.0), (50.0, 270.0))
 """Angles [deg] of the Sun from the line of sight and around it: frontal, and three from the side."""
-AMBIENT = 0.02
+AMBIENT = 0.02  # light in the shade, as a share of the Sun's
 
 
 def contrast_of(
@@ -42,21 +40,21 @@ def contrast_of(
     b_m: FloatArray,
     skin_m: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean brightness step (K,) across stretches where they are visible, and their visibility (K,).
+    """Return the mean brightness step (K,) across line segments where they are visible, and their visibility (K,).
 
-    The step is relative to the brightness of the craft's brightest surface, 0..1; how often is the share of views and
-    of places along the stretch in which nothing hides it.
+    The step is relative to the brightness of the craft's brightest surface, 0..1; the visibility is the unoccluded
+    share of views and of points along the segment.
 
     Parameters
     ----------
-    a_m, b_m : (K, 3) ends. skin_m : (K,) how far below the surface each stretch lies, as a rod's axis does.
+    a_m, b_m : (K, 3) ends. skin_m : (K,) depth of each segment below the surface, for example of a rod's axis.
     """
     surface = surface_points(bodies, POINTS)
     albedo = np.array([float(np.mean(m.base_color)) for m in materials])[surface.material]
     low, high = surface.points_m.min(axis=0), surface.points_m.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     places = np.stack([a_m + s * (b_m - a_m) for s in (0.2, 0.5, 0.8)], axis=1) - center
-    step, seen = np.zeros(places.shape[:2]), np.zeros(places.shape[:2])
+    step, visibility = np.zeros(places.shape[:2]), np.zeros(places.shape[:2])
     for direction in VIEWS:
         axes = _axes(direction)
         depth, light = _picture(surface, albedo, center, radius, axes)
@@ -71,13 +69,13 @@ def contrast_of(
         )[:, None]
         sides = []
         for sign in (-1.0, 1.0):
-            beside = np.rint(xy + sign * ASIDE_PX * across[:, None]).astype(int)
-            sides.append(light[:, beside[..., 1], beside[..., 0]])
-        # the best of the lights: a Sun that shows the edge will come
+            sides_px = np.rint(xy + sign * ASIDE_PX * across[:, None]).astype(int)
+            sides.append(light[:, sides_px[..., 1], sides_px[..., 0]])
+        # the best of the lights, because some Sun direction will show the edge
         best = np.abs(sides[0] - sides[1]).mean(axis=0)
         step += np.where(visible, best, 0.0)
-        seen += visible
-    return (step.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)), seen.mean(axis=1) / len(VIEWS)
+        visibility += visible
+    return (step.sum(axis=1) / np.maximum(visibility.sum(axis=1), 1)), visibility.mean(axis=1) / len(VIEWS)
 
 
 def _axes(direction: FloatArray) -> FloatArray:
@@ -89,7 +87,7 @@ def _axes(direction: FloatArray) -> FloatArray:
 
 
 def _pixels(xy: FloatArray | Float32Array, radius: float) -> FloatArray:
-    """Return positions in the image, with a margin for the comparison on both sides."""
+    """Return positions in the image, with a margin for the comparison."""
     return np.asarray((xy / radius * 0.94 + 1) * (SIZE_PX - 1) / 2)
 
 
@@ -97,7 +95,7 @@ def _picture(
     surface: SurfacePoints, albedo: FloatArray, center: FloatArray, radius: float, axes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the nearest surface to the camera (H, W), -inf outside, and its brightness under each light (L, H, W)."""
-    # single precision suffices for places in a small image
+    # single precision suffices for positions in a small image
     at = (surface.points_m - center).astype(np.float32) @ axes.T.astype(np.float32)
     x, y = np.rint(_pixels(at[:, :2], radius)).astype(np.int32).T
     cell = y * SIZE_PX + x
@@ -105,7 +103,7 @@ def _picture(
     nearest = np.full(SIZE_PX * SIZE_PX, -np.inf)
     np.maximum.at(nearest, cell, height)
     depth = nearest.reshape(SIZE_PX, SIZE_PX)
-    # points leave some cells empty: these take what most of their neighbours have
+    # cells without a point take the value of their neighbours
     filled = _closed(depth)
     winner = np.full(SIZE_PX * SIZE_PX, -1, np.int64)
     front = height >= nearest[cell]
@@ -117,9 +115,9 @@ def _picture(
     for lean, turn in np.deg2rad(LIGHTS):
         sun = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), np.cos(lean)])
         shade = albedo[winner] * (np.maximum(normal @ sun, 0.0) + AMBIENT)
-        # single points are grainy: the mean of nine
+        # single points are noisy: average 3 x 3
         light.append(cv2.blur(np.where(winner >= 0, shade, 0.0), (3, 3)))
-    # outlines are steps to black: as strong as the surface is bright
+    # outlines against black: as strong as the surface is bright
     return filled, np.asarray(light, float) / max(float(albedo.max()), 1e-6)
 
 
@@ -134,7 +132,7 @@ def _closed(depth: FloatArray) -> FloatArray:
 
 
 def _spread(winner: np.ndarray, filled: np.ndarray) -> np.ndarray:
-    """Assign filled cells without a point of their own a neighbour's point."""
+    """Assign filled cells without a point of their own to a neighbour's point."""
     out = winner.copy()
     padded = np.pad(winner, 1, constant_values=-1)
     for i, j in ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)):

@@ -24,37 +24,35 @@ from flyaround.simulator.targets.model import Keypoint
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-N_KEYPOINTS = 16
-MAX_CANDIDATES = 4000
-MIN_VIEWS = 3
+N_KEYPOINTS = 16  # number of keypoints proposed
+MAX_CANDIDATES = 4000  # vertices considered
+MIN_VIEWS = 3  # least number of `DIRECTIONS` from which a keypoint is visible
 MIN_DISTANCE = 0.02
-"""Least distance between keypoints as a share of the craft; closer ones are one to an estimator."""
+"""Least distance between keypoints, as a share of the craft, for an estimator to separate them."""
 SAMPLES, NEIGHBOURHOOD = 6000, 0.12
-"""Number of surface points, and the radius around a keypoint as a share of the craft, for telling a boom from a
-body."""
+"""Number of surface points, and the radius around a keypoint as a share of the craft, for detecting booms."""
 BROAD_RATIO, BOOM_WEIGHT = 0.4, 0.3
-"""Ratio of principal axes above which a surface is no boom, and the weight of a point on a boom."""
-TURN_COS = float(np.cos(np.deg2rad(25.0)))
+"""Ratio of principal axes below which a surface is a boom, and the weight of a point on a boom."""
+TURN_COS = float(np.cos(np.deg2rad(25.0)))  # of the least angle by which a crease turns at a corner
 
 
 def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:
     """Propose up to sixteen vertices of the mesh: corners where creases meet or end, and the tips of its hull.
 
-    The first is the one farthest from the middle, each next the one farthest from those before it; what is seen
-    from more sides counts more, corners count a quarter more than round rims, and what sticks out (the hull of
-    the craft) two fifths more. Along a boom points count less, so that it does not take them from the body. The same
-    mesh always gives the same points.
+    The first is the vertex farthest from the centre, each next one the farthest from those before. Weights favour
+    visibility from many sides, corners over round rims, and vertices of the convex hull, and reduce points along booms.
+    The result is deterministic.
     """
     points, is_corner = _candidates(bodies)
     if not len(points):
         return ()
-    # rounding, then order, so that equal distances are settled by place and not by the file's order
+    # round, then sort, so that ties are decided by position and not by the file's order
     order = np.lexsort(np.round(points / (1e-6 * extent)).T)
     points, is_corner = points[order], is_corner[order]
-    seen = visible_directions_count(bodies, points)
-    visible = seen >= MIN_VIEWS
+    n_directions = visible_directions_count(bodies, points)
+    visible = n_directions >= MIN_VIEWS
     if visible.sum() >= N_KEYPOINTS:
-        points, is_corner, seen = points[visible], is_corner[visible], seen[visible]
+        points, is_corner, n_directions = points[visible], is_corner[visible], n_directions[visible]
     on_hull = _on_hull(points)
     weight = (
         np.where(is_corner, 1.25, 1.0)
@@ -64,21 +62,21 @@ def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, 
             1.0,
             BOOM_WEIGHT + (1 - BOOM_WEIGHT) * np.clip(_breadth(bodies, points, extent) / BROAD_RATIO, 0, 1),
         )
-        * (0.3 + seen / len(DIRECTIONS)) ** 1.5
+        * (0.3 + n_directions / len(DIRECTIONS)) ** 1.5
     )
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     distance = np.linalg.norm(points - centre, axis=1)
-    chosen: list[int] = []
-    while len(chosen) < min(N_KEYPOINTS, len(points)):
+    selected: list[int] = []
+    while len(selected) < min(N_KEYPOINTS, len(points)):
         k = int(np.argmax(np.round(distance * weight / extent, 6)))
-        if chosen and distance[k] < MIN_DISTANCE * extent:
+        if selected and distance[k] < MIN_DISTANCE * extent:
             break
         gap = np.linalg.norm(points - points[k], axis=1)
-        distance = gap if not chosen else np.minimum(distance, gap)
-        chosen.append(k)
+        distance = gap if not selected else np.minimum(distance, gap)
+        selected.append(k)
     return tuple(
         Keypoint(name=f"{'corner' if is_corner[k] else 'tip'}_{number + 1:02d}", position_m=vec3(points[k]))
-        for number, k in enumerate(chosen)
+        for number, k in enumerate(selected)
     )
 
 
@@ -98,9 +96,9 @@ def _breadth(bodies: list[MeshBody], points: FloatArray, extent_m: float) -> Flo
 def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
     pieces = [with_separate_components(b) for b in bodies]
     corners = [b.positions_m[_corner_vertices(b)] for b in pieces]
-    used = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
-    hulls = [_tips(points) for points in used]
-    whole = _tips(np.concatenate(used))
+    points_in_use = [b.positions_m[used_vertices(b.triangles, len(b.positions_m))] for b in bodies]
+    hulls = [_tips(points) for points in points_in_use]
+    whole = _tips(np.concatenate(points_in_use))
     sharp, round_ = np.concatenate(corners), np.concatenate([*hulls, whole])
     points = np.concatenate([sharp, round_])
     is_corner = np.arange(len(points)) < len(sharp)
@@ -112,7 +110,7 @@ def _candidates(bodies: list[MeshBody]) -> tuple[FloatArray, np.ndarray]:
 
 
 def _corner_vertices(body: MeshBody) -> np.ndarray:
-    """Return the vertices where three or more creases meet, or two at a marked bend."""
+    """Return the vertices where three or more creases meet, or two at a sharp bend."""
     ends, _, _ = crease_edges(body, edge_table(body.triangles))
     if not len(ends):
         return np.zeros(0, np.int64)
@@ -122,7 +120,7 @@ def _corner_vertices(body: MeshBody) -> np.ndarray:
     total = np.zeros_like(body.positions_m)
     np.add.at(total, ends[:, 0], direction)
     np.add.at(total, ends[:, 1], -direction)
-    # two unit vectors away from a vertex at an angle: their sum is 2 cos(angle / 2) long
+    # the sum of two unit vectors at an angle has length 2 cos(angle / 2)
     bend = np.linalg.norm(total, axis=1) > np.sqrt(2 * (1 - TURN_COS))
     return np.flatnonzero((degree >= 3) | (degree == 1) | ((degree == 2) & bend))
 
@@ -137,7 +135,7 @@ def _tips(points: FloatArray) -> FloatArray:
 
 
 def _on_hull(points: FloatArray) -> np.ndarray:
-    """Return (K,) which points are vertices of the convex hull."""
+    """Return (K,) True for points that are vertices of the convex hull."""
     out = np.zeros(len(points), bool)
     try:
         out[ConvexHull(points).vertices] = True
@@ -147,9 +145,10 @@ def _on_hull(points: FloatArray) -> np.ndarray:
 
 
 SIZE_PX = 384
-MAX_TRIANGLES = 15_000
+MAX_TRIANGLES = 15_000  # larger meshes are reduced for the visibility test
 TOLERANCE = 0.012
-"""Tolerance of a coarse mesh and a coarse image, as a share of the craft."""
+"""Tolerance for a coarse mesh and image, as a share of the craft."""
+# towards the faces, edges and corners of a cube
 DIRECTIONS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
 
@@ -188,14 +187,12 @@ def _pixels(xy: FloatArray, radius: float) -> IntArray:
 
 
 def _depth_picture(corners: FloatArray, radius: float) -> FloatArray:
-    """Return the distance of the nearest face at each pixel, the farthest of its 3 x 3 neighbours; background
-    infinite.
-    """
+    """Return the depth of the nearest face at each pixel, maximum over 3 x 3 neighbours; background is infinite."""
     depth = corners[..., 2].mean(axis=1)
     flat = _pixels(corners[..., :2].reshape(-1, 2), radius).reshape(-1, 3, 2).astype(np.int32)
     picture = np.full((SIZE_PX, SIZE_PX), 1e9, np.float32)
-    # painter's order: the nearest last
+    # painter's order: nearest last
     for k in np.argsort(-depth, kind="stable"):
         cv2.fillConvexPoly(picture, flat[k], float(depth[k]))
-    # an edge is between its own face and the background
+    # an edge lies between its own face and the background
     return np.asarray(cv2.dilate(picture, np.ones((3, 3), np.uint8)), float)

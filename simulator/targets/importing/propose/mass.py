@@ -10,18 +10,18 @@ from flyaround.simulator.runtime.arrays import FloatArray, vec3
 from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
-"""Default density: whole spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
+"""Default density: spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
 SHELL_KG_M2 = 10.0
 SHEET_RATIO = 1e-3
-"""Volume over area to the 3/2 below which a mesh is made of sheets, not bodies (a sphere has 0.094)."""
+"""Volume over area to the 3/2 below which a mesh consists of sheets, not bodies (a sphere has 0.094)."""
 
 
 def mass_properties_of(
     bodies: list[MeshBody], mass_kg: float | None, density_kg_m3: float | None
 ) -> tuple[MassProperties, str]:
-    """Return mass, centre of mass and inertia, and one line on how they were derived.
+    """Return mass, centre of mass and inertia, and one line on their derivation.
 
-    Volume integrals over the tetrahedra between the origin and each face (Tonon 2004); of sheets, the surface.
+    Integrals over the tetrahedra between the origin and each face (Tonon 2004); for sheets, over the surface.
     """
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
     area = np.linalg.norm(face_vectors(corners), axis=1) / 2
@@ -30,23 +30,23 @@ def mass_properties_of(
     volume = np.einsum("ij,ij->i", c[:, 0], np.cross(c[:, 1], c[:, 2])) / 6
     total_m3 = float(volume.sum())
     if total_m3 > SHEET_RATIO * float(area.sum()) ** 1.5:
-        found = _moments(c, volume, apex=True)
-        if found is not None:
+        moments = _moments(c, volume, apex=True)
+        if moments is not None:
             mass = mass_kg or total_m3 * (density_kg_m3 or DENSITY_KG_M3)
             how = f"{total_m3:.4g} m3" + (
                 ""
                 if mass_kg
                 else f" at {density_kg_m3 or DENSITY_KG_M3:g} kg/m3 (--density or --mass to say better)"
             )
-            return _scaled(found, origin, mass, total_m3), f"mass {mass:.4g} kg: {how}"
-    found = _moments(c, area, apex=False)
+            return _scaled(moments, origin, mass, total_m3), f"mass {mass:.4g} kg: {how}"
+    moments = _moments(c, area, apex=False)
     mass = mass_kg or float(area.sum()) * SHELL_KG_M2
     how = f"a shell of {float(area.sum()):.4g} m2" + (
         "" if mass_kg else f" at {SHELL_KG_M2:g} kg/m2 (--mass to say better)"
     )
-    if found is None:
+    if moments is None:
         raise ArithmeticError("a surface with area has moments")
-    return _scaled(found, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {how}"
+    return _scaled(moments, origin, mass, float(area.sum())), f"mass {mass:.4g} kg: {how}"
 
 
 def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArray, FloatArray] | None:
@@ -63,11 +63,11 @@ def _moments(c: FloatArray, weight: FloatArray, *, apex: bool) -> tuple[FloatArr
 
 
 def _scaled(
-    found: tuple[FloatArray, FloatArray], origin: FloatArray, mass: float, total: float
+    moments: tuple[FloatArray, FloatArray], origin: FloatArray, mass: float, total: float
 ) -> MassProperties:
-    centre, second = found
+    centre, second = moments
     second = second * (mass / total)
-    # a flat sheet has no thickness: a little keeps the inertia a body's
+    # a flat sheet gets a small thickness, so that the inertia is physical
     second = second + 1e-9 * np.trace(second) * np.eye(3)
     inertia = np.trace(second) * np.eye(3) - second
     inertia = (inertia + inertia.T) / 2

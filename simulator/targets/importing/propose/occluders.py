@@ -1,7 +1,7 @@
 """Coarse convex bodies that represent the craft in visibility tests and as its silhouette.
 
-Each connected piece is one hull; a piece that fills its hull badly is cut in two where the hulls of the halves are
-smallest, the worst first. What matters is the outline: to an estimator light next to it is a sign of a wrong pose.
+Each connected piece is one hull; a piece that fills its hull poorly is split in two where the hulls of the halves are
+smallest, worst first. The outline matters: background visible beside it would make a correct pose look wrong.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from flyaround.simulator.runtime.arrays import FloatArray, IntArray
 from flyaround.simulator.targets.importing.propose.surface_points import surface_points
 from flyaround.simulator.targets.model import Occluders
 
-POINTS = 120_000
+POINTS = 120_000  # surface points
 HULL_POINTS = 1500
-"""Number of points of a hull during the search for cuts."""
+"""Number of points of a hull during the search for splits."""
 MAX_PIECES = 40
 MAX_TRIANGLES = 600
 MIN_PIECE_SHARE = 0.0015
 """Share of the craft's mean silhouette below which a piece is dropped."""
 HULL_TOLERANCE = 0.01
 """Share of the craft's mean silhouette by which a piece's hull may be too large."""
-CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)
+CUTS = (0.15, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85)  # positions of a cut along a piece, as shares of its length
 SIDE_PX = 48
 VIEWS = sphere_directions(14)[:7]
 FACETS = (64, 40, 26, 14, 10)
-"""Directions in which a hull's corners are sought; the first count within the triangle budget is used."""
+"""Directions of a hull's vertices; the largest set within the triangle budget is used."""
 INSET = 0.99
 """Scale of occluders, slightly below 1 so that they do not hide edges on their own surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Leaf:
-    """A set of surface points with the mean silhouette of its hull [m2], and the part of it that is empty."""
+    """A set of surface points with the mean silhouette of its hull [m2], and the empty share of it."""
 
     points: FloatArray
     shadow: float
@@ -46,7 +46,7 @@ class _Leaf:
 
 
 def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
-    """Propose convex bodies with some 600 triangles in total whose outline approximates the craft's."""
+    """Propose convex bodies with about 600 triangles in total whose outline approximates the craft's."""
     surface = surface_points(bodies, POINTS)
     order = np.argsort(surface.piece, kind="stable")
     ends = np.searchsorted(surface.piece[order], np.arange(surface.pieces + 1))
@@ -70,7 +70,7 @@ def propose_occluders(bodies: list[MeshBody], extent: float) -> Occluders:
 
 
 def _joined(leaves: list[_Leaf]) -> Occluders:
-    """Merge the hulls, all with the same number of facets that the budget allows."""
+    """Join the hulls, all with the same number of directions, as many as the budget allows."""
     for fineness in FACETS:
         directions = sphere_directions(fineness)
         hulls = [h for leaf in leaves if (h := _hull(_extremes(leaf.points, directions))) is not None]
@@ -93,16 +93,16 @@ def _joined(leaves: list[_Leaf]) -> Occluders:
 
 
 def _extremes(points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the extreme points in each direction, and towards the corners of the axes, so that a box keeps its own."""
+    """Return the extreme points in each direction, and towards the corners of the axes, which keeps boxes whole."""
     corners = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     size = np.maximum(np.ptp(points, axis=0), 1e-9)
-    # seen in the box's own proportions: a plate's corners are as far apart as a cube's
+    # in the box's own proportions, so that a plate is treated like a cube
     reach = (points / size) @ np.concatenate([corners, directions]).T
     return points[np.unique(np.argmax(reach, axis=0))]
 
 
 def _leaf(points: FloatArray, extent: float, smallest: float = 0.0) -> _Leaf | None:
-    """Return a set of points with its hull's silhouette; sheets are thickened slightly; None for lines and specks."""
+    """Return a set of points with its hull's silhouette; sheets are thickened slightly; None for lines and points."""
     if len(points) < 4:
         return None
     hull = _hull(points)
@@ -136,7 +136,7 @@ def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
         axes = np.stack([x / np.linalg.norm(x), np.cross(view, x / np.linalg.norm(x))])
         at = points @ axes.T
         low, size = at.min(axis=0), max(float(np.ptp(at, axis=0).max()), 1e-12)
-        # coarse enough that the points leave no gaps
+        # so coarse that the points leave no gaps
         side = int(np.clip(np.sqrt(len(points)) / 3, 4, SIDE_PX))
         cells = np.unique(np.minimum(((at - low) / size * side).astype(int), side - 1) @ (side, 1))
         grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), -1).reshape(-1, 2)
@@ -144,11 +144,11 @@ def _filled_share(points: FloatArray, hull: ConvexHull) -> float:
         if outline is None:
             continue
         places = low + (grid + 0.5) / side * size
-        within = (places @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side).all(
+        inside = (places @ outline.equations[:, :2].T + outline.equations[:, 2] <= 0.5 * size / side).all(
             axis=1
         )
-        own += np.isin(grid[within] @ (side, 1), cells).sum()
-        all_of += within.sum()
+        own += np.isin(grid[inside] @ (side, 1), cells).sum()
+        all_of += inside.sum()
     return float(own / max(all_of, 1))
 
 
@@ -177,7 +177,7 @@ def _cut(leaf: _Leaf, extent: float) -> list[_Leaf]:
 
 def _not_inside(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
     """Drop the leaves within the hull of a larger one: cells on a panel, fittings on a plate."""
-    kept: list[_Leaf] = []
+    outer: list[_Leaf] = []
     planes: list[FloatArray] = []
     for leaf in leaves:
         few = leaf.points[:: max(1, len(leaf.points) // 60)]
@@ -186,12 +186,12 @@ def _not_inside(leaves: list[_Leaf], extent: float) -> list[_Leaf]:
         )
         if inside:
             continue
-        kept.append(leaf)
+        outer.append(leaf)
         hull = _hull(leaf.points)
-        # only what fills its hull swallows others
+        # only a leaf that fills its hull hides others
         if hull is not None and leaf.excess < 0.15 * leaf.shadow:
             planes.append(hull.equations)
-    return kept
+    return outer
 
 
 def _shadow(points: FloatArray) -> float:
@@ -210,8 +210,8 @@ def _hull(points: FloatArray) -> ConvexHull | None:
 
 
 def _outward(hull: ConvexHull) -> tuple[FloatArray, IntArray]:
-    used, index = np.unique(hull.simplices, return_inverse=True)
-    v, t = np.asarray(hull.points[used]), index.reshape(-1, 3)
+    vertices, index = np.unique(hull.simplices, return_inverse=True)
+    v, t = np.asarray(hull.points[vertices]), index.reshape(-1, 3)
     n = np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]])
     wrong = np.einsum("ij,ij->i", n, hull.equations[:, :3]) < 0
     t[wrong] = t[wrong][:, ::-1]

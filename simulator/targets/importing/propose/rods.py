@@ -14,10 +14,10 @@ from flyaround.simulator.targets.model import Edge
 MIN_SLENDERNESS = 5.0
 """Ratio of length to radius above which a round piece is a rod."""
 MAX_ROUNDNESS_SPREAD = 0.25
-"""Relative spread of the surface's distance from the axis; tapered and faceted rods are below, bars above."""
+"""Relative spread of the surface's distance from the axis; below it for tapered and faceted rods, above it for bars."""
 MAX_RADIUS, MIN_LENGTH = 0.05, 0.03
 """Largest radius and least length of a rod, as shares of the craft."""
-FEWEST_FACES = 12
+FEWEST_FACES = 12  # faces of one rod, fewer of which are ignored
 
 
 def rods_of(body: MeshBody, extent: float) -> list[Edge]:
@@ -25,13 +25,13 @@ def rods_of(body: MeshBody, extent: float) -> list[Edge]:
     count, label = face_bodies(body.triangles, edge_table(body.triangles))
     order = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[order], np.arange(count + 1))
-    found = []
+    rods = []
     for first, last in itertools.pairwise(ends.tolist()):
         if last - first >= FEWEST_FACES:
             rod = _rod(body.positions_m[body.triangles[order[first:last]]], extent)
             if rod is not None:
-                found.append(rod)
-    return found
+                rods.append(rod)
+    return rods
 
 
 def _rod(corners: FloatArray, extent: float) -> Edge | None:
@@ -44,7 +44,7 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
     points = corners.reshape(-1, 3) - center
     along = points @ axis
     length = float(np.ptp(along))
-    # caps are across the axis and do not constrain the radius
+    # end caps are across the axis and do not constrain the radius
     normal = face_vectors(corners) / np.maximum(area, 1e-300)[:, None]
     side = np.abs(normal @ axis) < 0.5
     if not side.any() or weight[side].sum() < 0.6:
@@ -57,9 +57,9 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
         return None
     if np.sqrt(share @ (distance - radius) ** 2) > MAX_ROUNDNESS_SPREAD * radius:
         return None
-    # round: its sides look every way about the axis, which a flat bar's do not
-    turned = np.einsum("ij,ik,i->jk", normal[side], normal[side], share)
-    moments = np.linalg.eigvalsh(turned)
+    # round: its normals point all ways about the axis, unlike those of a flat bar
+    normal_moments = np.einsum("ij,ik,i->jk", normal[side], normal[side], share)
+    moments = np.linalg.eigvalsh(normal_moments)
     if moments[1] < 0.35 * moments[2]:
         return None
     a, b = center + along.min() * axis, center + along.max() * axis
@@ -67,8 +67,8 @@ def _rod(corners: FloatArray, extent: float) -> Edge | None:
 
 
 def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
-    """Return (K,) which stretches run along a rod's surface, which the rod's own outline represents."""
-    covered = np.zeros(len(a_m), bool)
+    """Return (K,) True for segments along a rod's surface, which the rod's own outline represents."""
+    on_a_rod = np.zeros(len(a_m), bool)
     for rod in rods:
         start = np.asarray(rod.a_m)
         chord = np.asarray(rod.b_m) - start
@@ -78,5 +78,5 @@ def along_rods(rods: list[Edge], a_m: FloatArray, b_m: FloatArray) -> BoolArray:
             along = (p - start) @ chord / length
             away = np.linalg.norm(p - start - along[:, None] * chord / length, axis=1)
             on &= (away < 1.6 * rod.radius_m) & (along > -rod.radius_m) & (along < length + rod.radius_m)
-        covered |= on
-    return covered
+        on_a_rod |= on
+    return on_a_rod

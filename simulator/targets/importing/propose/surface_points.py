@@ -16,8 +16,9 @@ class SurfacePoints:
 
     Parameters
     ----------
-    points_m, normals : (N, 3). material : (N,). piece : (N,) number of the connected piece.
-    pieces : how many there are.
+    points_m, normals : (N, 3) positions and unit normals. material : (N,) material indices.
+    piece : (N,) number of the connected piece.
+    pieces : number of connected pieces.
     """
 
     points_m: FloatArray
@@ -30,11 +31,11 @@ class SurfacePoints:
 def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True) -> SurfacePoints:
     """Return about ``count`` points, uniform by area and deterministic, and every vertex of the bodies.
 
-    Stratified along the list of faces, so that small faces get their share; seeded.
+    Stratified along the list of faces, so that small faces are represented; seeded.
 
     Parameters
     ----------
-    vertices : add the vertices.
+    vertices : True to add the vertices.
     """
     rng = np.random.default_rng(0)
     areas = [np.linalg.norm(b.face_vectors, axis=1) for b in bodies]
@@ -43,21 +44,21 @@ def surface_points(bodies: list[MeshBody], count: int, *, vertices: bool = True)
     pieces = 0
     for body, area in zip(bodies, areas, strict=True):
         here, label = face_bodies(body.triangles, edge_table(body.triangles))
-        wanted = max(1, round(count * float(area.sum()) / total))
+        n_points = max(1, round(count * float(area.sum()) / total))
         at = np.cumsum(area) / area.sum()
-        face = np.searchsorted(at, (np.arange(wanted) + rng.random(wanted)) / wanted)
+        face = np.searchsorted(at, (np.arange(n_points) + rng.random(n_points)) / n_points)
         face = np.minimum(face, len(area) - 1)
         # folded into the triangle (Osada et al. 2002, Shape distributions)
-        u, v = rng.random((2, wanted))
+        u, v = rng.random((2, n_points))
         u, v = np.where(u + v > 1, (1 - u, 1 - v), (u, v))
         p = body.positions_m[body.triangles]
         inside = p[face, 0] + u[:, None] * (p[face, 1] - p[face, 0]) + v[:, None] * (p[face, 2] - p[face, 0])
-        used, first = np.unique(body.triangles if vertices else body.triangles[:0], return_index=True)
+        vertex, first = np.unique(body.triangles if vertices else body.triangles[:0], return_index=True)
         face = np.concatenate([face, first // 3])
         unit = body.face_vectors / np.maximum(area[:, None], 1e-300)
         rows.append(
             (
-                np.concatenate([inside, body.positions_m[used]]),
+                np.concatenate([inside, body.positions_m[vertex]]),
                 unit[face],
                 body.face_material[face],
                 label[face] + pieces,

@@ -1,6 +1,6 @@
-"""Wireframe proposed from creases: sharp and open edges chained into straight stretches.
+"""Wireframe proposed from creases: sharp and open edges, chained into straight segments.
 
-Stretches carry the mean normals of the faces on their two sides. Those that show in images are kept, the best first.
+Segments carry the mean normals of the faces on their sides. The most visible ones are kept.
 """
 
 from __future__ import annotations
@@ -26,26 +26,25 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Material
 
-CREASE_COS = float(np.cos(np.deg2rad(30.0)))
+CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # of the least angle between two faces at a crease
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
-"""Cosine of the largest bend at which a chain continues; rims of twelve or more sides are followed."""
-MAX_DEVIATION = 0.004
+"""Cosine of the largest bend within a chain, which follows rims of twelve or more sides."""
+MAX_DEVIATION = 0.004  # of a chain from its straight edge, as a share of the craft
 MIN_LENGTH = 0.03
-"""Largest deviation of a stretch from its straight line, and its least length, as shares of the craft."""
+"""Largest deviation of a segment from its straight line, and its least length, as shares of the craft."""
 BEVEL = 0.006
 """Distance within which parallel edges are merged, as a share of the craft."""
 FEWEST_EDGES, MAX_EDGES = 40, 100
 MAX_LOOKED_AT = 600
 FEWEST_SEEN = 0.04
-"""Least share of the views and of its length in which an edge must be visible."""
+"""Least visible share of an edge, over views and its length."""
 MIN_CONTRAST = 0.1
 """Least mean brightness step across an edge, relative to the brightest surface."""
 VISIBILITY_SHARE = 0.97
-"""Share of the total visibility (length times contrast times frequency) after which further edges are clutter."""
+"""Share of the total visibility (length times contrast times frequency) after which further edges are dropped."""
 MAX_GAP = 0.06
-"""Largest gap between collinear stretches that are joined, as a share of the craft: fittings interrupt a plate's
-edge."""
-PARALLEL = float(np.cos(np.deg2rad(1.0)))
+"""Largest gap between collinear segments that are joined, as a share of the craft, as by fittings."""
+PARALLEL = float(np.cos(np.deg2rad(1.0)))  # cosine between edges that count as parallel
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,28 +57,28 @@ class _Stretch:
 def propose_wireframe(
     bodies: list[MeshBody], extent: float, materials: Sequence[Material]
 ) -> tuple[tuple[Edge, ...], int]:
-    """Propose edges, the most visible first. Return them and the number of those dropped.
+    """Propose edges, the most visible first; return them and the number of dropped ones.
 
-    What counts is length times contrast times how often an edge is in view; slender round pieces become rods.
+    Ranked by length times contrast times visibility; slender round pieces become rods.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
     stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
     stretches = [s for s in stretches if np.linalg.norm(s.b - s.a) >= MIN_LENGTH * extent]
     if stretches:
-        covered = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
-        stretches = [s for s, c in zip(stretches, covered, strict=True) if not c]
-    # the longest first; rounded, so that equal lengths keep the order of the file
+        on_rod = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
+        stretches = [s for s, c in zip(stretches, on_rod, strict=True) if not c]
+    # longest first; rounded, so that equal lengths keep the order of the file
     stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
     stretches = _one_line(_distinct(stretches[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
     ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
     if not len(ends):
         return (), 0
     skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
-    step, seen = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
-    # the brightness does not change at a rod's axis: both its sides contrast with the background
+    step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
+    # brightness does not change at a rod's axis: both its sides contrast with the background
     step = np.where(skin > 0, np.maximum(step, 0.3), step)
-    shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * seen / extent, 6)
-    good = np.flatnonzero((seen >= FEWEST_SEEN) & (step >= MIN_CONTRAST))
+    shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * visibility / extent, 6)
+    good = np.flatnonzero((visibility >= FEWEST_SEEN) & (step >= MIN_CONTRAST))
     good = good[np.argsort(-shows[good], kind="stable")]
     share = np.cumsum(shows[good]) / max(float(shows[good].sum()), 1e-12)
     count = int(np.clip(np.searchsorted(share, VISIBILITY_SHARE) + 1, FEWEST_EDGES, MAX_EDGES))
@@ -122,7 +121,7 @@ def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
 
 
 def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
-    """Return (K,) which of the stretches from ``a`` to ``b`` (K, 3) continue ``s``, apart from a small gap."""
+    """Return (K,) True where a segment from ``a`` to ``b`` (K, 3) continues ``s``, except for a small gap."""
     chord, other = b - a, s.b - s.a
     length = np.linalg.norm(chord, axis=1)
     direction = chord / length[:, None]
@@ -154,7 +153,7 @@ def crease_edges(body: MeshBody, table: EdgeTable) -> tuple[IntArray, FloatArray
     sharp = np.einsum("ij,ij->i", unit[face[h]], unit[face[k]]) < CREASE_COS
     ends = table.ends[table.pair_edge[sharp]]
     h, k = h[sharp], k[sharp]
-    # the half-edge that runs from the lower vertex has its face on the left
+    # the half-edge from the lower vertex has its face on the left
     forward = start[h] == ends[:, 0]
     left = np.where(forward[:, None], unit[face[h]], unit[face[k]])
     right = np.where(forward[:, None], unit[face[k]], unit[face[h]])
@@ -170,21 +169,21 @@ def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
         return []
     p = body.positions_m
     follow = _followers(p, ends, left, right)
-    done = np.zeros(len(ends), bool)
+    is_used = np.zeros(len(ends), bool)
     out: list[_Stretch] = []
-    # chains that have an end first, so that only true rings are begun anywhere
+    # open chains first, so that only closed rings start anywhere
     order = [k for k in range(len(ends)) if follow[k, 0] < 0 or follow[k, 1] < 0]
     for seed in [*order, *range(len(ends))]:
-        if done[seed]:
+        if is_used[seed]:
             continue
         side = 1 if follow[seed, 0] < 0 or follow[seed, 1] >= 0 else 0
-        chain = _walk(seed, side, ends, follow, done)
+        chain = _walk(seed, side, ends, follow, is_used)
         out += _split(chain, p, ends, (left, right), MAX_DEVIATION * extent)
     return out
 
 
 def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArray) -> IntArray:
-    """Return (C, 2) the edge that continues each edge at its two ends, -1 for none: the straightest, mutually."""
+    """Return (C, 2) the edge that continues each edge at its two ends, -1 for none: straightest, mutual."""
     direction = p[ends[:, 1]] - p[ends[:, 0]]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     at: dict[int, list[tuple[int, int]]] = {}
@@ -196,16 +195,16 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
         pairs = []
         for i, (e, s) in enumerate(here):
             for f, r in here[i + 1 :]:
-                # away from the vertex: opposite directions make a straight line
+                # pointing away from the vertex: opposite directions form a straight line
                 away = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
                 cosine = -float(away[0] @ away[1])
                 if cosine > BEND_COS and _same_faces(e, s, f, r, left, right):
                     pairs.append((-round(cosine, 6), e, s, f, r))
-        taken: set[int] = set()
+        used_edges: set[int] = set()
         for _, e, s, f, r in sorted(pairs):
-            if e not in taken and f not in taken:
+            if e not in used_edges and f not in used_edges:
                 follow[e, s], follow[f, r] = f, e
-                taken |= {e, f}
+                used_edges |= {e, f}
     return follow
 
 
@@ -220,11 +219,13 @@ def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatAr
     return True
 
 
-def _walk(seed: int, side: int, ends: IntArray, follow: IntArray, done: np.ndarray) -> list[tuple[int, bool]]:
-    """Return the edges of a chain in order, each with whether it is reversed."""
+def _walk(
+    seed: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
+) -> list[tuple[int, bool]]:
+    """Return the edges of a chain in order, each with a flag if it is reversed."""
     chain, edge, out = [], seed, side
-    while edge >= 0 and not done[edge]:
-        done[edge] = True
+    while edge >= 0 and not visited[edge]:
+        visited[edge] = True
         chain.append((edge, out == 0))
         vertex = ends[edge, out]
         edge_next = int(follow[edge, out])
@@ -252,7 +253,7 @@ def _split(
         chord = line[j] - line[i]
         length = float(np.linalg.norm(chord))
         offset = line[i : j + 1] - line[i]
-        # a closed ring has no chord: cut it at its farthest point
+        # a closed ring has no chord: split it at its farthest point
         along = np.clip(offset @ chord / length**2, 0, 1) if length > tolerance else np.zeros(len(offset))
         away = np.linalg.norm(offset - along[:, None] * chord, axis=1)
         worst = int(np.argmax(away))
@@ -266,37 +267,37 @@ def _split(
 def _mean_normals(
     chain: list[tuple[int, bool]], p: FloatArray, ends: IntArray, sides: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """Return the (1 or 2, 3) normals next to a stretch, weighted by edge length."""
+    """Return the (1 or 2, 3) normals beside a segment, weighted by edge length."""
     total = np.zeros((2, 3))
     for k, backwards in chain:
         length = float(np.linalg.norm(p[ends[k, 1]] - p[ends[k, 0]]))
         for row, side in enumerate(sides[::-1] if backwards else sides):
             total[row] += length * np.nan_to_num(side[k])
-    kept = total[np.linalg.norm(total, axis=1) > 0]
-    return kept / np.linalg.norm(kept, axis=1, keepdims=True)
+    nonzero = total[np.linalg.norm(total, axis=1) > 0]
+    return nonzero / np.linalg.norm(nonzero, axis=1, keepdims=True)
 
 
 def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """Keep the longest of stretches that run side by side within a bevel's width; it takes the outermost normals.
+    """Keep the longest of segments that run side by side within a bevel's width; it takes the outermost normals.
 
-    Bodies that touch have their common edges twice; a bevelled edge is two lines that no camera tells apart.
+    Touching bodies duplicate common edges, and a bevelled edge is two lines that no camera separates.
     """
-    kept: list[_Stretch] = []
+    distinct: list[_Stretch] = []
     a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
     for s in stretches:
-        n = len(kept)
+        n = len(distinct)
         twins = np.flatnonzero(_beside(a[:n], b[:n], s, BEVEL * extent))
         if len(twins) == 0:
             a[n], b[n] = s.a, s.b
-            kept.append(s)
+            distinct.append(s)
         else:
-            t = kept[int(twins[0])]
-            kept[int(twins[0])] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
-    return kept
+            t = distinct[int(twins[0])]
+            distinct[int(twins[0])] = _Stretch(t.a, t.b, _widest(np.concatenate([t.normals, s.normals])))
+    return distinct
 
 
 def _beside(a: FloatArray, b: FloatArray, s: _Stretch, reach: float) -> BoolArray:
-    """Return (K,) whether both ends of ``s`` lie within ``reach`` of the stretches from ``a`` to ``b`` (K, 3)."""
+    """Return (K,) True where both ends of ``s`` lie within ``reach`` of the segments from ``a`` to ``b`` (K, 3)."""
     chord = b - a
     length2 = np.einsum("ij,ij->i", chord, chord)
     near = np.ones(len(a), bool)

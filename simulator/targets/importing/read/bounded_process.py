@@ -10,11 +10,11 @@ DEADLINE_S = 120.0
 
 
 class DecoderError(Exception):
-    """Failure of a decoder; its message says why."""
+    """A decoder failed; the message says why."""
 
 
 def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
-    """Run a module of this folder on bytes on its standard input. Return its standard output.
+    """Run a module of this folder with bytes on its standard input; return its standard output.
 
     Parameters
     ----------
@@ -28,27 +28,27 @@ def run_decoder(module: str, arguments: list[str], data: bytes) -> bytes:
     Raises
     ------
     DecoderError
-        If it fails, is killed, or has not ended in time.
+        If it fails, is killed, or takes too long.
     """
     command = [sys.executable, "-P", "-m", f"flyaround.simulator.targets.importing.read.{module}", *arguments]
-    # threads of a matrix library would take the memory that is bounded there
+    # BLAS threads would take memory, which is limited there
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, input=data, capture_output=True, timeout=DEADLINE_S, check=False, env=environment
         )
     except subprocess.TimeoutExpired as error:
         raise DecoderError(f"the decoder found no end within {DEADLINE_S:g} s") from error
-    if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if process.returncode != 0:
+        lines = process.stderr.decode("utf-8", "replace").strip().splitlines()
         raise DecoderError(
-            said[-1] if done.returncode == 1 and said else f"the decoder ended with {done.returncode}"
+            lines[-1] if process.returncode == 1 and lines else f"the decoder ended with {process.returncode}"
         )
-    return done.stdout
+    return process.stdout
 
 
 def bound_memory(most_bytes: int) -> None:
-    """Limit the memory of this process, because a few bytes may request any size."""
+    """Limit the memory of this process, because a few bytes may request any amount."""
     try:
         import resource  # noqa: PLC0415 - Unix alone has it
     except ImportError:
@@ -58,7 +58,7 @@ def bound_memory(most_bytes: int) -> None:
 
 
 def finish(problem: str | None) -> int:
-    """Return the exit code of a decoder, with its problem on standard error."""
+    """Return the exit code of a decoder, and print its problem on standard error."""
     if problem is not None:
         print(problem, file=sys.stderr)  # noqa: T201
     return int(problem is not None)

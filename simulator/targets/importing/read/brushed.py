@@ -1,4 +1,4 @@
-"""Anisotropy of a glTF model's brushed metals: one grain direction a material, from its faces' tangents."""
+"""Anisotropy of a glTF model's brushed metals: one grain direction per material, from its faces' tangents."""
 
 from __future__ import annotations
 
@@ -17,24 +17,23 @@ STRAIGHT = 0.8
 
 
 def anisotropy_of(material: dict[str, Any], extension: str) -> tuple[float, float]:
-    """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide
-    direction.
-    """
-    found = material.get("extensions", {}).get(extension, {})
-    strength = float(np.clip(found.get("anisotropyStrength", 0.0), 0, 1))
-    return strength, float(found.get("anisotropyRotation", 0.0))
+    """Return strength 0..1 of a glTF material's anisotropy, and the angle [rad] from the tangent to its wide axis."""
+    anisotropy = material.get("extensions", {}).get(extension, {})
+    strength = float(np.clip(anisotropy.get("anisotropyStrength", 0.0), 0, 1))
+    return strength, float(anisotropy.get("anisotropyRotation", 0.0))
 
 
 def face_grain(
     corners_m: FloatArray, tangents: FloatArray | None, corner_uv: FloatArray | None, turn_rad: float
 ) -> FloatArray:
-    """Return the (3, 3) sum over faces of area times the dyad of their grain, which has no sign.
+    """Return the (3, 3) sum over faces of area times the dyad of their grain (which has no sign).
 
     Parameters
     ----------
-    corners_m : (F, 3, 3). tangents : (F, 3, 4) of the corners, glTF's, turned with the mesh; or None, then they follow
-        u of corner_uv : (F, 3, 2), or None: a mesh without either has no direction.
-    turn_rad : counter-clockwise from the tangent to the direction in which the highlight is wide.
+    corners_m : (F, 3, 3) corners.
+    tangents : (F, 3, 4) glTF tangents of the corners, rotated with the mesh; or None to derive them from ``corner_uv``.
+    corner_uv : (F, 3, 2) texture coordinates, or None; a mesh without either has no direction.
+    turn_rad : angle, counter-clockwise, from the tangent to the direction in which the highlight is wide.
 
     References
     ----------
@@ -80,10 +79,10 @@ def common_grain(dyads: FloatArray) -> Grain:
         return Grain((0.0, 0.0, 0.0), turned=False, fits=True)
     values, vectors = np.linalg.eigh(dyads)
     straight = bool(values[2] > STRAIGHT * total)
-    # around an axis the grain has every direction but the axis's own
-    turned = not straight and bool(values[0] < 0.5 * (1 - STRAIGHT) * total)
-    axis = vectors[:, 0 if turned else 2]
-    return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), turned, straight or turned)
+    # around an axis, the grain has all directions perpendicular to it
+    is_around = not straight and bool(values[0] < 0.5 * (1 - STRAIGHT) * total)
+    axis = vectors[:, 0 if is_around else 2]
+    return Grain(vec3(axis * np.sign(axis[np.argmax(np.abs(axis))])), is_around, straight or is_around)
 
 
 def corners_of(values: FloatArray, triangles: IntArray) -> FloatArray:

@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DRACO = "KHR_draco_mesh_compression"
-MAX_RESULT_BYTES = 128 << 20  # held up to four times while it is unpacked
+MAX_RESULT_BYTES = 128 << 20  # held up to four times during unpacking
 COMPONENT_OF = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
 TYPE_OF = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> list[bytes]:
-    """Decode packed primitives. Return the buffers with the data appended; the document then refers to it, in place.
+    """Decode compressed primitives; return the buffers with the data appended. The document is changed to refer to it.
 
-    Primitives that hold the same geometry unpacked as well are left as they are.
+    Primitives that also contain the uncompressed geometry are left as they are.
 
     Raises
     ------
     UserError
         If a stream cannot be decoded.
     ValueError, LookupError, TypeError, AttributeError
-        Where the document breaks the rules of glTF or of the extension.
+        If the document violates glTF or the extension.
     """
     primitives = [
         p
@@ -44,18 +44,18 @@ def unpack_draco(path: Path, document: dict[str, Any], buffers: list[bytes]) -> 
         return buffers
     views = list(dict.fromkeys(int(p["extensions"][DRACO]["bufferView"]) for p in primitives))
     arrays = decoded(path, [_stream(document, buffers, view) for view in views])
-    added = _Added(document, len(buffers))
+    added_buffer = _Added(document, len(buffers))
     for p in primitives:
         extension = p["extensions"][DRACO]
         stream = views.index(int(extension["bufferView"]))
         accessors = document["accessors"]
         for name, number in extension["attributes"].items():
             was = accessors[p["attributes"][name]] if name in p["attributes"] else {}
-            p["attributes"][name] = added.accessor(f"{stream}_{int(number)}", arrays, was)
-        p["indices"] = added.accessor(f"faces_{stream}", arrays, {})
+            p["attributes"][name] = added_buffer.accessor(f"{stream}_{int(number)}", arrays, was)
+        p["indices"] = added_buffer.accessor(f"faces_{stream}", arrays, {})
         p["mode"] = 4
         del p["extensions"][DRACO]
-    return [*buffers, added.data()]
+    return [*buffers, added_buffer.data()]
 
 
 class _Added:
@@ -68,12 +68,12 @@ class _Added:
         self._known: dict[tuple[str, int, bool], int] = {}
 
     def accessor(self, key: str, arrays: dict[str, NDArray[Any]], was: dict[str, Any]) -> int:
-        """Return the number of an accessor of an array; faces become one row of indices.
+        """Return the index of a new accessor for an array; faces become one row of indices.
 
         Parameters
         ----------
-        was : the accessor that stands for it in the document, whose component type and ``normalized`` hold: the
-            decoder returns whole numbers as floats.
+        was : placeholder accessor in the document, whose component type and ``normalized`` apply: the decoder returns
+            integers as floats.
         """
         array = arrays[key].reshape(-1, 1) if key.startswith("faces") else arrays[key]
         array = np.ascontiguousarray(array.reshape(len(array), -1))
@@ -109,7 +109,7 @@ class _Added:
 
 
 def _is_plain(document: dict[str, Any], primitive: dict[str, Any]) -> bool:
-    """Return True if the geometry is also present unpacked."""
+    """Return True if the uncompressed geometry is also present."""
     numbers = [
         primitive["attributes"]["POSITION"],
         *([primitive["indices"]] if "indices" in primitive else []),
@@ -131,16 +131,16 @@ def decoded(path: Path, streams: list[bytes], most_bytes: int = MAX_RESULT_BYTES
 
     Parameters
     ----------
-    most_bytes : of all arrays together: a stream of a few bytes may ask for any size.
+    most_bytes : limit on the total size, because a stream of a few bytes may request any size.
 
     Raises
     ------
     UserError
-        If a stream cannot be decoded, or has more than ``most_bytes``.
+        If a stream cannot be decoded, or the total exceeds ``most_bytes``.
     """
-    packed = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
+    request = b"".join(len(s).to_bytes(8, "little") + s for s in streams)
     try:
-        arrays = run_decoder("draco_process", [str(most_bytes)], packed)
+        arrays = run_decoder("draco_process", [str(most_bytes)], request)
     except DecoderError as error:
         raise UserError(
             f"{path} is packed with Draco and cannot be unpacked: {error}; export it without mesh compression"

@@ -1,6 +1,6 @@
 """Subprocess that decodes Draco streams: native code on untrusted bytes, with bounded memory.
 
-Its argument is the most bytes that a result may have. It reads streams from standard input, each after its length
+Its argument is the size limit of the result [bytes]. It reads streams from standard input, each after its length
 (uint64, little-endian), and writes to standard output a .npz archive: ``faces_K`` (F, 3) and ``K_ID`` (V, width) for
 each attribute ID of stream K.
 """
@@ -18,14 +18,14 @@ MAX_MEMORY_BYTES = 1 << 30
 
 
 def main(most_bytes: int) -> int:
-    """Decode standard input. Return 0, or 1 with the reason on standard error.
+    """Decode standard input; return 0, or 1 with the reason on standard error.
 
     Parameters
     ----------
-    most_bytes : of all arrays together.
+    most_bytes : limit on the total size of all arrays.
     """
     try:
-        import DracoPy  # noqa: PLC0415 - before memory is bounded
+        import DracoPy  # noqa: PLC0415 - before memory is limited
     except ImportError as error:
         return finish(f"the decoder is missing ({error}); pip install DracoPy")
     bound_memory(MAX_MEMORY_BYTES)
@@ -36,21 +36,21 @@ def main(most_bytes: int) -> int:
         length = int.from_bytes(data[at : at + 8], "little")
         try:
             mesh = DracoPy.decode(data[at + 8 : at + 8 + length])
-            found = {f"faces_{stream}": mesh.faces}
-            found |= {f"{stream}_{int(a['unique_id'])}": a["data"] for a in mesh.attributes}
+            stream_arrays = {f"faces_{stream}": mesh.faces}
+            stream_arrays |= {f"{stream}_{int(a['unique_id'])}": a["data"] for a in mesh.attributes}
         except MemoryError:
             return finish("it unpacks to more than is read")
-        except Exception as error:  # noqa: BLE001 - the decoder raises kinds of its own
+        except Exception as error:  # noqa: BLE001 - the decoder raises its own types
             return finish(f"a stream is damaged ({error})")
-        size += sum(a.nbytes for a in found.values())
+        size += sum(a.nbytes for a in stream_arrays.values())
         if size > most_bytes:
             return finish("it unpacks to more than is read")
-        arrays |= found
+        arrays |= stream_arrays
         at += 8 + length
         stream += 1
-    packed = io.BytesIO()
-    np.savez(packed, **arrays)  # type: ignore[arg-type]
-    sys.stdout.buffer.write(packed.getbuffer())
+    archive = io.BytesIO()
+    np.savez(archive, **arrays)  # type: ignore[arg-type]
+    sys.stdout.buffer.write(archive.getbuffer())
     return finish(None)
 
 

@@ -1,7 +1,7 @@
 """Subprocess that converts .ply .off .dae .3mf .step to binary glTF, with trimesh and cascadio.
 
-Its arguments are the kind and the path, whose folder alone textures are taken from; standard input is the file. To
-standard output go a line of JSON, `Converted`, and the glTF.
+Its arguments are the format and the path, from whose folder alone textures are read; standard input is the file.
+Standard output is a line of JSON, `Converted`, followed by the glTF.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ METRES = {
 
 
 def main(kind: str, path: Path) -> int:
-    """Convert standard input. Return 0, or 1 with the reason on standard error."""
+    """Convert standard input; return 0, or 1 with the reason on standard error."""
     try:
-        for library in LIBRARIES[kind]:  # before memory is bounded
+        for library in LIBRARIES[kind]:  # before memory is limited
             import_module(library)
     except ImportError as error:
         return finish(f"MISSING {error}")
@@ -51,7 +51,7 @@ def main(kind: str, path: Path) -> int:
         facts, glb = _step(data) if kind == "step" else _by_trimesh(kind, path, data)
     except MemoryError:
         return finish("it unpacks to more than is read")
-    except Exception as error:  # noqa: BLE001 - readers raise kinds of their own
+    except Exception as error:  # noqa: BLE001 - readers raise their own types
         return finish(f"{type(error).__name__}: {' '.join(str(error).split())[:200]}")
     sys.stdout.buffer.write(json.dumps(facts).encode() + b"\n" + glb)
     return finish(None)
@@ -63,7 +63,7 @@ def _step(data: bytes) -> tuple[dict[str, Any], bytes]:
     glb = cascadio.load(data, "step", tol_linear=STEP_TOLERANCE_MM, include_materials=False)
     if not glb:
         raise ValueError("it holds no shape that can be meshed")
-    # keep the file's axes, in spite of glTF's convention
+    # keep the file's axes, despite glTF's convention
     return {"metres": 1.0, "up": "z", "lost": []}, glb
 
 
@@ -85,7 +85,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
                 lost.append(str(error))
                 raise KeyError(name) from error
 
-        def namespaced(self, namespace: str) -> Beside:  # noqa: ARG002 - of the base
+        def namespaced(self, namespace: str) -> Beside:  # noqa: ARG002 - base class signature
             return self
 
         def write(self, name: str, data: bytes) -> None:
@@ -101,7 +101,7 @@ def _by_trimesh(kind: str, path: Path, data: bytes) -> tuple[dict[str, Any], byt
             lost.append("points and curves")
             scene.delete_geometry(name)
         elif mesh.visual.kind == "face":
-            mesh.unmerge_vertices()  # a vertex of two colours would have their mean
+            mesh.unmerge_vertices()  # a vertex with two colours would get their mean
     return {**_axes(kind, scene, data), "lost": lost}, trimesh.exchange.gltf.export_glb(scene)
 
 

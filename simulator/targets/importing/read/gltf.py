@@ -61,7 +61,7 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
     Raises
     ------
     UserError
-        If a buffer or image is missing, the geometry is compressed, or the file breaks glTF's rules.
+        If a buffer or image is missing, the geometry is compressed, or the file violates glTF.
     """
     document: object
     if data[:4] == b"glTF":
@@ -93,11 +93,11 @@ class _Reader:
         self.path, self.document = path, document
         self.notes, self.lost = notes, set(lost)
         self.files: dict[Path, bytes] = {}
-        packed = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
+        buffers = [self._buffer(b, blob, k) for k, b in enumerate(document.get("buffers", []))]
         self.reader = PictureReader(path, self.notes)
         self.materials = GltfMaterials(document, self.reader, self._image, self.lost)
         self.grain: dict[int, FloatArray] = {}
-        self.buffers = unpack_draco(path, document, packed)
+        self.buffers = unpack_draco(path, document, buffers)
 
     def model(self) -> RawModel:
         document = self.document
@@ -105,22 +105,22 @@ class _Reader:
         names = unique_names((m.name for m in materials), "material")
         materials = [replace(m, name=n) for m, n in zip(materials, names, strict=True)]
         materials.append(UNNAMED_SURFACE)
-        found = placed_meshes(document, self.notes, self._read)
-        check_weight(document, found, sum(map(len, self.buffers)))
-        meshes = {number for _, number, _ in found}
+        nodes = placed_meshes(document, self.notes, self._read)
+        check_weight(document, nodes, sum(map(len, self.buffers)))
+        meshes = {number for _, number, _ in nodes}
         if any("skin" in node for node in document.get("nodes", [])) or any(
             "targets" in p for number in meshes for p in document["meshes"][number]["primitives"]
         ):
             self.lost.add("skins and morph targets (the rest pose is taken)")
         self.lost |= {what for key, what in SKIPPED_PARTS.items() if document.get(key)}
         parts = []
-        for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in found), "part"), found, strict=True):
+        for name, (_, mesh, matrix) in zip(unique_names((f[0] for f in nodes), "part"), nodes, strict=True):
             part = self._part(name, document["meshes"][mesh], matrix, len(materials) - 1)
             if part is not None:
                 parts.append(part)
         materials = self._brushed(materials)
-        used = {int(k) for p in parts for k in np.unique(p.face_material)}
-        if len(materials) - 1 in used and document.get("materials"):
+        material_indices = {int(k) for p in parts for k in np.unique(p.face_material)}
+        if len(materials) - 1 in material_indices and document.get("materials"):
             self.notes.append("some faces name no material: given a mid-grey paint")
         if self.lost:
             self.notes.append(f"not carried over: {', '.join(sorted(self.lost))}")
@@ -161,20 +161,20 @@ class _Reader:
         linear = matrix[:3, :3]
         all_triangles = np.concatenate(triangles)
         uv = _joined(corners, triangles, (3, 2))
-        if np.linalg.det(linear) < 0:  # a mirrored node turns the winding round
+        if np.linalg.det(linear) < 0:  # a mirrored node reverses the winding
             all_triangles = all_triangles[:, ::-1]
             uv = None if uv is None else uv[:, ::-1]
-        whole = None
+        all_normals = None
         if all(n is not None for n in normals):
-            whole = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
-        with np.errstate(invalid="ignore", over="ignore"):  # vertices that are not finite are named later
+            all_normals = np.concatenate([n for n in normals if n is not None]) @ np.linalg.pinv(linear)
+        with np.errstate(invalid="ignore", over="ignore"):  # non-finite vertices are reported later
             places = np.concatenate(positions) @ linear.T + matrix[:3, 3]
         return RawPart(
             name=name,
             positions_m=places,
             triangles=all_triangles,
             face_material=np.concatenate(materials),
-            normals=whole,
+            normals=all_normals,
             face_colour=_joined(colours, triangles, (3,)),
             corner_uv=uv,
         )
@@ -253,7 +253,7 @@ class _Reader:
         return np.asarray(corners)
 
     def _image(self, image: dict[str, Any]) -> bytes | None:
-        """Return the bytes of an embedded image; None if it is a file of its own."""
+        """Return the bytes of an embedded image; None if it is a separate file."""
         if "bufferView" in image:
             view = self.document["bufferViews"][image["bufferView"]]
             start = view.get("byteOffset", 0)
@@ -275,7 +275,7 @@ class _Reader:
             return data
         place = find_beside(self.path, unquote(uri), what)
         try:
-            if place not in self.files:  # as many buffers as are written may name one file
+            if place not in self.files:  # any number of buffers may name one file
                 self.files[place] = read_regular(place, most_bytes)
             return self.files[place]
         except OSError as error:
@@ -288,12 +288,12 @@ class _Reader:
 
 
 def embedded(path: Path, uri: str, what: str) -> bytes | None:
-    """Return the bytes of a data URI; None if it is none.
+    """Return the bytes of a data URI; None if it is not one.
 
     Raises
     ------
     UserError
-        If they are damaged.
+        If it is damaged.
     """
     if not uri.startswith("data:"):
         return None
@@ -306,7 +306,7 @@ def embedded(path: Path, uri: str, what: str) -> bytes | None:
 def _joined(
     rows: list[FloatArray | None], triangles: list[IntArray], shape: tuple[int, ...]
 ) -> FloatArray | None:
-    """Join per-face values of all primitives, NaN where missing; None if none has any."""
+    """Join per-face values of all primitives, NaN where missing; None if all are."""
     if all(r is None for r in rows):
         return None
     blank = (np.full((len(t), *shape), np.nan) for t in triangles)

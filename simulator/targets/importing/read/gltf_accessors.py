@@ -19,7 +19,7 @@ def read_accessor(document: dict[str, Any], buffers: list[bytes], number: int) -
     Raises
     ------
     ValueError, LookupError, TypeError, AttributeError
-        Where the document breaks glTF's rules.
+        If the document violates glTF.
     """
     accessor = document["accessors"][number]
     width, dtype = WIDTHS[accessor["type"]], np.dtype(COMPONENTS[accessor["componentType"]])

@@ -25,7 +25,7 @@ READ = {
     VISIBILITY,
     "KHR_mesh_quantization",
     "EXT_texture_webp",
-    # a picture that cannot be read is reported where it is used
+    # an unreadable image is reported where it is used
     "KHR_texture_basisu",
     "EXT_texture_avif",
     "MSFT_texture_dds",
@@ -79,12 +79,12 @@ LOST = {
 
 
 def check_extensions(path: Path, document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Return what a document's extensions define that is not carried over, and notes on unknown ones.
+    """Return the properties by extensions that are not carried over, and notes on unknown extensions.
 
     Raises
     ------
     UserError
-        If its geometry is compressed with meshopt, or it requires an extension that is not read.
+        If its geometry is compressed with meshopt, or it requires an unsupported extension.
     """
     required = document.get("extensionsRequired") or []
     required = list(map(str, required if isinstance(required, list) else [required]))
@@ -120,15 +120,15 @@ def extension_names(document: dict[str, Any]) -> list[str]:
         if isinstance(value, list):
             waiting += [v for v in value if isinstance(v, dict | list)]
         elif isinstance(value, dict):
-            found = value.get("extensions")
-            if isinstance(found, dict):
-                names |= set(found)
+            extensions = value.get("extensions")
+            if isinstance(extensions, dict):
+                names |= set(extensions)
             waiting += [v for k, v in value.items() if k != "extras" and isinstance(v, dict | list)]
     return sorted(names)
 
 
 def _lacks_plain_data(document: dict[str, Any]) -> bool:
-    """Return True if a buffer is only a placeholder for what meshopt unpacks to."""
+    """Return True if a buffer is only a placeholder for meshopt's output."""
     buffers = document.get("buffers")
     return isinstance(buffers, list) and any(
         isinstance(b, dict)

@@ -1,4 +1,4 @@
-"""glTF materials: metallic-roughness factors, textures and their coordinates; the older specular-glossiness too."""
+"""glTF materials: metallic-roughness factors, textures and their coordinates; also the older specular-glossiness."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class GltfMaterials:
     Parameters
     ----------
     document : the parsed JSON.
-    reader : takes the images.
+    reader : reads the images.
     image_bytes : callable
-        Returns the bytes of an embedded image; None for one in a file of its own.
+        Returns the bytes of an embedded image; None for a separate file.
     lost : set of str
-        Receives what is not carried over.
+        Collects properties that are not carried over.
     """
 
     def __init__(
@@ -60,16 +60,16 @@ class GltfMaterials:
         return [self._material(m) for m in self._document.get("materials", [])]
 
     def textures(self, primitive: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return the texture references of a primitive's material that could be read, base colour first."""
+        """Return the readable texture references of a primitive's material, base colour first."""
         if "material" not in primitive:
             return []
         m = self._document["materials"][primitive["material"]]
         pbr = m.get("pbrMetallicRoughness", {})
-        found = (_base_texture(m), pbr.get("metallicRoughnessTexture"), m.get("normalTexture"))
-        return [f for f in found if f is not None and self._picture(f, "")]
+        references = (_base_texture(m), pbr.get("metallicRoughnessTexture"), m.get("normalTexture"))
+        return [f for f in references if f is not None and self._picture(f, "")]
 
     def check_wrapping(self, reference: dict[str, Any], uv: FloatArray) -> None:
-        """Report a texture that clamps or mirrors where coordinates leave 0..1; ours repeat."""
+        """Report a texture that clamps or mirrors at coordinates outside 0..1, because ours repeat."""
         record = self._document["textures"][reference["index"]]
         samplers = self._document.get("samplers", [])
         sampler = samplers[record["sampler"]] if "sampler" in record else {}
@@ -121,7 +121,7 @@ class GltfMaterials:
     def _from_specular(self, old: dict[str, Any]) -> tuple[Vec3, float, float]:
         """Convert a specular-glossiness material to base colour, metalness and roughness.
 
-        The metalness m solves, for the brightnesses of both colours, diffuse = base (1 - 0.04) (1 - m) / (1 - specular)
+        The metalness m solves, with brightnesses of both colours, diffuse = base (1 - 0.04) (1 - m) / (1 - specular)
         and specular = 0.04 (1 - m) + base m.
 
         References
@@ -159,20 +159,20 @@ class GltfMaterials:
             return ""
         if source not in self._pictures:
             image = self._document["images"][source]
-            taken = set(self.pictures)
+            names = set(self.pictures)
             raw = self._bytes(image)
             what = str(image.get("name") or image.get("uri", "") or f"image {source}")[:60]
             if raw is not None:
-                found = self._reader.from_bytes(unique_name(what, taken), raw)
+                picture = self._reader.from_bytes(unique_name(what, names), raw)
             else:
-                found = self._reader.from_file(self._reader.model, unquote(str(image["uri"])), material)
-            self._pictures[source] = found
-        found = self._pictures[source]
-        return found.name if found is not None else ""
+                picture = self._reader.from_file(self._reader.model, unquote(str(image["uri"])), material)
+            self._pictures[source] = picture
+        picture = self._pictures[source]
+        return picture.name if picture is not None else ""
 
 
 def transform(reference: dict[str, Any]) -> tuple[Change, int]:
-    """Return the coordinate transform of a texture reference, and the number of its coordinate set."""
+    """Return the coordinate transform of a texture reference, and the index of its coordinate set."""
     change = reference.get("extensions", {}).get(TEXTURE_TRANSFORM, {})
     (su, sv), (ou, ov) = change.get("scale", (1.0, 1.0)), change.get("offset", (0.0, 0.0))
     number = change.get("texCoord", reference.get("texCoord", 0))
@@ -189,12 +189,12 @@ def moved(uv: FloatArray, change: Change) -> FloatArray:
 
 def _base_texture(m: dict[str, Any]) -> dict[str, Any] | None:
     old = m.get("extensions", {}).get(SPECULAR_GLOSSINESS)
-    found: dict[str, Any] | None = (
+    reference: dict[str, Any] | None = (
         old.get("diffuseTexture")
         if old is not None
         else m.get("pbrMetallicRoughness", {}).get("baseColorTexture")
     )
-    return found
+    return reference
 
 
 def _brightness(rgb: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""The node tree of a glTF scene: placed meshes, and their total size checked before anything is read."""
+"""The node tree of a glTF scene: placed meshes, with their total size checked before any is read."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Placed = tuple[str, int, "FloatArray"]
 def placed_meshes(
     document: dict[str, Any], notes: list[str], read: Callable[[int], FloatArray]
 ) -> list[Placed]:
-    """Return the meshes of the default scene with their transforms, in the order of the tree.
+    """Return the meshes of the default scene with their transforms, in tree order.
 
     Parameters
     ----------
@@ -37,38 +37,38 @@ def placed_meshes(
     Raises
     ------
     ValueError, LookupError, TypeError, AttributeError
-        Where the document breaks glTF's rules: a node has one parent at most.
+        If the document violates glTF, for example a node has two parents.
     """
-    nodes, found = document.get("nodes", []), list[Placed]()
+    nodes, placed = document.get("nodes", []), list[Placed]()
     waiting = [(int(k), np.eye(4)) for k in reversed(_roots(document, notes))]
-    seen: set[int] = set()
-    hidden = 0
+    visited: set[int] = set()
+    n_hidden = 0
     while waiting:
         number, parent = waiting.pop()
-        if number in seen:
+        if number in visited:
             raise ValueError(f"node {number} is reached twice: nodes form no tree")
-        seen.add(number)
+        visited.add(number)
         node = nodes[number]
         extensions = node.get("extensions", {})
         if not extensions.get(VISIBILITY, {}).get("visible", True):
-            hidden += 1
+            n_hidden += 1
             continue
         matrix = parent @ node_matrix(node)
         if "mesh" in node:
             mesh = document["meshes"][node["mesh"]]
             name = str(node.get("name") or mesh.get("name") or "")
             places = _instances(extensions[INSTANCING], read) if INSTANCING in extensions else [np.eye(4)]
-            found += [(name, int(node["mesh"]), matrix @ place) for place in places]
-            if len(found) > MAX_PLACED:
+            placed += [(name, int(node["mesh"]), matrix @ place) for place in places]
+            if len(placed) > MAX_PLACED:
                 raise ValueError(f"its nodes place more than {MAX_PLACED:,} meshes")
         waiting += [(int(child), matrix) for child in reversed(node.get("children", []))]
-    if hidden:
-        notes.append(f"left out {hidden:,} nodes that {VISIBILITY} hides, with all below them")
-    return found
+    if n_hidden:
+        notes.append(f"left out {n_hidden:,} nodes that {VISIBILITY} hides, with all below them")
+    return placed
 
 
 def _instances(extension: dict[str, Any], read: Callable[[int], FloatArray]) -> list[FloatArray]:
-    """Return (4, 4) of each instance relative to its node."""
+    """Return the (4, 4) transform of each instance relative to its node."""
     attributes = {
         key: read(number) for key, number in extension["attributes"].items() if key in INSTANCE_KEYS
     }
@@ -86,12 +86,12 @@ def check_weight(document: dict[str, Any], placed: list[Placed], n_bytes: int) -
 
     Parameters
     ----------
-    n_bytes : of the file's buffers: a row takes one at least.
+    n_bytes : size of the file's buffers: each row takes at least one byte.
 
     Raises
     ------
     ValueError, LookupError, TypeError, AttributeError
-        If they have far more rows than the file holds, or the document breaks glTF's rules.
+        If they have far more rows than the file holds, or the document violates glTF.
     """
     accessors = document.get("accessors", [])
     rows: dict[int, int] = {}
@@ -145,7 +145,7 @@ def as_triangles(index: IntArray, mode: int) -> IntArray:
     Raises
     ------
     ValueError
-        If the indices of separate triangles are no multiple of three.
+        If the number of indices of separate triangles is not a multiple of three.
     """
     if mode == TRIANGLES:
         if len(index) % 3:
@@ -155,5 +155,5 @@ def as_triangles(index: IntArray, mode: int) -> IntArray:
         first = np.full(max(len(index) - 2, 0), index[0] if len(index) else 0)
         return np.stack([first, index[1:-1], index[2:]], axis=1)
     t = np.stack([index[:-2], index[1:-1], index[2:]], axis=1)
-    t[1::2] = t[1::2, ::-1]  # every second triangle of a strip runs the other way
+    t[1::2] = t[1::2, ::-1]  # every second triangle of a strip is reversed
     return t

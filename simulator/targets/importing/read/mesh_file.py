@@ -38,12 +38,12 @@ FOREIGN_MARKS = {
 
 
 def read_mesh(path: Path) -> RawModel:
-    """Read a mesh file unchanged, with vertex colours gathered into a few materials.
+    """Read a mesh file unchanged, with vertex colours grouped into a few materials.
 
     Raises
     ------
     UserError
-        If it cannot be read, is not what its ending says, or names files that are missing.
+        If it cannot be read, does not match its suffix, or names missing files.
     """
     kind = path.suffix.lower().lstrip(".")
     if kind not in ENDINGS:
@@ -56,13 +56,15 @@ def read_mesh(path: Path) -> RawModel:
         raise UserError(f"cannot read {path}: {error.strerror}; check the path") from error
     if not data.strip():
         raise UserError(f"{path} is empty; export the model again")
-    found = detected_format(data)
+    detected = detected_format(data)
     kind = "step" if kind == "stp" else kind
     # a binary STL has no signature
-    if found != kind and not (found == "" and kind == "stl"):
-        what = f"a .{found} file" if found in ENDINGS else found or "no mesh that is known"
+    if detected != kind and not (detected == "" and kind == "stl"):
+        what = f"a .{detected} file" if detected in ENDINGS else detected or "no mesh that is known"
         hint = (
-            f"rename it to {path.with_suffix('.' + found).name}" if found in ENDINGS else "export it as .glb"
+            f"rename it to {path.with_suffix('.' + detected).name}"
+            if detected in ENDINGS
+            else "export it as .glb"
         )
         raise UserError(f"{path} ends in .{kind} but holds {what}; {hint}")
     match kind:
@@ -82,7 +84,7 @@ def read_mesh(path: Path) -> RawModel:
 
 
 def detected_format(data: bytes) -> str:
-    """Return the suffix that a file's contents imply, or a description of them, or nothing."""
+    """Return the suffix that a file's contents imply, or a description of them, or an empty string."""
     if data[:4] == b"glTF":
         return "glb"
     if is_stl(data):
@@ -110,8 +112,8 @@ def detected_format(data: bytes) -> str:
 def read_foreign(path: Path, kind: str, data: bytes) -> RawModel:
     """Read a mesh with trimesh, or a STEP model with Open CASCADE.
 
-    Units and the axis that points up are those that COLLADA, 3MF and STEP files state; PLY and OFF files state none.
-    Colours of PLY and OFF files are taken as sRGB, those of COLLADA's materials as linear, as of .mtl files.
+    Units and up axis are those stated by COLLADA, 3MF and STEP files; PLY and OFF files state none. Colours of PLY and
+    OFF files are interpreted as sRGB, those of COLLADA's materials as linear, like those of .mtl files.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Textures and material libraries that a model names: read from the model's folder, or reported as missing."""
+"""Files that a model names (textures, material libraries): read from the model's folder, or reported as missing."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _CONTINUED = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
-    """A file next to the model that is missing or unreadable; its message says which and why, without a path."""
+    """A file next to the model is missing or unreadable; the message says which and why, without a path."""
 
 
 def text_lines(data: bytes) -> list[str]:
-    """Return the lines of an OBJ or MTL file, in any of the encodings and line ends that exporters write."""
+    """Return the lines of an OBJ or MTL file, in any encoding and with any line ends that exporters write."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         text = data.decode("utf-16", "replace")
     else:
@@ -43,15 +43,15 @@ def unquoted(name: str) -> str:
 def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) -> tuple[Path, bytes]:
     """Find and read a file that ``owner`` names.
 
-    An absolute path, as exporters write for their own machine, stands for a file of that name beside ``owner``; so does
-    a name in other capitals.
+    An absolute path, as exporters write for their own machine, means the file of that name beside ``owner``; case is
+    ignored if necessary.
 
     Parameters
     ----------
     model : path of the model, whose folder is not left.
     owner : path of the file that holds the name.
     name : str
-        The name as it stands there.
+        The name as written there.
     what : str
         Kind of file, for the message.
     most_bytes : int
@@ -60,7 +60,7 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
     Raises
     ------
     NotReadError
-        If it is missing, outside the model's folder, no regular file, or too long.
+        If it is missing, outside the model's folder, not a regular file, or too long.
     """
     first: UserError | None = None
     for candidate in dict.fromkeys((name, PureWindowsPath(name).name)):
@@ -79,8 +79,8 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
 
 
 def _in_other_capitals(place: Path) -> Path:
-    """Return the file of this name, or the one whose name differs in capitals alone."""
+    """Return the file of this name, or the one whose name differs in case only."""
     if place.exists() or not place.parent.is_dir():
         return place
-    wanted = place.name.casefold()
-    return next((p for p in sorted(place.parent.iterdir()) if p.name.casefold() == wanted), place)
+    folded = place.name.casefold()
+    return next((p for p in sorted(place.parent.iterdir()) if p.name.casefold() == folded), place)

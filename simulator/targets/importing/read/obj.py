@@ -38,7 +38,7 @@ HARMLESS = (
     "s", "mg", "vp", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj", "ctech", "stech", "cstype",
     "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con",
 )  # fmt: skip
-"""Statements that change no triangle, or belong to curves, which are reported as such."""
+"""Statements that change no triangle, or belong to curves, which are reported."""
 _COMMENT = re.compile(r"(?:^|\s)#.*")
 
 
@@ -71,34 +71,40 @@ def read_obj(path: Path, data: bytes) -> RawModel:
     UserError
         If a line cannot be read, or textures are too large.
     """
-    found = _statements(path, data)
-    rows = found.rows
+    statements = _statements(path, data)
+    rows = statements.rows
     v, colours, has_weights = _vertices(path, rows["v"])
     vt = _numbers(path, rows["vt"], 1, "vt")[:, :2]
     vn = _numbers(path, rows["vn"], 3, "vn")[:, :3]
-    palette = MaterialLibraries(path, found.libraries)
-    used = list(dict.fromkeys(b.material for b in found.blocks))
-    known = {name: palette[name] for name in used if name in palette}
+    palette = MaterialLibraries(path, statements.libraries)
+    names_in_use = list(dict.fromkeys(b.material for b in statements.blocks))
+    in_use = {name: palette[name] for name in names_in_use if name in palette}
     model = RawModel(path=path, kind="obj", parts=[], materials=[])
-    if found.unknown:
+    if statements.unknown:
         model.notes.append(
-            f"{found.unknown:,} lines begin with a word that OBJ does not have and were not read (the first is "
-            f"{found.first_unknown})"
+            f"{statements.unknown:,} lines begin with a word that OBJ does not have and were not read (the first is "
+            f"{statements.first_unknown})"
         )
-    if found.has_curves:
+    if statements.has_curves:
         model.notes.append("not carried over: points, lines and curves")
     if has_weights:
         model.notes.append("not carried over: weights of vertices (their fourth number)")
-    _materials(model, used, known, has_libraries=len(palette) > 0, names_libraries=bool(found.libraries))
+    _materials(
+        model,
+        names_in_use,
+        in_use,
+        has_libraries=len(palette) > 0,
+        names_libraries=bool(statements.libraries),
+    )
     model.notes += palette.notes
     model.faults += palette.faults
     number = {m.name: k for k, m in enumerate(model.materials)}
     of_part: dict[str, list[_Block]] = {}
-    for block in found.blocks:
+    for block in statements.blocks:
         of_part.setdefault(block.part, []).append(block)
     short = 0
-    for name, mine in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
-        body, dropped = _part(path, name, mine, (v, vt, vn, colours), known, number)
+    for name, part_blocks in zip(unique_names(of_part, "body"), of_part.values(), strict=True):
+        body, dropped = _part(path, name, part_blocks, (v, vt, vn, colours), in_use, number)
         model.parts.append(body)
         short += dropped
     if short:
@@ -107,8 +113,8 @@ def read_obj(path: Path, data: bytes) -> RawModel:
 
 
 def _statements(path: Path, data: bytes) -> _Statements:
-    found = _Statements()
-    rows, blocks = found.rows, found.blocks
+    statements = _Statements()
+    rows, blocks = statements.rows, statements.blocks
     part, material = "body", ""
     for number, line in enumerate(text_lines(data), 1):
         word, rest = split_word(line)
@@ -132,24 +138,24 @@ def _statements(path: Path, data: bytes) -> _Statements:
         elif word == "usemtl":
             material = unquoted(rest)
         elif word == "mtllib":
-            found.libraries.append(rest)
+            statements.libraries.append(rest)
         elif word in CURVES:
-            found.has_curves = True
+            statements.has_curves = True
         elif word and not word.startswith("#") and word not in HARMLESS:
-            found.unknown += 1
-            found.first_unknown = found.first_unknown or f"{word[:20]!r}, line {number:,}"
-    return found
+            statements.unknown += 1
+            statements.first_unknown = statements.first_unknown or f"{word[:20]!r}, line {number:,}"
+    return statements
 
 
 def _materials(
     model: RawModel,
     used: list[str],
-    known: dict[str, ObjMaterial],
+    by_name: dict[str, ObjMaterial],
     *,
     has_libraries: bool,
     names_libraries: bool,
 ) -> None:
-    absent = [n for n in used if n and n not in known]
+    absent = [n for n in used if n and n not in by_name]
     if absent and (has_libraries or not names_libraries):
         names = ", ".join(repr(n[:80]) for n in absent[:5]) + ", ..." * (len(absent) > 5)
         which = f"material{'s' * (len(absent) > 1)} {names} {'are' if len(absent) > 1 else 'is'}"
@@ -157,11 +163,13 @@ def _materials(
             model.faults.append(f"{which} in none of the .mtl files that were read: drawn grey")
         else:
             model.notes.append(f"{which} named, but no .mtl file: drawn grey")
-    model.materials = [known[n].material for n in used if n in known] + [UNNAMED_SURFACE]
-    model.pictures = {p.name: p for n in used if n in known and (p := known[n].picture) is not None}
-    lost = sorted({k for n in used if n in known for k in known[n].lost})
-    if lost:
-        model.notes.append(f"not carried over: {', '.join(lost[:20])}" + ", ..." * (len(lost) > 20))
+    model.materials = [by_name[n].material for n in used if n in by_name] + [UNNAMED_SURFACE]
+    model.pictures = {p.name: p for n in used if n in by_name and (p := by_name[n].picture) is not None}
+    unsupported = sorted({k for n in used if n in by_name for k in by_name[n].lost})
+    if unsupported:
+        model.notes.append(
+            f"not carried over: {', '.join(unsupported[:20])}" + ", ..." * (len(unsupported) > 20)
+        )
     if has_libraries and "" in used:
         model.notes.append("some faces name no material: given a mid-grey paint")
 
@@ -171,7 +179,7 @@ def _part(
     name: str,
     blocks: list[_Block],
     data: tuple[FloatArray, FloatArray, FloatArray, FloatArray | None],
-    known: dict[str, ObjMaterial],
+    by_name: dict[str, ObjMaterial],
     number: dict[str, int],
 ) -> tuple[RawPart, int]:
     v, vt, vn, vertex_colours = data
@@ -191,17 +199,17 @@ def _part(
         corners.append(c)
         materials.append(np.full(len(c), number.get(block.material, len(number) - 1), np.int64))
         uv = np.full((len(c), 3, 2), np.nan)
-        mine = known.get(block.material)
-        if mine is not None and mine.picture is not None and len(vt):
+        material = by_name.get(block.material)
+        if material is not None and material.picture is not None and len(vt):
             with np.errstate(over="ignore", invalid="ignore"):
-                moved = vt * mine.scale + mine.offset
+                transformed = vt * material.scale + material.offset
             # OBJ counts texture rows from the bottom
-            uv = np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)[c[..., 1] - 1]
+            uv = np.stack([transformed[:, 0], 1 - transformed[:, 1]], axis=1)[c[..., 1] - 1]
             uv[c[..., 1] == 0] = np.nan
         coordinates.append(uv)
         if vertex_colours is not None:
-            factor = np.asarray(mine.material.base_color) if mine is not None else 1.0
-            plain = mine is None or mine.picture is None
+            factor = np.asarray(material.material.base_color) if material is not None else 1.0
+            plain = material is None or material.picture is None
             colours.append(
                 vertex_colours[c[..., 0] - 1].mean(axis=1) * factor if plain else np.full((len(c), 3), np.nan)
             )
@@ -226,14 +234,14 @@ def _part(
 def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     """Return (F, 3, 3) vertex, texture and normal numbers, from 1; 0 if the file has none.
 
-    And how many faces had fewer than three corners: some exporters write edges so.
+    Also return the number of faces with fewer than three corners, as which some exporters write edges.
     """
     corners, counts = _corners(path, lines)
     at = corners[:, 0] - 1
     start = np.cumsum(counts) - counts
     of_face = np.repeat(np.arange(len(counts)), counts)
     wrong = np.zeros(len(counts), bool)
-    wrong[of_face[(at < 0) | (at >= len(v))]] = True  # named later
+    wrong[of_face[(at < 0) | (at >= len(v))]] = True  # reported later
     three, four = counts == 3, counts == 4
     convex = np.zeros(len(counts), bool)
     convex[four & ~wrong] = are_convex(v[at[start[four & ~wrong][:, None] + np.arange(4)]])
@@ -244,13 +252,13 @@ def _faces(path: Path, lines: list[str], v: FloatArray) -> tuple[IntArray, int]:
     if float((counts[rest].astype(float) ** 2).sum()) > MAX_CLIPPING:
         raise UserError(f"{path} has too many polygons of many corners; export it as triangles")
     for k in rest:
-        mine = start[k] + np.arange(counts[k])
+        rows = start[k] + np.arange(counts[k])
         try:
-            cut = fan(len(mine)) if wrong[k] else polygon_triangles(v[at[mine]])
+            pieces = fan(len(rows)) if wrong[k] else polygon_triangles(v[at[rows]])
         except ValueError as error:
             raise UserError(f"{path} has {error}, too many to cut; export it as triangles") from error
-        faces.append(np.full(len(cut), k))
-        triples.append(mine[np.array(cut)])
+        faces.append(np.full(len(pieces), k))
+        triples.append(rows[np.array(pieces)])
     order = np.argsort(np.concatenate(faces), kind="stable")
     return corners[np.concatenate(triples)[order]].reshape(-1, 3, 3), int((counts < 3).sum())
 
@@ -321,9 +329,9 @@ def _from_start(index: int, count: int) -> int:
 
 
 def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | None, bool]:
-    """Return places (N, 3), linear colours (N, 3) or None, and whether there are weights other than 1.
+    """Return positions (N, 3), linear colours (N, 3) or None, and True if there are weights other than 1.
 
-    Three numbers are a place, four a place and a weight, six or seven a place and a colour.
+    Three numbers are a position, four a position and a weight, six or seven a position and a colour.
     """
     table = _numbers(path, rows, 3, "v")
     width = table.shape[1]
@@ -331,10 +339,10 @@ def _vertices(path: Path, rows: list[str]) -> tuple[FloatArray, FloatArray | Non
     if width < 6:
         return table[:, :3], None, bool(weighted.any())
     colours = table[:, 3:6]
-    known = colours[np.isfinite(colours).all(axis=1)]
-    if not len(known) or (known == known[0]).all():
+    finite_colours = colours[np.isfinite(colours).all(axis=1)]
+    if not len(finite_colours) or (finite_colours == finite_colours[0]).all():
         return table[:, :3], None, bool((weighted & np.isnan(table[:, 4])).any())
-    colours = np.clip(colours / (255.0 if known.max() > 1 else 1.0), 0, 1)
+    colours = np.clip(colours / (255.0 if finite_colours.max() > 1 else 1.0), 0, 1)
     return table[:, :3], linear_from_srgb(colours), False
 
 

@@ -73,12 +73,12 @@ class _MapLine:
 class MaterialLibraries:
     """The materials of an OBJ's libraries by name; images are read on demand.
 
-    Colours of .mtl files are taken as linear; the Phong exponent Ns becomes a roughness of (2 / (Ns + 2))^(1/4)
-    (the width of the lobe; Karis 2013 gives alpha = roughness^2).
+    Colours of .mtl files are interpreted as linear; the Phong exponent Ns becomes a roughness of (2 / (Ns + 2))^(1/4),
+    by the width of the lobe (Karis 2013: alpha = roughness^2).
 
     Parameters
     ----------
-    path : the model. libraries : what stands after ``mtllib`` in each of its lines.
+    path : path of the model. libraries : texts after ``mtllib`` in each of its lines.
 
     Raises
     ------
@@ -118,7 +118,7 @@ class MaterialLibraries:
         return self._material(place, name, fields)
 
     def _read_line(self, line: str) -> None:
-        """Read the libraries of one line: one with blanks in its name, or several."""
+        """Read the libraries of one line: one whose name contains blanks, or several."""
         several = [unquoted(n) for n in (_SEVERAL.findall(line) or line.split())][:MAX_LIBRARIES]
         failures = []
         for names in [[line], several] if several != [line] else [[line]]:
@@ -128,7 +128,7 @@ class MaterialLibraries:
         self._missing += failures
 
     def _read(self, library: str) -> str:
-        """Read a library. Return why it could not be read, or nothing."""
+        """Read a library; return why it could not be read, or an empty string."""
         try:
             place, data = read_named(self._path, self._path, library, "material", LARGEST_LIBRARY_BYTES)
         except NotReadError as error:
@@ -145,7 +145,7 @@ class MaterialLibraries:
         return ""
 
     def _material(self, place: Path, name: str, fields: dict[str, str]) -> ObjMaterial:
-        lost = _lost_words(fields)
+        unsupported = _lost_words(fields)
         try:
             colour = _colour(fields.get("kd", "0.6 0.6 0.6"))
             exponent = _number(fields, "ns", 10.0)
@@ -164,12 +164,12 @@ class MaterialLibraries:
         picture = None
         if map_line.name:
             picture = self._reader.from_file(place, map_line.name.replace("\\", "/"), name)
-            lost += map_line.lost
+            unsupported += map_line.lost
         if picture is not None and not any(colour):
             colour = (1.0, 1.0, 1.0)
-            lost.append("Kd 0 0 0 beside a texture (the texture is drawn as it is)")
+            unsupported.append("Kd 0 0 0 beside a texture (the texture is drawn as it is)")
         if max(colour) > 1:
-            lost.append("colours above 1 (clipped)")
+            unsupported.append("colours above 1 (clipped)")
         r, g, b = np.clip(colour, 0, 1).tolist()
         surface = Material(
             name=name,
@@ -180,11 +180,11 @@ class MaterialLibraries:
             clearcoat_roughness=float(np.clip(coat_roughness, 0, 1)),
             base_color_texture="" if picture is None else picture.name,
         )
-        return ObjMaterial(surface, picture, tuple(lost), map_line.scale, map_line.offset)
+        return ObjMaterial(surface, picture, tuple(unsupported), map_line.scale, map_line.offset)
 
 
 def _colour(text: str) -> tuple[float, ...]:
-    """Return the colour of a statement: three numbers, or one that stands for all three."""
+    """Return the colour of a statement: three numbers, or one grey value."""
     values = [float(x) for x in text.split()[:3]]
     if len(values) == 1:
         values *= 3
@@ -199,7 +199,7 @@ def _number(fields: dict[str, str], key: str, default: float) -> float:
 
 def _lost_words(fields: dict[str, str]) -> list[str]:
     """Return a material's statements that are not carried over."""
-    lost = []
+    unsupported = []
     for word, rest in fields.items():
         value = next((x for x in rest.split() if not x.startswith("-")), "")
         number = float(value) if _NUMBER.fullmatch(value) else None
@@ -207,25 +207,25 @@ def _lost_words(fields: dict[str, str]) -> list[str]:
             continue
         if word in ("d", "tr"):
             if number is None or (number < 1 if word == "d" else number > 0):
-                lost.append(f"transparency ({'Tr' if word == 'tr' else 'd'}: drawn opaque)")
+                unsupported.append(f"transparency ({'Tr' if word == 'tr' else 'd'}: drawn opaque)")
         elif word == "ke":
             if any(x.strip("0.+-") for x in rest.split()):
-                lost.append("emission (Ke)")
+                unsupported.append("emission (Ke)")
         elif word == "tf":
             if set(rest) - set("1.0 \t"):
-                lost.append("transmission (Tf)")
+                unsupported.append("transmission (Tf)")
         elif word.startswith("map_") or word in ("bump", "disp", "decal", "refl", "norm"):
-            lost.append(f"maps {word}")
+            unsupported.append(f"maps {word}")
         elif word == "aniso":
-            lost.append("brushing (aniso)")
+            unsupported.append("brushing (aniso)")
         else:
-            lost.append(f"statements {word[:20]!r}")
-    return lost
+            unsupported.append(f"statements {word[:20]!r}")
+    return unsupported
 
 
 def _map_line(text: str) -> _MapLine:
     """Parse a map statement: options precede the name, which may contain blanks."""
-    found, rest = _MapLine(""), text.strip()
+    map_line, rest = _MapLine(""), text.strip()
     for _ in range(MAX_OPTIONS):
         word, after = split_word(rest)
         option = word.lower()
@@ -237,16 +237,16 @@ def _map_line(text: str) -> _MapLine:
             rest = split_word(rest)[1]
         numbers = [float(v) for v in values] if option in ("-s", "-o") else []
         if option == "-s" and numbers:
-            found.scale = (numbers[0], numbers[1] if len(numbers) > 1 else 1.0)
+            map_line.scale = (numbers[0], numbers[1] if len(numbers) > 1 else 1.0)
         elif option == "-o" and numbers:
-            found.offset = (numbers[0], numbers[1] if len(numbers) > 1 else 0.0)
+            map_line.offset = (numbers[0], numbers[1] if len(numbers) > 1 else 0.0)
         elif option not in UNUSED_OPTIONS and not _is_default(option, values):
-            found.lost.append(f"option {option} of map_Kd")
+            map_line.lost.append(f"option {option} of map_Kd")
     if rest.startswith("-") and len(rest.split()) > 1:
-        found.lost.append(f"option {rest.split()[0][:20]} of map_Kd")
+        map_line.lost.append(f"option {rest.split()[0][:20]} of map_Kd")
         rest = rest.split()[-1]
-    found.name = unquoted(rest)
-    return found
+    map_line.name = unquoted(rest)
+    return map_line
 
 
 def _option_values(after: str, most: int, option: str) -> list[str]:

@@ -35,7 +35,7 @@ def are_convex(quads: FloatArray) -> BoolArray:
 
 
 def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
-    """Cut a planar polygon into triangles that turn as it does.
+    """Cut a planar polygon into triangles with the same orientation.
 
     Parameters
     ----------
@@ -55,22 +55,22 @@ def polygon_triangles(corners: FloatArray) -> list[tuple[int, int, int]]:
     turns = _turn(np.roll(flat, 1, axis=0), flat, np.roll(flat, -1, axis=0))
     if not np.isfinite(flat).all() or (turns >= -1e-12 * np.abs(turns).max()).all():
         return fan(n)
-    out, left, tests = [], list(range(n)), MAX_TESTS * n
-    while len(left) > 3:
-        k, looked = _ear(flat, left)
+    out, remaining, tests = [], list(range(n)), MAX_TESTS * n
+    while len(remaining) > 3:
+        k, looked = _ear(flat, remaining)
         tests -= looked
         if n > MAX_CORNERS or tests < 0:
             raise ValueError(f"a concave polygon of {n:,} corners")
         if k < 0:  # the outline crosses itself
             return fan(n)
-        out.append((left[k - 1], left[k], left[(k + 1) % len(left)]))
-        del left[k]
-    return [*out, (left[0], left[1], left[2])]
+        out.append((remaining[k - 1], remaining[k], remaining[(k + 1) % len(remaining)]))
+        del remaining[k]
+    return [*out, (remaining[0], remaining[1], remaining[2])]
 
 
-def _ear(flat: FloatArray, left: list[int]) -> tuple[int, int]:
-    """Return the index in ``left`` of a corner whose triangle is empty, or -1, and the number of tests."""
-    p = flat[left]
+def _ear(flat: FloatArray, remaining: list[int]) -> tuple[int, int]:
+    """Return the index in ``remaining`` of a corner whose triangle is empty, or -1, and the number of tests."""
+    p = flat[remaining]
     before, after = np.roll(p, 1, axis=0), np.roll(p, -1, axis=0)
     looked = 0
     for looked, k in enumerate(np.flatnonzero(_turn(before, p, after) > 0), 1):

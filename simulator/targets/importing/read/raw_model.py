@@ -1,4 +1,4 @@
-"""A mesh as its file holds it, unchecked: parts with per-face materials, and notes for the user."""
+"""A mesh as read from its file, unchecked: parts with per-face materials, and notes for the user."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 UNNAMED_SURFACE = Material(name="grey-paint", base_color=(0.55, 0.55, 0.55), roughness=0.6)
-"""Material of faces that have none: a mid-grey paint."""
+"""Material of faces without one: mid-grey paint."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -22,13 +22,13 @@ class RawPart:
 
     Parameters
     ----------
-    positions_m : (N, 3) in the file's axes, then in the model frame.
+    positions_m : (N, 3) in the file's axes; after placement in the model frame.
     triangles : (F, 3) indices.
     face_material : (F,) index into the model's materials.
-    normals : (N, 3) as the file has them, or None.
-    face_colour : (F, 3) linear colour of the vertices or of a texture, NaN where there is none; or None.
-    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the image's top left, NaN where there are
-        none; or None.
+    normals : (N, 3) normals from the file, or None.
+    face_colour : (F, 3) linear colour of the vertices or of a texture, NaN where missing; or None.
+    corner_uv : (F, 3, 2) texture coordinates of the corners, origin at the image's top left, NaN where missing; or
+        None.
     """
 
     name: str
@@ -46,13 +46,13 @@ class RawModel:
 
     Parameters
     ----------
-    kind : the file's ending without its dot.
-    in_metres : the format says so (glTF); STL and OBJ carry no unit.
-    up : the axis that points up by the format's rules (glTF: y), or None.
-    notes : what was done or lost, a line each, for the user.
-    faults : what is missing or wrong in the file but not needed to draw it, a line each; ``--strict`` refuses them.
+    kind : suffix of the file, without its dot.
+    in_metres : True if the format defines metres (glTF); STL and OBJ have no unit.
+    up : up axis by the format's rules (glTF: y), or None.
+    notes : conversions and losses, one line each, for the user.
+    faults : missing or wrong data that are not needed for drawing, one line each; ``--strict`` refuses them.
     pictures : the textures that materials name, by name.
-    openings : open outlines that are left when its surface has been checked.
+    openings : number of open outlines, once the surface has been checked.
     """
 
     path: Path
@@ -73,7 +73,7 @@ class RawModel:
 
 
 def unique_name(name: str, taken: set[str]) -> str:
-    """Return the name, with a number appended if it is taken."""
+    """Return the name, with a number appended if it is in use."""
     return (
         name
         if name not in taken
@@ -83,16 +83,16 @@ def unique_name(name: str, taken: set[str]) -> str:
 
 def unique_names(names: Iterable[str], fallback: str) -> list[str]:
     """Make names unique by appending numbers; empty ones become ``fallback``."""
-    taken: dict[str, int] = {}
+    counts: dict[str, int] = {}
     out = []
     for raw in names:
         name = raw.strip() or fallback
-        count = taken.get(name, 0)
+        count = counts.get(name, 0)
         candidate = name
-        while candidate in taken:
+        while candidate in counts:
             count += 1
             candidate = f"{name}_{count + 1}"
-        taken[name] = count
-        taken.setdefault(candidate, 0)
+        counts[name] = count
+        counts.setdefault(candidate, 0)
         out.append(candidate)
     return out

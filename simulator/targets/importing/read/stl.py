@@ -34,17 +34,17 @@ _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def is_stl(data: bytes) -> bool:
-    """Return True if the bytes are a binary STL by their length, or begin as a text one."""
+    """Return True if the bytes are a binary STL by their length, or begin like a text one."""
     return _is_text(data) or _has_counted_length(data)
 
 
 def read_stl(path: Path, data: bytes) -> RawModel:
-    """Read one STL; its face normals are ignored, because the winding says the same.
+    """Read one STL; its face normals are ignored, because they follow from the winding.
 
     Raises
     ------
     UserError
-        If it is cut short or not STL.
+        If it is truncated or not STL.
     """
     model = RawModel(path=path, kind="stl", parts=[], materials=[UNNAMED_SURFACE])
     if not _has_counted_length(data) and _is_text(data):
@@ -72,7 +72,7 @@ def _has_counted_length(data: bytes) -> bool:
 
 
 def _plain_text(data: bytes) -> bytes:
-    """Return the text without a byte order mark, one byte a character."""
+    """Return the text without a byte-order mark, one byte per character."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", "replace").encode()
     return data.removeprefix(b"\xef\xbb\xbf")
@@ -105,7 +105,7 @@ def _binary_corners(path: Path, data: bytes, notes: list[str]) -> FloatArray:
     records = np.frombuffer(data, RECORD, count, HEADER_BYTES)
     if (records["attribute"] != 0).any() or b"COLOR=" in data[:80]:
         notes.append("not carried over: colours of faces (attribute bytes of the STL)")
-    with np.errstate(invalid="ignore"):  # vertices that are not finite are named later
+    with np.errstate(invalid="ignore"):  # non-finite vertices are reported later
         return records["corners"].reshape(-1, 3).astype(float)
 
 
@@ -129,7 +129,7 @@ def _text_solids(path: Path, text: bytes) -> list[tuple[str, FloatArray]]:
 
 def _corners(path: Path, solid: bytes) -> FloatArray:
     facets = len(_LOOP.findall(solid))
-    first = _LOOP.search(solid)  # a name before it may hold any word
+    first = _LOOP.search(solid)  # a name before it may contain any word
     try:
         corners = np.array(_VERTEX.findall(solid, first.start() if first else len(solid)), float).reshape(
             -1, 3

@@ -1,4 +1,4 @@
-"""Textures of users' meshes: used unchanged, or baked to a few plain colours if faces cannot carry them."""
+"""Textures of users' meshes: used unchanged, or baked to a few plain colours if faces lose their coordinates."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ NOT_READ = {
 MAX_COLOURS = 6
 SAME_COLOUR = 0.04
 """RMS distance in linear RGB within which faces have the same colour."""
+# weights of the corners at the points of a triangle that are sampled
 BARYCENTRIC = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], float)
 
 
@@ -61,9 +62,9 @@ class PictureReader:
     ----------
     model : path of the model.
     notes : list of str
-        What was done to the images.
+        Changes made to the images.
     missing : dict
-        Names of the textures that were not read, with the reason; their materials keep their factor colour.
+        Unreadable textures by name, with the reason; their materials keep their factor colour.
     count, pixels, n_bytes : int
         Totals of the images so far.
     """
@@ -81,13 +82,13 @@ class PictureReader:
         """One sentence about the textures that were not read, if any."""
         if not self.missing:
             return []
-        (_, why), *others = self.missing.items()
-        named = ", ".join(repr(n) for n, _ in others[:5]) + ", ..." * (len(others) > 5)
-        more = f" (and {len(others)} more: {named})" if others else ""
+        (_, why), *other_textures = self.missing.items()
+        other_names = ", ".join(repr(n) for n, _ in other_textures[:5]) + ", ..." * (len(other_textures) > 5)
+        more = f" (and {len(other_textures)} more: {other_names})" if other_textures else ""
         return [f"{why}{more}: drawn in the factor colour of the material"]
 
     def from_file(self, owner: Path, name: str, material: str) -> TextureImage | None:
-        """Read the texture that ``owner`` names; None if it cannot be read, which `faults` then reports.
+        """Read the texture that ``owner`` names; None if it is unreadable, which `faults` then reports.
 
         Raises
         ------
@@ -102,19 +103,19 @@ class PictureReader:
             )
             return None
         if place not in self._read:
-            found = self.from_bytes(place.relative_to(self.model.parent).as_posix(), data)
-            if found is None:
+            picture = self.from_bytes(place.relative_to(self.model.parent).as_posix(), data)
+            if picture is None:
                 return None
-            self._read[place] = found
+            self._read[place] = picture
         return self._read[place]
 
     def from_bytes(self, name: str, data: bytes) -> TextureImage | None:
-        """Return an image as a texture; None if it cannot be read, which `faults` then reports.
+        """Return an image as a texture; None if it is unreadable, which `faults` then reports.
 
         Raises
         ------
         UserError
-            If it, or all together, have too many pixels; found before it is decoded.
+            If this image, or all together, have too many pixels; checked before decoding.
         """
         where = f"{self.model}: texture {name[:80]!r}"
         kind = next((what for magic, what in NOT_READ.items() if magic in data[:16]), "")
@@ -143,8 +144,8 @@ class PictureReader:
             self.notes.append(f"texture {name!r} reduced from {before} to {size[0]} x {size[1]}")
         elif mime_of(data):
             return TextureImage(name=name, data=data)
-        written = cv2.imencode(".png", image[..., ::-1])[1]
-        return TextureImage(name=name, data=np.asarray(written).tobytes())
+        encoded = cv2.imencode(".png", image[..., ::-1])[1]
+        return TextureImage(name=name, data=np.asarray(encoded).tobytes())
 
 
 def _unreadable(name: str, kind: str = "") -> str:
@@ -156,7 +157,7 @@ def face_colours(image: ByteArray, corner_uv: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    corner_uv : (F, 3, 2), origin at the image's top left as in glTF; repeats outside 0..1.
+    corner_uv : (F, 3, 2) texture coordinates, origin at the image's top left as in glTF; they repeat outside 0..1.
     """
     height, width = image.shape[:2]
     weights = BARYCENTRIC / BARYCENTRIC.sum(axis=1, keepdims=True)
@@ -189,7 +190,7 @@ def bake_textures(model: RawModel) -> None:
 
 
 def without_textures(material: Material) -> Material:
-    """Return the material with its factors alone."""
+    """Return the material with its factors only."""
     return replace(material, base_color_texture="", metallic_roughness_texture="", normal_texture="")
 
 
@@ -202,7 +203,7 @@ def mean_colour(picture: TextureImage) -> FloatArray:
 
 
 def bake_colours(model: RawModel) -> None:
-    """Replace face colours by materials, a few for each of the file's."""
+    """Replace face colours by a few materials for each of the file's."""
     coloured = [p for p in model.parts if p.face_colour is not None]
     if not coloured:
         return
@@ -233,9 +234,7 @@ def bake_colours(model: RawModel) -> None:
 
 
 def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Cluster colours so that each is within SAME_COLOUR of its cluster, at most MAX_COLOURS clusters;
-    deterministic.
-    """
+    """Cluster colours so that each is within SAME_COLOUR of its cluster, in at most MAX_COLOURS clusters."""
     distinct, inverse = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
     if len(distinct) == 1:
         return distinct, inverse.ravel()
@@ -246,24 +245,24 @@ def group_colours(colours: FloatArray) -> tuple[FloatArray, IntArray]:
         label = np.argmin(((colours[:, None] - centres) ** 2).sum(axis=2), axis=1)
         if float(np.sqrt(((colours - centres[label]) ** 2).sum(axis=1).mean())) <= SAME_COLOUR:
             break
-    used, label = np.unique(label, return_inverse=True)
-    return centres[used], label.ravel()
+    clusters, label = np.unique(label, return_inverse=True)
+    return centres[clusters], label.ravel()
 
 
 def _lloyd(points: FloatArray, centres: FloatArray) -> FloatArray:
     """Run ten Lloyd iterations: move each centre to the mean of its nearest points."""
     for _ in range(10):
         label = np.argmin(((points[:, None] - centres) ** 2).sum(axis=2), axis=1)
-        kept = [points[label == k].mean(axis=0) for k in range(len(centres)) if (label == k).any()]
-        centres = np.array(kept)
+        centres_now = [points[label == k].mean(axis=0) for k in range(len(centres)) if (label == k).any()]
+        centres = np.array(centres_now)
     return centres
 
 
 def _spread(points: FloatArray, k: int) -> FloatArray:
-    """Select K points, each far from those before: a deterministic start."""
-    chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
-    distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    """Select k points, each far from those before, as a deterministic start."""
+    indices = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = ((points - points[indices[0]]) ** 2).sum(axis=1)
     for _ in range(k - 1):
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-    return points[chosen]
+        indices.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, ((points - points[indices[-1]]) ** 2).sum(axis=1))
+    return points[indices]

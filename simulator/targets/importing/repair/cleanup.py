@@ -1,4 +1,4 @@
-"""Safe repairs: duplicate vertices, degenerate faces, winding. Unsafe ones are refused by name."""
+"""Safe repairs of duplicate vertices, degenerate faces and winding; unsafe cases raise an error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MIN_FACE_HEIGHT = 3e-7
 """Height of a face, as a share of the craft, below which float32 cannot represent its normal."""
 ALMOST_CLOSED = 0.02
-"""Share of open edges up to which the signed volume determines the outside."""
+"""Share of open edges up to which the signed volume decides which side is outside."""
 
 
 @dataclass
@@ -63,16 +63,16 @@ class RepairCounts:
 
 def welded_body(part: RawPart, low: FloatArray, extent: float, counts: RepairCounts) -> MeshBody:
     """Weld the part's vertices and drop degenerate and duplicate faces."""
-    used = used_vertices(part.triangles, len(part.positions_m))
-    places, index = weld(part.positions_m[used], low, extent)
-    counts.merged += len(used) - len(places)
+    vertices = used_vertices(part.triangles, len(part.positions_m))
+    places, index = weld(part.positions_m[vertices], low, extent)
+    counts.merged += len(vertices) - len(places)
     number = np.empty(len(part.positions_m), np.int64)
-    number[used] = index
+    number[vertices] = index
     triangles = number[part.triangles]
     normals = None if part.normals is None else part.normals[part.triangles]
     body = MeshBody(
         name=part.name,
-        # as the target file will hold them
+        # in the precision of the target file
         positions_m=places.astype(np.float32).astype(float),
         triangles=triangles,
         face_material=part.face_material,
@@ -97,7 +97,7 @@ def without_slivers(body: MeshBody, extent: float, counts: RepairCounts) -> Mesh
 
 def _copies(triangles: IntArray) -> BoolArray:
     """Return the faces that duplicate an earlier face with the same winding; the opposite winding is a sheet's back."""
-    # begin each face at its lowest corner: the turn is kept
+    # rotate each face to its lowest corner first, which keeps the winding
     start = np.argmin(triangles, axis=1)
     rows = np.arange(len(triangles))
     a, b, c = (triangles[rows, (start + k) % 3] for k in range(3))
@@ -110,9 +110,9 @@ def _copies(triangles: IntArray) -> BoolArray:
 
 
 def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool) -> tuple[MeshBody, int]:
-    """Wind every connected piece consistently and outwards. Count the faces of one-sided pieces, which stay.
+    """Orient every connected piece consistently and outwards; return it with the number of faces in one-sided pieces.
 
-    Closed pieces by their volume; open ones by the file's normals where it has some, else as most of their area is.
+    Closed pieces by their volume; open ones by the file's normals or, without those, by the majority of their area.
 
     Raises
     ------
@@ -123,22 +123,22 @@ def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool)
     count = len(body.triangles)
     faces = table.pairs // 3
     start = body.triangles.ravel()
-    # two faces of one edge agree when they run along it in opposite directions
+    # two faces of one edge agree if they traverse it in opposite directions
     clash = (start[table.pairs[:, 0]] == start[table.pairs[:, 1]]).astype(np.int64)
     links = np.concatenate(
         [np.stack([2 * faces[:, 0] + s, 2 * faces[:, 1] + (s ^ clash)], axis=1) for s in (0, 1)]
     )
     _, label = components(links, 2 * count)
-    as_is, turned = label[0::2], label[1::2]
-    one_sided = as_is == turned
+    as_is, reversed_ = label[0::2], label[1::2]
+    one_sided = as_is == reversed_
     if one_sided.any() and not lenient:
         raise UserError(
             f"{where}: {int(one_sided.sum())} faces form a one-sided surface (the first is face "
             f"{int(np.argmax(one_sided))}); cut it in the modelling tool, or add "
             "--keep-non-manifold to take it as it is"
         )
-    flip = (as_is > turned) & ~one_sided
-    _, piece = np.unique(np.minimum(as_is, turned), return_inverse=True)
+    flip = (as_is > reversed_) & ~one_sided
+    _, piece = np.unique(np.minimum(as_is, reversed_), return_inverse=True)
     piece = piece.ravel()
     flip ^= _look_inwards(body, table, piece, flip)[piece] & ~one_sided
     if flip.any():
@@ -158,7 +158,7 @@ def oriented(body: MeshBody, where: str, counts: RepairCounts, *, lenient: bool)
 
 
 def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolArray) -> BoolArray:
-    """Return True for pieces that, made consistent by ``flip``, must still be reversed as a whole."""
+    """Return True for pieces that, after ``flip``, must be reversed as a whole."""
     n = int(piece.max(initial=-1)) + 1
     sign = np.where(flip, -1.0, 1.0)
     p = body.positions_m[body.triangles]
@@ -171,7 +171,7 @@ def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolA
     total = np.bincount(piece, area, n) / 2
     edge_piece = piece[table.first // 3]
     share_open = np.bincount(edge_piece, table.open, n) / np.maximum(np.bincount(edge_piece, minlength=n), 1)
-    # a closed sphere has V = 0.094 A^1.5; a double sheet none
+    # a closed sphere has V = 0.094 A^1.5; a double sheet has none
     solid = (share_open <= ALMOST_CLOSED) & (np.abs(volume) > 1e-4 * total**1.5)
     vote = np.bincount(piece, area * sign, n)
     if body.corner_normals is not None:
@@ -184,16 +184,16 @@ def _look_inwards(body: MeshBody, table: EdgeTable, piece: IntArray, flip: BoolA
 def check_surface(
     body: MeshBody, where: str, *, keep_holes: bool, keep_non_manifold: bool, tried_to_fill: bool = False
 ) -> tuple[int, int, int]:
-    """Count holes and edges of three or more faces. Raise unless they are kept.
+    """Count holes and edges of three or more faces; raise unless they are allowed.
 
     Returns
     -------
-    Holes, open edges and non-manifold edges that are kept.
+    Numbers of remaining holes, open edges and non-manifold edges.
 
     Raises
     ------
     UserError
-        Naming part, counts, the first place, and the options.
+        If there are some; the message names part, counts, the first place, and the options.
     """
     table = edge_table(body.triangles)
     bad = table.non_manifold

@@ -1,7 +1,7 @@
 """Coplanar faces that overlap (z-fighting).
 
-Planes are grouped, boxes compared within a group, and what is left is tested exactly: two triangles of one plane
-overlap unless one of their six edges separates them (the separating axis theorem).
+Planes are grouped, boxes compared within a group, and remaining pairs tested exactly: two coplanar triangles overlap
+unless one of their six edges separates them (separating axis theorem).
 
 References
 ----------
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 NEAREST = 1e-5
-"""Distance between surfaces, as a share of the craft, below which the 24-bit depth buffer cannot separate them at
-ten times its size."""
+"""Distance between surfaces, over the craft's size, that a depth buffer cannot resolve ten sizes away."""
 TURN_RAD = 2e-3
 MAX_ALL_PAIRS = 24
 """Number of faces in a plane up to which all pairs are compared."""
@@ -42,12 +41,13 @@ class TooManyFacesError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class FaceTable:
-    """Triangles of all bodies, with what decides whether two coincident ones can both be visible.
+    """Triangles of all bodies, with data that decide if two coincident ones can both be visible.
 
     Parameters
     ----------
-    corners_m : (F, 3, 3). outward : (F, 3) unit normals, of closed pieces outwards. closed : (F,) of a closed piece.
-    body, piece, material : (F,) numbers.
+    corners_m : (F, 3, 3). outward : (F, 3) unit normals, outwards on closed pieces. closed : (F,) True on a closed
+        piece.
+    body, piece, material : (F,) indices.
     """
 
     corners_m: FloatArray
@@ -86,10 +86,10 @@ class FaceTable:
         )
 
     def fighting(self, pairs: IntArray) -> IntArray:
-        """Return the pairs of coincident faces that can be visible at once.
+        """Return the pairs of coincident faces that can be visible at the same time.
 
-        Of two closed bodies that touch, the faces look at each other and neither is seen; a sheet is seen from both
-        sides. Two faces of one material of one body look the same.
+        Where two closed bodies touch, the faces look at each other and neither is visible; a sheet is visible from both
+        sides. Two faces of one material and body look alike.
         """
         a, b = pairs.T
         same_way = np.einsum("ij,ij->i", self.outward[a], self.outward[b]) > 0
@@ -103,43 +103,47 @@ def six_volumes(corners: FloatArray) -> FloatArray:
 
 
 def coincident_pairs(
-    corners_m: FloatArray, extent_m: float, within_m: FloatArray | None = None, asked: BoolArray | None = None
+    corners_m: FloatArray,
+    extent_m: float,
+    within_m: FloatArray | None = None,
+    required: BoolArray | None = None,
 ) -> IntArray | None:
-    """Return (K, 2) faces that are coplanar and overlap; None if there are too many to compare.
+    """Return (K, 2) pairs of faces that are coplanar and overlap; None if there are too many to compare.
 
     Parameters
     ----------
-    corners_m : (F, 3, 3). extent_m : of the craft. within_m : (F,) how far apart the two may lie, the larger of both
-        counts; `NEAREST` of the craft by default. asked : (F,) one of the two is of these.
+    corners_m : (F, 3, 3). extent_m : size of the craft. within_m : (F,) largest distance of a face from its partner, by
+        default `NEAREST` of the craft; the larger of both counts.
+    required : (F,) faces, of which a pair must contain one.
     """
     nearest = NEAREST * extent_m
-    within = np.full(len(corners_m), nearest) if within_m is None else within_m
+    tolerance_m = np.full(len(corners_m), nearest) if within_m is None else within_m
     normal = face_vectors(corners_m)
     area = np.linalg.norm(normal, axis=1)
     unit = normal / np.maximum(area, 1e-30)[:, None]
-    group = _plane_groups(corners_m, unit, float(within.max(initial=nearest)))
-    found = [np.zeros((0, 2), np.int64)]
+    group = _plane_groups(corners_m, unit, float(tolerance_m.max(initial=nearest)))
+    overlapping = [np.zeros((0, 2), np.int64)]
     total = 0
     try:
-        for pairs in _candidates(corners_m, unit, group, float(within.max(initial=nearest)), asked):
-            some = pairs if asked is None else pairs[asked[pairs].any(axis=1)]
+        for pairs in _candidates(corners_m, unit, group, float(tolerance_m.max(initial=nearest)), required):
+            some = pairs if required is None else pairs[required[pairs].any(axis=1)]
             total += len(some)
             if total > MAX_PAIRS:
                 return None
             for start in range(0, len(some), CHUNK):
                 few = some[start : start + CHUNK]
                 few = np.where((area[few[:, 0]] < area[few[:, 1]])[:, None], few[:, ::-1], few)
-                apart = within[few].max(axis=1)
-                found.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
+                apart = tolerance_m[few].max(axis=1)
+                overlapping.append(few[_overlap(corners_m, unit, few, apart, 2 * nearest)])
     except TooManyFacesError:
         return None
-    return np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+    return np.unique(np.sort(np.concatenate(overlapping), axis=1), axis=0)
 
 
 def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> IntArray:
     """Return (F,) the group of nearly identical planes of each face, regardless of orientation."""
     middle = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2
-    # scaled so that one radius holds for turn and distance
+    # scaled so that one radius limits angle and distance
     distance = ((corners.mean(axis=1) - middle) * unit).sum(axis=1) * (TURN_RAD / within_m)
     planes = np.column_stack([unit, distance])
     fine = np.round(planes / (TURN_RAD / 8)).astype(np.int64)
@@ -153,24 +157,24 @@ def _plane_groups(corners: FloatArray, unit: FloatArray, within_m: float) -> Int
 
 
 def _candidates(
-    corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, asked: BoolArray | None
+    corners: FloatArray, unit: FloatArray, group: IntArray, within_m: float, required: BoolArray | None
 ) -> Iterator[IntArray]:
     """Yield pairs (K, 2) of faces of one group whose boxes overlap, in batches."""
     order = np.argsort(group, kind="stable")
     begin = np.flatnonzero(np.diff(group[order], prepend=-1))
     size = np.diff(np.append(begin, len(order)))
-    if asked is not None:
-        wanted = np.add.reduceat(asked[order].astype(np.int64), begin) > 0
-        begin, size = begin[wanted], size[wanted]
+    if required is not None:
+        is_wanted = np.add.reduceat(required[order].astype(np.int64), begin) > 0
+        begin, size = begin[is_wanted], size[is_wanted]
     low, high = corners.min(axis=1) - within_m, corners.max(axis=1) + within_m
     few = (size > 1) & (size <= MAX_ALL_PAIRS)
     n = size[few]
-    # the places of all faces of small groups, and how many of its group follow each
+    # positions of all faces of small groups, and the number of later faces in the group
     ends = np.cumsum(n)
     place = np.arange(n.sum()) + np.repeat(begin[few] - ends + n, n)
-    left = np.repeat(begin[few] + n, n) - place - 1
-    a = np.repeat(place, left)
-    b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(left) - left, left)
+    n_later = np.repeat(begin[few] + n, n) - place - 1
+    a = np.repeat(place, n_later)
+    b = a + 1 + np.arange(len(a)) - np.repeat(np.cumsum(n_later) - n_later, n_later)
     yield _meeting(np.stack([order[a], order[b]], axis=1), low, high)
     for start, count in zip(begin[size > MAX_ALL_PAIRS], size[size > MAX_ALL_PAIRS], strict=True):
         faces = order[start : start + count]
@@ -193,7 +197,7 @@ def _meeting(pairs: IntArray, low: FloatArray, high: FloatArray) -> IntArray:
 def _overlap(
     corners: FloatArray, unit: FloatArray, pairs: IntArray, within_m: FloatArray, least_m: float
 ) -> BoolArray:
-    """Return (K,) whether the faces of each pair are coplanar and overlap by more than ``least_m``."""
+    """Return (K,) True where the faces of a pair are coplanar and overlap by more than ``least_m``."""
     a, b = pairs.T
     n = unit[a]
     parallel = np.abs(np.einsum("ij,ij->i", n, unit[b])) > 1 - TURN_RAD**2 / 2

@@ -1,7 +1,7 @@
-"""Holes of a surface, capped where the result is a solid.
+"""Holes of a surface, capped if the result is a solid.
 
-A piece is capped as a whole or not at all: its openings are simple rings, what they close encloses a volume, and no
-cap lies on other faces. The windows and cells of a frame stay open: their glass is another part.
+A piece is capped as a whole or not at all: its openings must be simple rings, the closed piece must enclose a volume,
+and no cap may lie on other faces. Windows and cells of a frame stay open, because their glass is another part.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class _Cap:
 
 def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
     """Cap the openings of the pieces that become solids."""
-    found = FaceTable.of(bodies)
+    faces = FaceTable.of(bodies)
     caps: list[_Cap] = []
     openings = 0
     count = 0
@@ -65,16 +65,16 @@ def cap_solids(bodies: list[MeshBody], extent_m: float) -> Capped:
         mine = [_cap(body, number, piece[owner], count, loop, owner) for loop, owner in loops]
         caps += [c for c in mine if whole[c.piece - count]]
         count += n
-    solid = _solid_pieces(found, caps)
+    solid = _solid_pieces(faces, caps)
     caps = [c for c in caps if c.piece in solid]
-    clash = _clashing(found, caps, extent_m)
+    clash = _clashing(faces, caps, extent_m)
     caps = [c for c in caps if c.piece not in clash]
     out = [_with_caps(b, [c for c in caps if c.body == k]) for k, b in enumerate(bodies)]
     return Capped(out, len(caps), openings - len(caps))
 
 
 def _rings(body: MeshBody, piece: IntArray) -> tuple[list[tuple[IntArray, int]], dict[int, bool]]:
-    """Return the simple rings of open edges with a face of each, and for each open piece whether all its edges form
+    """Return the simple rings of open edges with a face of each, and for each open piece True if all its edges form
     such rings.
     """
     table = edge_table(body.triangles)
@@ -140,22 +140,22 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     piece = np.concatenate([faces.piece, np.repeat([c.piece for c in caps], lengths)])
     ring = np.concatenate([np.full(n, -1), np.repeat(np.arange(len(caps)), lengths)])
     width = np.concatenate([np.zeros(n), np.repeat([c.width_m for c in caps], lengths)])
-    within = np.maximum(NEAREST * extent_m, BEFORE_GLASS * width)
-    pairs = coincident_pairs(corners, extent_m, within, ring >= 0)
-    if pairs is None:  # too many to decide: left open
+    tolerance_m = np.maximum(NEAREST * extent_m, BEFORE_GLASS * width)
+    pairs = coincident_pairs(corners, extent_m, tolerance_m, ring >= 0)
+    if pairs is None:  # too many to decide: leave them open
         return {c.piece for c in caps}
     a, b = pairs.T
     pairs = pairs[ring[a] != ring[b]]
     a, b = pairs.T
-    # bodies that become solids and touch look at each other, and neither face is seen
+    # where bodies that become solids touch, faces look at each other and neither is visible
     to_be_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
         faces.closed, np.ones(sum(lengths), bool)
     )
     normal = face_vectors(corners)
     outward = normal * _outward_sign(corners, piece)[:, None]
     same_way = np.einsum("ij,ij->i", outward[a], outward[b]) > 0
-    seen = (piece[a] == piece[b]) | same_way | ~(to_be_closed[a] & to_be_closed[b])
-    return {int(piece[k]) for pair in pairs[seen] for k in pair if ring[k] >= 0}
+    is_visible = (piece[a] == piece[b]) | same_way | ~(to_be_closed[a] & to_be_closed[b])
+    return {int(piece[k]) for pair in pairs[is_visible] for k in pair if ring[k] >= 0}
 
 
 def _outward_sign(corners: FloatArray, piece: IntArray) -> FloatArray:
@@ -179,13 +179,13 @@ def _with_caps(body: MeshBody, caps: list[_Cap]) -> MeshBody:
             count += 1
         faces.append(new)
         materials.append(np.full(len(new), c.material))
-    added = sum(map(len, faces[1:]))
+    n_added = sum(map(len, faces[1:]))
     uv = body.corner_uv
     return replace(
         body,
         positions_m=np.concatenate(points),
         triangles=np.concatenate(faces),
         face_material=np.concatenate(materials),
-        corner_normals=None,  # new faces have no normals of the file
-        corner_uv=None if uv is None else np.concatenate([uv, np.full((added, 3, 2), np.nan)]),
+        corner_normals=None,  # new faces have no normals from the file
+        corner_uv=None if uv is None else np.concatenate([uv, np.full((n_added, 3, 2), np.nan)]),
     )

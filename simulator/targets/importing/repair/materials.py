@@ -16,31 +16,31 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import TextureImage
 
 MAX_MATERIALS = 250
-"""Largest number of materials; the renderer stores the index in eight bits."""
+"""Largest number of materials, whose index the renderer stores in eight bits."""
 
 
 def used_materials(bodies: list[MeshBody], materials: list[Material]) -> tuple[list[Material], list[str]]:
-    """Keep the materials in use and renumber them; beyond the limit the rarest are replaced by the nearest in
-    colour.
-    """
+    """Keep the materials in use and renumber them; beyond the limit, replace the rarest by the nearest in colour."""
     area = np.zeros(len(materials))
     for b in bodies:
         area += np.bincount(b.face_material, np.linalg.norm(b.face_vectors, axis=1), minlength=len(materials))
-    used = np.flatnonzero(area > 0)
-    kept = np.sort(used[np.argsort(-area[used], kind="stable")[:MAX_MATERIALS]])
+    in_use = np.flatnonzero(area > 0)
+    most_used = np.sort(in_use[np.argsort(-area[in_use], kind="stable")[:MAX_MATERIALS]])
     look = np.array([(*m.base_color, m.metallic, m.roughness) for m in materials])
     into = np.zeros(len(materials), np.int64)
-    for k in used:
+    for k in in_use:
         into[k] = (
-            int(np.argmin(((look[kept] - look[k]) ** 2).sum(axis=1)))
-            if k not in kept
-            else int(np.searchsorted(kept, k))
+            int(np.argmin(((look[most_used] - look[k]) ** 2).sum(axis=1)))
+            if k not in most_used
+            else int(np.searchsorted(most_used, k))
         )
     for b in bodies:
         b.face_material = into[b.face_material]
-    lost = len(used) - len(kept)
-    notes = [f"{lost} materials of the least area became their nearest in colour"] if lost > 0 else []
-    return [materials[int(k)] for k in kept], notes
+    n_dropped = len(in_use) - len(most_used)
+    notes = (
+        [f"{n_dropped} materials of the least area became their nearest in colour"] if n_dropped > 0 else []
+    )
+    return [materials[int(k)] for k in most_used], notes
 
 
 def plain_where_unwrapped(
@@ -57,8 +57,12 @@ def plain_where_unwrapped(
             continue
         bare = []
         for b in users[number]:
-            mine = b.face_material == number
-            bare.append(mine if b.corner_uv is None else mine & ~np.isfinite(b.corner_uv).all(axis=(1, 2)))
+            of_material = b.face_material == number
+            bare.append(
+                of_material
+                if b.corner_uv is None
+                else of_material & ~np.isfinite(b.corner_uv).all(axis=(1, 2))
+            )
         count = sum(int(x.sum()) for x in bare)
         if not count:
             continue

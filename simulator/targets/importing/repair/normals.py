@@ -1,4 +1,4 @@
-"""Corner normals: the file's where they fit the faces, else computed with creases; split into parts."""
+"""Corner normals: the file's if consistent, else computed with creases; and the division into parts."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def smooth_normals(body: MeshBody) -> FloatArray:
 
 
 def file_normals(body: MeshBody) -> FloatArray:
-    """Return (F, 3, 3) unit normals of the file, flat on faces that they do not fit."""
+    """Return (F, 3, 3) unit normals of the file, and flat ones on faces where they are inconsistent."""
     n = body.corner_normals
     if n is None:
         return smooth_normals(body)
@@ -89,12 +89,12 @@ def _flat_where_wrong(normals: FloatArray, unit: FloatArray) -> FloatArray:
 def parts_of(body: MeshBody, normals: FloatArray, materials: Sequence[Material]) -> list[Part]:
     """Return one part per material of the body, with shared corners of equal position and normal."""
     out = []
-    used = np.unique(body.face_material)
-    for k in used:
+    material_indices = np.unique(body.face_material)
+    for k in material_indices:
         faces = body.face_material == k
         place = body.triangles[faces].ravel()
         n = normals[faces].reshape(-1, 3).astype(np.float32)
-        # normals on a grid of 1e-4, finer than a shade of grey
+        # normals on a grid of 1e-4, finer than a grey level
         step = np.rint(n * 1e4).astype(np.int64) + 20_000
         key = (step[:, 0] * 50_000 + step[:, 1]) * 50_000 + step[:, 2]
         uv = None
@@ -110,7 +110,7 @@ def parts_of(body: MeshBody, normals: FloatArray, materials: Sequence[Material])
         material = materials[int(k)].name
         out.append(
             Part(
-                name=body.name if len(used) == 1 else f"{body.name}.{material}",
+                name=body.name if len(material_indices) == 1 else f"{body.name}.{material}",
                 material=material,
                 positions_m=body.positions_m[place[first]].astype(np.float32),
                 normals=unit.astype(np.float32),

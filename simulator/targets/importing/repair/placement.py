@@ -1,4 +1,4 @@
-"""Scale, axes and validity of vertices: finite, and the size of a spacecraft."""
+"""Placement of a mesh: scale, axes, and plausibility of its size."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ LIKELY_M = 30.0
 """Largest size for which a unit is proposed."""
 MAX_TRIANGLES, MAX_PARTS = 500_000, 4000
 OFF, FARTHEST = 0.1, 100.0
-"""Distance of the origin from the model, in extents, that is reported, and that is refused because vertices lose
-1e-5 of the craft."""
+"""Distance of the origin from the model, in extents, that is reported; and that loses too much precision."""
 
 
 def check_numbers(model: RawModel) -> None:
@@ -31,7 +30,7 @@ def check_numbers(model: RawModel) -> None:
     Raises
     ------
     UserError
-        Naming the part, how many, and the first.
+        If there are some; the message names the part, the number, and the first.
     """
     for part in model.parts:
         where = f"{model.path}, part {part.name!r}"
@@ -56,7 +55,7 @@ def check_count(model: RawModel, decimate: int | None) -> None:
     Raises
     ------
     UserError
-        Naming the count and the option.
+        If there are; the message states the count and the option.
     """
     if decimate is not None and not 500 <= decimate <= MAX_TRIANGLES:
         raise UserError(f"--decimate {decimate} is out of range; choose 500 to {MAX_TRIANGLES} triangles")
@@ -68,12 +67,12 @@ def check_count(model: RawModel, decimate: int | None) -> None:
 
 
 def check_parts(model: RawModel) -> None:
-    """Raise if there are more parts than a craft has; each is a body with labels of its own.
+    """Raise if there are too many parts, each of which is a body with labels of its own.
 
     Raises
     ------
     UserError
-        Naming the count.
+        If there are; the message states the count.
     """
     if len(model.parts) > MAX_PARTS:
         raise UserError(
@@ -91,18 +90,18 @@ def place_model(
     recentre: bool = False,
     any_size: bool = False,
 ) -> list[str]:
-    """Convert the model to metres and z up, in place. Return the assumptions.
+    """Convert the model to metres and z up, in place; return the assumptions.
 
     Parameters
     ----------
-    recentre : move the origin to the middle of the box about the model.
-    any_size : the user confirms a size that no spacecraft has.
+    recentre : True to move the origin to the centre of the bounding box.
+    any_size : True to accept a size that no spacecraft has.
 
     Raises
     ------
     UserError
-        If the result is not the size of a spacecraft, with the unit that would make it one; or so far from its origin
-        that float32 cannot hold its shape.
+        If the result is not the size of a spacecraft (the message proposes a unit), or so far from its origin that
+        float32 cannot hold its shape.
     """
     if scale is not None and units is not None:
         raise UserError("give --scale or --units, not both; --units mm is --scale 0.001")
@@ -113,10 +112,10 @@ def place_model(
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise UserError(f"--scale {scale:g} is not a positive number; 0.001 turns millimetres into metres")
     factor = scale if scale is not None else UNITS_M[units] if units is not None else 1.0
-    said = scale is not None or units is not None
+    is_stated = scale is not None or units is not None
     low, high = bounds(model)
     extent = float((high - low).max()) * factor
-    unusual = _check_size(model, extent, factor, said=said, any_size=any_size)
+    unusual = _check_size(model, extent, factor, is_stated=is_stated, any_size=any_size)
     axis = up or model.up or "z"
     for part in model.parts:
         part.positions_m = part.positions_m * factor
@@ -129,7 +128,7 @@ def place_model(
         ]
     low, high = bounds(model)
     size = " x ".join(f"{s:.4g}" for s in high - low)
-    if said:
+    if is_stated:
         how = f"scaled by {factor:g}"
     else:
         how = (
@@ -137,9 +136,13 @@ def place_model(
             if model.in_metres
             else "taken as metres, because the file names no unit: --units mm, cm or in if it is not"
         )
-    turned = "y turned to z (up)" if axis == "y" else "axes as in the file, z up"
-    turned += "" if up else f" (--up {'z' if axis == 'y' else 'y'} if that is wrong)"
-    return [*unusual, f"size {size} m ({how}); {turned}", *_origin_lines(model, low, high, recentre=recentre)]
+    axes_note = "y turned to z (up)" if axis == "y" else "axes as in the file, z up"
+    axes_note += "" if up else f" (--up {'z' if axis == 'y' else 'y'} if that is wrong)"
+    return [
+        *unusual,
+        f"size {size} m ({how}); {axes_note}",
+        *_origin_lines(model, low, high, recentre=recentre),
+    ]
 
 
 def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentre: bool) -> list[str]:
@@ -167,7 +170,9 @@ def _origin_lines(model: RawModel, low: FloatArray, high: FloatArray, *, recentr
     return [line]
 
 
-def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, any_size: bool) -> list[str]:
+def _check_size(
+    model: RawModel, extent_m: float, factor: float, *, is_stated: bool, any_size: bool
+) -> list[str]:
     """Raise for a size that no spacecraft has, or return a line about it if the user confirms it."""
     if SMALLEST_M <= extent_m <= LARGEST_M:
         return []
@@ -180,7 +185,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
         return [
             f"{extent_m:.4g} m across, outside the sizes of spacecraft ({SMALLEST_M:g} to {LARGEST_M:g} m): confirmed"
         ]
-    across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if said else "")
+    across = f"{extent_m:.4g} m across" + (f" (scaled by {factor:g})" if is_stated else "")
     confirm = (
         "--yes if it is that size"
         if SMALLEST_DRAWN_M <= extent_m <= LARGEST_DRAWN_M
@@ -193,7 +198,7 @@ def _check_size(model: RawModel, extent_m: float, factor: float, *, said: bool, 
 
 
 def _proposed_unit(extent: float, units_in_metres: float) -> str:
-    """Return advice on the unit for which a craft of ``extent`` units is most plausible, if there is one."""
+    """Return advice on the most plausible unit for a craft of ``extent`` units, if there is one."""
     fits = [u for u, m in UNITS_M.items() if m != units_in_metres and SMALLEST_M <= extent * m <= LIKELY_M]
     if not fits:
         return (
@@ -202,16 +207,16 @@ def _proposed_unit(extent: float, units_in_metres: float) -> str:
             else ""
         )
     unit = next(u for u in ("mm", "m", "cm", "in") if u in fits)
-    others = "".join(f", --units {u} ({extent * UNITS_M[u]:.3g} m)" for u in fits if u != unit)
-    return f"add --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m){others}, or "
+    other_units = "".join(f", --units {u} ({extent * UNITS_M[u]:.3g} m)" for u in fits if u != unit)
+    return f"add --units {unit} if it is in {UNIT_NAMES[unit]} ({extent * UNITS_M[unit]:.3g} m){other_units}, or "
 
 
 def bounds(model: RawModel) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest corner of the vertices in use."""
-    used = [p.positions_m[used_vertices(p.triangles, len(p.positions_m))] for p in model.parts]
+    vertices = [p.positions_m[used_vertices(p.triangles, len(p.positions_m))] for p in model.parts]
     return (
-        np.min([u.min(axis=0) for u in used], axis=0),
-        np.max([u.max(axis=0) for u in used], axis=0),
+        np.min([u.min(axis=0) for u in vertices], axis=0),
+        np.max([u.max(axis=0) for u in vertices], axis=0),
     )
 
 
