@@ -230,6 +230,27 @@ class LearnedProposer:
         )
         return float(score[0] / CORRELATED - g.log_likely[0])
 
+    def disbelief(self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0) -> float:
+        """Return the log-likelihood by which the most likely pose in a crop about a pose is ahead of it.
+
+        Parameters
+        ----------
+        image, noise, black
+            As of `propose`.
+        q, t : (4,), (3,) arrays
+            The pose; its craft is within the image.
+        """
+        centre = t + quat.matrix(q) @ self.centre_m
+        away = float(np.linalg.norm(centre))
+        half_angle = np.arcsin(min(self.radius_m / away, 0.9))
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        crop = ImageCrop(centre / away, float(2 * f * np.tan(half_angle)))
+        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
+        whole = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
+        return -self.log_likelihood(
+            [self._proposal(whole, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
+        )
+
     def _apart(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first of these crops that show different things."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
