@@ -12,6 +12,7 @@ then geometry).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Dict, List, Optional, Sequence
 
 import numpy as np
@@ -25,6 +26,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FIL
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import (
     CORRELATED,
     likeliest_place,
+    likelihood_table,
     log_likelihoods,
     pose_modes,
     with_outliers,
@@ -79,6 +81,11 @@ class LearnedProposal:
     craft: float
     p: Array
     log_size: float
+
+    @cached_property
+    def table(self) -> Array:
+        """(K, 2, BINS) log-probabilities, smoothed for attitudes as far apart as the grid's."""
+        return likelihood_table(self.p)
 
     def region(self, camera: CameraIntrinsics) -> Region:
         """Return the square about the bounding sphere; it may reach beyond the image."""
@@ -225,9 +232,8 @@ class LearnedProposer:
         g = min(learned, key=off)
         back = g.crop.swing().T
         seen = quat.multiply(quat.from_matrix(back), q)[None]
-        score = log_likelihoods(
-            g.p, self.points, self._focal(g.crop), seen, (back @ centre / self.radius_m)[None]
-        )
+        at = (back @ centre / self.radius_m)[None]
+        score = log_likelihoods(g.table, self.points, self._focal(g.crop), seen, at)
         return float(score[0] / CORRELATED - g.log_likely[0])
 
     def disbelief(self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0) -> float:
