@@ -62,9 +62,9 @@ def fixed(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
             json.dumps({"schema": "flyaround.fixed-cost", "version": 1, "costs": [asdict(c) for c in costs]})
         )
         return
-    table = Table("labels", "thread ms", "least", "calls of Python functions", "all calls")
+    table = Table("labels", "thread ms", "least", "in draw calls", "calls of Python functions", "all calls")
     for c in costs:
-        times = (f"{c.thread_ms:.1f}", f"{c.least_thread_ms:.1f}")
+        times = (f"{c.thread_ms:.1f}", f"{c.least_thread_ms:.1f}", f"{c.draw_calls_ms:.1f}")
         table.add_row("yes" if c.labels else "no", *times, f"{c.python_calls:,}", f"{c.all_calls:,}")
     terminal().print(table)
 

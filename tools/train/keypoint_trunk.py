@@ -1,11 +1,15 @@
 """Train the keypoint network's trunk and the heads of the built-in craft, all at once.
 
     python -m tools.train.keypoint_trunk draw VIEWS --workers 2
-    python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --threads 2
+    python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --assistants 1
     python -m tools.train.keypoint_trunk write STATE
 
-``draw`` goes on where it was stopped, and so does ``fit``; ``write`` puts the running mean of the weights into the
-package. Two processes make samples beside the training.
+``draw`` goes on where it was stopped, and so does ``fit``. ``fit`` begins with the shipped weights, or with ``--anew``
+from nothing; ``write`` puts the running mean of the weights into the package.
+
+One process trains on one thread, for two threads wait for each other (docs/lab/2026-11-keypoint-network.md); another
+makes samples; assistants add gradients of further batches, at weights that are at most a step old, from whatever time
+of the processor is left.
 """
 
 from __future__ import annotations
@@ -14,7 +18,9 @@ import argparse
 import hashlib
 import io
 import multiprocessing
+import os
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,13 +30,14 @@ import torch
 from torch import nn
 
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
+from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import keypoints_m
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.keypoints import fit
-from flyaround.hil.train.keypoints.head_training import arrays_of, load_views
+from flyaround.hil.train.keypoints.head_training import arrays_of, load_views, state_of
 from flyaround.hil.train.keypoints.network import Head, Trunk
 from flyaround.hil.train.keypoints.samples import EASY, HARD, Batch, halved, sample
-from flyaround.hil.train.keypoints.trunk_file import folded, to_onnx
+from flyaround.hil.train.keypoints.trunk_file import folded, from_onnx, to_onnx, unfolded
 from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.library import load_target
@@ -40,34 +47,43 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
+    # Names of the craft of a batch with the number of their samples, in order, and the batch.
+    Samples = tuple[list[tuple[str, int]], Batch]
+
 WEIGHTS = Path(__file__).parents[2] / "hil/board/hybrid/propose/keypoints/weights"
 
 # Views of each craft; Tango is drawn in both of its paints.
 VIEWS = {
-    "tango": 6000,
-    "dragon": 1500,
-    "soyuz-ms": 1500,
-    "tianzhou": 1500,
-    "change6-ascender": 1500,
-    "cubesat-3u": 1500,
-    "tango-thesis": 1000,
+    "tango": 3200,
+    "dragon": 1400,
+    "soyuz-ms": 900,
+    "tianzhou": 900,
+    "change6-ascender": 900,
+    "cubesat-3u": 900,
+    "tango-thesis": 400,
 }
 PAINTS = {"tango": ("tango", "tango-mockup")}
 
-# Samples of a step, and of these of other craft than Tango; share of the training on easy samples.
-BATCH, OTHERS, EASY_SHARE = 64, 24, 0.2
-PER_CRAFT = 8
+# Samples of a step, of these of other craft than Tango, and of one of them; share of a new training on easy samples.
+BATCH, OTHERS, PER_CRAFT, EASY_SHARE = 64, 40, 8, 0.2
+
+# Chances of samples of Tango, which laboratories have, and of other craft.
+LABORATORY = replace(HARD, earth=0.75)
+ORBIT = replace(LABORATORY, orbit=0.65)
+
+# Largest rate of a training that begins with the shipped weights.
+RATE_AGAIN = 8e-4
 
 CHECKPOINT_S = 120.0
 
 
 def drawing(folder: Path, name: str) -> Drawing:
     """Return what is drawn of a craft."""
-    return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 18801)
+    return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 30117)
 
 
-def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:  # noqa: ANN401 - a shared flag
-    """Put batches into a queue for ever: names and sizes of their parts, and samples."""
+def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> None:  # noqa: ANN401 - a shared flag
+    """Put batches into a queue for ever."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     views, earths = {}, {}
@@ -80,45 +96,146 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:
     while True:
         few = rng.choice(others, OTHERS // PER_CRAFT, replace=False)
         sizes = {"tango": BATCH - OTHERS, **dict.fromkeys(few.tolist(), PER_CRAFT)}
-        mix = EASY if easy.value else HARD
-        parts = [
-            sample(views[n], earths[n], rng.integers(len(views[n].lit), size=size), rng, mix)
-            for n, size in sizes.items()
-        ]
+        parts = []
+        for name, size in sizes.items():
+            mix = EASY if easy.value else LABORATORY if name.startswith("tango") else ORBIT
+            which = rng.integers(len(views[name].lit), size=size)
+            parts.append(sample(views[name], earths[name], which, rng, mix))
         keys = ("inputs", "points", "present", "log_size")
         queue.put(
             (list(sizes.items()), Batch(*(np.concatenate([getattr(p, k) for p in parts]) for k in keys)))
         )
 
 
-def train(folder: Path, state: Path, minutes: float, threads: int) -> None:
+@dataclass(frozen=True)
+class Shared:
+    """Weights that assistants read, and the sums of gradients, times samples, that they add to.
+
+    Parameters
+    ----------
+    weights, gradients : list of tensor
+        In shared memory.
+    samples : shared integer
+        How many samples the sums are of.
+    lock : lock
+        Of the sums.
+    """
+
+    weights: list[Tensor]
+    gradients: list[Tensor]
+    samples: Any
+    lock: Any
+
+    @staticmethod
+    def of(weights: list[Tensor], context: Any) -> Shared:  # noqa: ANN401 - of multiprocessing
+        """Return the shared memory for these weights."""
+        copies = [w.detach().clone(memory_format=torch.contiguous_format).share_memory_() for w in weights]
+        sums = [torch.zeros_like(w).share_memory_() for w in copies]
+        return Shared(copies, sums, context.Value("l", 0, lock=False), context.Lock())
+
+    def add(self, weights: list[Tensor], samples: int) -> None:
+        """Add the gradients of a batch."""
+        with self.lock, torch.no_grad():
+            for w, total in zip(weights, self.gradients, strict=True):
+                if w.grad is not None:
+                    total.add_(w.grad, alpha=samples)
+            self.samples.value += samples
+
+    def take(self, weights: list[Tensor], samples: int) -> None:
+        """Make gradients of a batch the mean with those added since the last step."""
+        with self.lock, torch.no_grad():
+            more = self.samples.value
+            if not more:
+                return
+            for w, total in zip(weights, self.gradients, strict=True):
+                own = torch.zeros_like(w) if w.grad is None else w.grad
+                w.grad = (own * samples + total) / (samples + more)
+                total.zero_()
+            self.samples.value = 0
+
+
+def assist(shared: Shared, queue: Queue[Samples]) -> None:
+    """Add gradients to the training's for ever, at the lowest priority."""
+    os.nice(19)
+    torch.set_num_threads(1)
+    network = KeypointNetworks()
+    weights = list(network.parameters())
+    while True:
+        samples = queue.get()
+        with torch.no_grad():
+            for w, newest in zip(weights, shared.weights, strict=True):
+                w.copy_(newest)
+        network.zero_grad(set_to_none=True)
+        _loss(network, samples)[1].backward()
+        shared.add(weights, len(samples[1].inputs))
+
+
+class KeypointNetworks(nn.Module):  # type: ignore[misc]
+    """The trunk and the heads of all built-in craft."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.trunk = Trunk().to(memory_format=torch.channels_last)
+        self.heads = nn.ModuleDict({name: Head() for name in VIEWS})
+
+    def load_shipped(self, samples: Batch) -> None:
+        """Take the weights of the package; ``samples`` give the normalisations their first statistics."""
+        trunk = unfolded(from_onnx(trunk_bytes()), torch.from_numpy(samples.inputs).float())
+        self.trunk.load_state_dict(trunk.state_dict())
+        for name, head in self.heads.items():
+            shipped = network_for(board_model(load_target(name)))
+            if shipped is None:
+                raise RuntimeError(f"{name} has no shipped head; train with --anew")
+            head.load_state_dict(state_of(shipped.head))
+
+
+def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: bool) -> None:
     """Train until ``minutes`` in all are spent."""
-    torch.set_num_threads(threads)
+    torch.set_num_threads(1)
     torch.manual_seed(0)
-    trunk, heads = Trunk(), nn.ModuleDict({name: Head() for name in VIEWS})
-    both = nn.ModuleDict({"trunk": trunk.to(memory_format=torch.channels_last), "heads": heads})
-    adam = torch.optim.AdamW(both.parameters(), fit.RATE, weight_decay=fit.DECAY)
-    mean = {k: v.clone() for k, v in both.state_dict().items()}
+    context = multiprocessing.get_context("spawn")
+    queue, easy = context.Queue(8), context.Value("b", anew)
     steps, spent = 0, 0.0
-    if state.exists():
-        kept = torch.load(state, weights_only=True)
+    kept = torch.load(state, weights_only=True) if state.exists() else None
+    if kept is not None:
+        steps, spent = kept["steps"], kept["spent_s"]
+    context.Process(target=make_batches, args=(folder, steps, easy, queue), daemon=True).start()
+    both = KeypointNetworks()
+    if kept is None and not anew:
+        both.load_shipped(queue.get()[1])
+    adam = torch.optim.AdamW(both.parameters(), fit.RATE if anew else RATE_AGAIN, weight_decay=fit.DECAY)
+    mean = {k: v.clone() for k, v in both.state_dict().items()}
+    if kept is not None:
         both.load_state_dict(kept["weights"])
         adam.load_state_dict(kept["adam"])
-        mean, steps, spent = kept["mean"], kept["steps"], kept["spent_s"]
-    context = multiprocessing.get_context("spawn")
-    queue, easy = context.Queue(6), context.Value("b", True)
-    for k in range(2):
-        context.Process(target=make_batches, args=(folder, steps + k, easy, queue), daemon=True).start()
+        mean = kept["mean"]
+    both.train()
+    weights = list(both.parameters())
+    shared = Shared.of(weights, context)
+    for _ in range(assistants):
+        context.Process(target=assist, args=(shared, queue), daemon=True).start()
     began, saved = time.monotonic() - spent, time.monotonic()
     while (share := (time.monotonic() - began) / (60 * minutes)) < 1:
-        easy.value = share < EASY_SHARE
-        loss = _step(both, adam, queue.get(), steps, share)
+        easy.value = anew and share < EASY_SHARE
+        rate = (fit.RATE if anew else RATE_AGAIN) * min(1.0, (steps + 1) / fit.WARM_UP)
+        for group in adam.param_groups:
+            group["lr"] = float(rate * (0.98 * (0.5 + 0.5 * np.cos(np.pi * share)) + 0.02))
+        samples = queue.get()
+        keypoints, loss = _loss(both, samples)
+        adam.zero_grad()
+        loss.backward()
+        shared.take(weights, BATCH)
+        nn.utils.clip_grad_norm_(weights, fit.LARGEST_GRADIENT)
+        adam.step()
         steps += 1
+        with torch.no_grad():
+            for w, newest in zip(weights, shared.weights, strict=True):
+                newest.copy_(w)
         _average(mean, both.state_dict(), steps)
         if time.monotonic() - saved > CHECKPOINT_S:
             saved = time.monotonic()
             _save(state, both, adam, mean, steps, saved - began)
-            print(f"{(saved - began) / 60:.0f} min, {steps} steps, loss {loss:.3f}", flush=True)
+            print(f"{(saved - began) / 60:.0f} min, {steps} steps, loss {keypoints.item():.3f}", flush=True)
     _save(state, both, adam, mean, steps, 60 * minutes)
 
 
@@ -138,27 +255,17 @@ def write(state: Path) -> None:
         write_atomic(WEIGHTS / f"{name}.npz", head.to_bytes())
 
 
-def _step(both: nn.ModuleDict, adam: torch.optim.Optimizer, batch: Any, steps: int, share: float) -> float:  # noqa: ANN401 - of a queue
-    rate = (
-        fit.RATE * min(1.0, (steps + 1) / fit.WARM_UP) * (0.98 * (0.5 + 0.5 * np.cos(np.pi * share)) + 0.02)
-    )
-    for group in adam.param_groups:
-        group["lr"] = float(rate)
-    sizes, samples = batch
-    x = torch.from_numpy(samples.inputs).float().contiguous(memory_format=torch.channels_last)
+def _loss(networks: KeypointNetworks, samples: Samples) -> tuple[Tensor, Tensor]:
+    """Return the keypoints' cross-entropy and the whole loss of a batch."""
+    sizes, batch = samples
+    x = torch.from_numpy(batch.inputs).float().contiguous(memory_format=torch.channels_last)
     made, first = [], 0
     with torch.autocast("cpu", torch.bfloat16):
-        features = both["trunk"](x)
+        features = networks.trunk(x)
         for name, size in sizes:
-            made.append(both["heads"][name](features[first : first + size]))
+            made.append(networks.heads[name](features[first : first + size]))
             first += size
-    logits, whole = (torch.cat([m[k] for m in made]) for k in range(2))
-    keypoints, loss = fit.loss((logits, whole), samples)
-    adam.zero_grad()
-    loss.backward()
-    nn.utils.clip_grad_norm_(both.parameters(), fit.LARGEST_GRADIENT)
-    adam.step()
-    return keypoints.item()
+    return fit.loss((torch.cat([m[0] for m in made]), torch.cat([m[1] for m in made])), batch)
 
 
 def _average(mean: dict[str, Tensor], weights: dict[str, Tensor], steps: int) -> None:
@@ -200,7 +307,8 @@ def main() -> None:
     fitted.add_argument("views", type=Path)
     fitted.add_argument("state", type=Path)
     fitted.add_argument("--minutes", type=float, default=180.0)
-    fitted.add_argument("--threads", type=int, default=2)
+    fitted.add_argument("--assistants", type=int, default=1)
+    fitted.add_argument("--anew", action="store_true", help="begin from nothing")
     written = commands.add_parser("write", help="write the weights into the package")
     written.add_argument("state", type=Path)
     given = parser.parse_args()
@@ -209,7 +317,7 @@ def main() -> None:
             say = lambda done, of, name=name: print(f"{name}: {done} of {of}", flush=True)  # noqa: E731 - a line
             draw_all(drawing(given.views, name), given.workers, say)
     elif given.command == "fit":
-        train(given.views, given.state, given.minutes, given.threads)
+        train(given.views, given.state, given.minutes, given.assistants, anew=given.anew)
     else:
         write(given.state)
 

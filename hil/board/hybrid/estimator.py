@@ -62,6 +62,10 @@ ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
 # Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
 SURE = 2.0
 
+# Log-likelihood by which the network must prefer another pose for one to be dropped: right ones are at most 2.7 behind
+# the likeliest (dev-lightbox, dev-sunlamp: 130 frames).
+DENIED = 5.0
+
 # Regions searched at most with a texture behind and with nothing.
 REGIONS, EMPTY_REGIONS = 2, 3
 
@@ -144,12 +148,15 @@ def choose(proposals: Proposals) -> Choice:
 def _choose_by_image(proposals: Proposals) -> Choice:
     image, thorough = proposals.image, proposals.thorough
     target, frame, regime = image.setup.target, image.frame, image.regime
+    prior = _prior(proposals)
     # the best of each region on a small patch of it
     aligned = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
+    aligned = without_denied(aligned, prior)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
     # the leaders, the winner's near-symmetries and its tilts on one patch of the target
     patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
+    aligned = without_denied(aligned, prior)
     _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
     # those refined to their ends on the whole image
@@ -157,6 +164,17 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     _keep_poses(frame, "final_alignment", selection.ends)
     frame.mark("final_alignment")
     return Choice(proposals, selection)
+
+
+def without_denied(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
+    """Return the hypotheses without those that the keypoint network holds for far less likely than another.
+
+    In the light of lamps a drawing explains a picture from a wrong side nearly as well as from the right one.
+    """
+    if prior is None or len(hypotheses) < 2:
+        return hypotheses
+    log_likely = np.array([prior(h.q, h.t) for h in hypotheses])
+    return [hypotheses[k] for k in np.flatnonzero(log_likely >= log_likely.max() - DENIED)]
 
 
 def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]) -> None:
@@ -174,7 +192,7 @@ def check(choice: Choice) -> Choice:
         frame.mark("axial_symmetry")
     if setup.has_faces and not setup.tried and setup.has_symmetries:
         # of a round target a few small parts tell them apart
-        selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice))
+        selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))
         choice = replace(choice, selection=selection)
         frame.mark("discrete_symmetry")
     if _accepted_in_doubt(choice):
@@ -196,7 +214,7 @@ def _tilted(choice: Choice) -> Selection:
         return replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
     evidence = after.evidence
     if setup.has_symmetries:
-        after = check_discrete_symmetry(setup.target, frame, after, _prior(choice))
+        after = check_discrete_symmetry(setup.target, frame, after, _prior(choice.proposals))
     return after.no_clearer(evidence)
 
 
@@ -210,9 +228,9 @@ def _accepted_in_doubt(choice: Choice) -> bool:
     return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
 
 
-def _prior(choice: Choice) -> Optional[Prior]:
-    """The learned proposal's log-likelihood of a pose, where it has looked."""
-    learned, places = choice.image.setup.learned, choice.proposals.places
+def _prior(proposals: Proposals) -> Optional[Prior]:
+    """Return the keypoint network's log-likelihood of a pose, None where it has not looked."""
+    learned, places = proposals.image.setup.learned, proposals.places
     return None if learned is None or not places else partial(learned.log_likelihood, places)
 
 

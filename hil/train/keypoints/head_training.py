@@ -164,12 +164,18 @@ def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
 
 
 def arrays_of(weights: dict[str, Tensor]) -> dict[str, Float32Array]:
-    """Return a head's weights under the names of its file."""
-    return {
-        key: weights[key.replace("_bias", ".bias") if "bias" in key else f"{key}.weight"].float().numpy()
-        for key in SHAPES
-        if key != "keypoints_m"
-    }
+    """Return the weights of a `Head` under the names of the head's file."""
+    return {key: weights[_of_file(key)].float().numpy() for key in SHAPES if key != "keypoints_m"}
+
+
+def state_of(head: KeypointHead) -> dict[str, Tensor]:
+    """Return the weights of a head's file under the names of a `Head`."""
+    return {_of_file(key): torch.from_numpy(array.copy()) for key, array in head.weights.items()}
+
+
+def _of_file(key: str) -> str:
+    """Return the name in PyTorch of an array of a head's file."""
+    return key.replace("_bias", ".bias") if "bias" in key else f"{key}.weight"
 
 
 def _check_keypoints(target: Target, points: FloatArray) -> None:

@@ -1,4 +1,4 @@
-"""The shipped trunk as PyTorch weights, normalisations folded in; and a trained one as ONNX."""
+"""The shipped trunk as PyTorch weights, normalisations folded in or restored; and a trained one as ONNX."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from flyaround.hil.train.keypoints.network import Trunk
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from torch import Tensor
 
 # What OpenCV 4.6 reads.
 OPERATORS_VERSION = 11
@@ -54,6 +56,44 @@ def from_onnx(data: bytes) -> Trunk:
     }
     trunk.load_state_dict(weights)
     return trunk
+
+
+def unfolded(trunk: Trunk, inputs: Tensor) -> Trunk:
+    """Return a trunk to train further, whose outputs equal those of a folded one.
+
+    Parameters
+    ----------
+    trunk : Trunk
+        Normalisations folded into its convolutions.
+    inputs : (B, 2, S, S) tensor
+        Samples; the normalisations begin with their statistics.
+    """
+    out = Trunk().eval()
+    with torch.no_grad():
+        _restore(trunk.body, list(out.body), inputs)
+    return out
+
+
+def _restore(folded_layers: Iterable[nn.Module], layers: list[nn.Module], x: Tensor) -> Tensor:
+    """Copy folded layers into layers with normalisations, and return their output."""
+    sources = iter(folded_layers)
+    for k, layer in enumerate(layers):
+        if isinstance(layer, nn.BatchNorm2d):
+            continue
+        source = next(sources)
+        if isinstance(layer, nn.Conv2d):
+            layer.weight.copy_(source.weight)
+            y, norm = layer(x), layers[k + 1]
+            norm.running_mean.copy_(y.mean((0, 2, 3)))
+            norm.running_var.copy_(y.var((0, 2, 3)))
+            norm.weight.copy_((norm.running_var + norm.eps).sqrt())
+            norm.bias.copy_(source.bias + norm.running_mean)
+            x = source(x)
+        elif isinstance(getattr(layer, "body", None), nn.Sequential):
+            x = torch.relu(x + _restore(source.body, list(layer.body), x))
+        else:
+            x = layer(x)
+    return x
 
 
 def _folded(layers: Iterable[nn.Module]) -> nn.Sequential:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flyaround.hil.board.hybrid.propose.keypoints.head import KeypointHead
-from flyaround.hil.board.hybrid.propose.keypoints.network import network_for
+from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_bytes
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.errors import UserError
@@ -26,6 +26,7 @@ from flyaround.hil.train.fitting import Budget  # noqa: E402 - needs PyTorch
 from flyaround.hil.train.keypoints import fit, head_training  # noqa: E402
 from flyaround.hil.train.keypoints.head_training import train_head  # noqa: E402
 from flyaround.hil.train.keypoints.samples import HARD, halved, sample  # noqa: E402
+from flyaround.hil.train.keypoints.trunk_file import folded, from_onnx, to_onnx, unfolded  # noqa: E402
 from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of  # noqa: E402
 
 CRAFT = "cubesat-1u"
@@ -60,6 +61,25 @@ def test_the_wanted_distribution_has_its_mean_at_the_keypoint() -> None:
     assert within.all()
     _, beyond = fit.wanted(torch.tensor([[[2.0, 0.0]]]))
     assert beyond[0, 0].tolist() == [0.0, 1.0]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_trunk_with_restored_normalisations_is_the_same_function() -> None:
+    shipped = from_onnx(trunk_bytes())
+    seen, other = torch.rand(2, 4, 2, INPUT_PX, INPUT_PX, generator=torch.Generator().manual_seed(1))
+    wanted = shipped(other).detach()
+    restored = unfolded(shipped, seen)
+    assert torch.allclose(restored(other), wanted, atol=1e-3 * float(wanted.abs().max()))
+    # and it is written as it was read, to half precision
+    again = from_onnx(to_onnx(folded(restored)))
+    assert torch.allclose(again(other), wanted, atol=2e-2 * float(wanted.abs().max()))
+
+
+def test_a_head_keeps_its_weights_between_file_and_training() -> None:
+    shipped = network_for(board_model(load_target("tango")))
+    assert shipped is not None
+    arrays = head_training.arrays_of(head_training.state_of(shipped.head))
+    assert all(np.array_equal(arrays[key], value) for key, value in shipped.head.weights.items())
 
 
 def test_a_head_is_trained_stopped_and_goes_on_with_the_same_weights(

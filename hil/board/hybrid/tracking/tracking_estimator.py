@@ -63,6 +63,9 @@ NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
 # 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
 GATE = 27.9
 
+# Log-likelihood by which the keypoint network must prefer another pose for the track to be lost.
+DISBELIEVED = 6.0
+
 # Frames in a row without a good fit that are bridged by the filter alone.
 COAST = 2
 
@@ -146,6 +149,8 @@ class TrackingEstimator(Estimator):
         before, polarity = state, fit.polarity
         if doubt and self.craft.model.faces is not None:
             q, t, covariance = self._by_picture(frame, state, fit)
+            if self._disbelieved(frame, q, t):
+                return None
             # edges that the picture has just contradicted teach nothing, and are not believed on the next frame
             if distance_of(fit, q, t) > SURPRISE:
                 polarity, alone = self.polarity, ALONE
@@ -221,6 +226,15 @@ class TrackingEstimator(Estimator):
         frame.count("picture", 1)
         frame.mark("photometric_alignment")
         return seen.fit.q, seen.fit.t, seen.fit.covariance
+
+    def _disbelieved(self, frame: Observation, q: Array, t: Array) -> bool:
+        """Return True if the keypoint network sees the craft in another pose."""
+        learned = self.first.setup.learned
+        if learned is None:
+            return False
+        lost = learned.disbelief(frame.image, frame.noise, q, t) > DISBELIEVED
+        frame.mark("keypoint_network")
+        return lost
 
     def _initialise(self, frame: Observation) -> PoseResult:
         found = self.first.initialise(frame)

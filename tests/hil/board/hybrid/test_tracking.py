@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drawn_craft import CAMERA, Craft
@@ -168,6 +170,22 @@ def test_edges_that_leave_the_tilt_open_give_way_to_the_picture(tango: BoardMode
     assert set(looked) <= set(range(2, 12))
     assert max(errors) < 1.1
     assert np.median(errors) < 0.5
+
+
+def test_a_track_in_a_pose_that_the_keypoint_network_denies_is_lost(tango: BoardModel) -> None:
+    tracker, t0 = make_estimator(tango, SMALL, "hybrid-track"), np.array([0.05, -0.05, 4.2])
+    assert isinstance(tracker, TrackingEstimator)
+    q = quat.normalise(np.array([0.5, 0.3, -0.2, 0.6]))
+    for k in range(4):
+        if k == 2:
+            # half a turn about the panel's normal, at which its edges fit as well
+            assert tracker.state is not None
+            turned = quat.multiply(tracker.state.q, np.array([0.0, 0.0, 0.0, 1.0]))
+            tracker.state = replace(tracker.state, q=turned)
+        result = tracker.estimate(picture_of(tango, q, t0, k), None, float(k))
+        assert result.accepted
+        assert result.q_camera_from_target_wxyz is not None
+        assert quat.angle_rad(result.q_camera_from_target_wxyz, q) < np.radians(2)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ then geometry).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Dict, List, Optional, Sequence
 
 import numpy as np
@@ -25,6 +26,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FIL
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import (
     CORRELATED,
     likeliest_place,
+    likelihood_table,
     log_likelihoods,
     pose_modes,
     with_outliers,
@@ -79,6 +81,11 @@ class LearnedProposal:
     craft: float
     p: Array
     log_size: float
+
+    @cached_property
+    def table(self) -> Array:
+        """(K, 2, BINS) log-probabilities, smoothed for attitudes as far apart as the grid's."""
+        return likelihood_table(self.p)
 
     def region(self, camera: CameraIntrinsics) -> Region:
         """Return the square about the bounding sphere; it may reach beyond the image."""
@@ -225,10 +232,30 @@ class LearnedProposer:
         g = min(learned, key=off)
         back = g.crop.swing().T
         seen = quat.multiply(quat.from_matrix(back), q)[None]
-        score = log_likelihoods(
-            g.p, self.points, self._focal(g.crop), seen, (back @ centre / self.radius_m)[None]
-        )
+        at = (back @ centre / self.radius_m)[None]
+        score = log_likelihoods(g.table, self.points, self._focal(g.crop), seen, at)
         return float(score[0] / CORRELATED - g.log_likely[0])
+
+    def disbelief(self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0) -> float:
+        """Return the log-likelihood by which the most likely pose in a crop about a pose is ahead of it.
+
+        Parameters
+        ----------
+        image, noise, black
+            As of `propose`.
+        q, t : (4,), (3,) arrays
+            The pose; its craft is within the image.
+        """
+        centre = t + quat.matrix(q) @ self.centre_m
+        away = float(np.linalg.norm(centre))
+        half_angle = np.arcsin(min(self.radius_m / away, 0.9))
+        f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
+        crop = ImageCrop(centre / away, float(2 * f * np.tan(half_angle)))
+        log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
+        whole = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
+        return -self.log_likelihood(
+            [self._proposal(whole, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
+        )
 
     def _apart(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first of these crops that show different things."""

@@ -89,7 +89,8 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
         table = np.log(_smoothed(p, width))
         for _ in range(STEPS):
             q, t = _newton(table, points, focal, distance, q, t)
-    score = log_likelihoods(p, points, focal, q, t)
+    table = likelihood_table(p)
+    score = log_likelihoods(table, points, focal, q, t)
     order = np.argsort(-score)
     # after the modes the grid's maxima: where the distributions are wide, a mode stands for many poses
     q, t = np.concatenate([q[order], coarse]), np.concatenate([t[order], at])
@@ -97,7 +98,7 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
     for k in range(len(q)):
         if len(kept) < most and all(abs(float(q[k] @ q[j])) < np.cos(0.5 * APART_RAD) for j in kept):
             kept.append(k)
-    return PoseModes(q[kept], t[kept], log_likelihoods(p, points, focal, q[kept], t[kept]))
+    return PoseModes(q[kept], t[kept], log_likelihoods(table, points, focal, q[kept], t[kept]))
 
 
 def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
@@ -118,13 +119,18 @@ def with_outliers(log_p: Array) -> Array:
     return np.asarray((1 - OUTLIERS) * np.exp(log_p.astype(np.float32)) + np.float32(OUTLIERS / BINS))
 
 
-def log_likelihoods(p: Array, points: Array, focal: float, q: Array, t: Array) -> Array:
-    """Return (N,) sums of the keypoints' log-probabilities at poses, by distributions as smooth as the grid's.
+def likelihood_table(p: Array) -> Array:
+    """Return (K, 2, BINS) log-probabilities as smooth as the grid's, of probabilities with their share of outliers."""
+    return np.asarray(np.log(_smoothed(p, GRID_BINS)))
+
+
+def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Array) -> Array:
+    """Return (N,) sums of the keypoints' log-probabilities at poses.
 
     Parameters
     ----------
-    p : (K, 2, BINS) array
-        Probabilities with their share of outliers.
+    table : (K, 2, BINS) array
+        Of `likelihood_table`.
     points : (K, 3) array
         Keypoints [radii].
     focal : float
@@ -132,7 +138,6 @@ def log_likelihoods(p: Array, points: Array, focal: float, q: Array, t: Array) -
     q, t : (N, 4), (N, 3) arrays
         Poses.
     """
-    table = np.log(_smoothed(p, GRID_BINS))
     uv, _ = _projected(points, focal, quat.matrix(q), t)
     value, _, _ = _looked_up(table, uv)
     return np.asarray(value.sum(axis=(1, 2)))
