@@ -22,8 +22,10 @@ def random_weights(seed: int = 0) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     out = {}
     for name, (shape, _) in ARCHITECTURES["small"].layers(CAMERA.width_px, CAMERA.height_px, CLASSES).items():
-        out[name] = rng.normal(0, np.sqrt(2 / np.prod(shape[1:])), shape).astype(np.float32)
-        out[f"{name}_bias"] = rng.normal(0, 0.1, shape[0]).astype(np.float32)
+        # nearly equal logits: no attitude is likely
+        sigma = 0.01 if name == "attitude" else np.sqrt(2 / np.prod(shape[1:]))
+        out[name] = rng.normal(0, sigma, shape).astype(np.float32)
+        out[f"{name}_bias"] = rng.normal(0, 0.01, shape[0]).astype(np.float32)
     return out
 
 

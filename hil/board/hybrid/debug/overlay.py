@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
 
 Array = np.ndarray
 
-# Points along an edge that are asked whether something hides them.
+# Points along an edge that are tested for occlusion.
 STEPS = 24
 
 
@@ -54,7 +54,7 @@ def draw_wireframe(
 
 
 def grey(values: Array, top: float) -> Array:
-    """(h, w, 3) BGR of values 0..top."""
+    """Return values 0..top as a BGR image (h, w, 3)."""
     flat = np.clip(np.asarray(values, np.float32) * (255.0 / max(top, 1e-9)), 0, 255).astype(np.uint8)
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_GRAY2BGR), np.uint8)
 
@@ -69,7 +69,7 @@ def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, w
 
 
 def label(canvas: Array, text: str) -> None:
-    """A caption in the upper left corner."""
+    """Draw a caption in the upper left corner."""
     # the outline is the text itself moved: letters of another weight have another width in OpenCV 5
     for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
         colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)

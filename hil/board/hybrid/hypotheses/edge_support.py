@@ -1,7 +1,6 @@
-"""Edge support of a pose: the share of visible model edges that lie on image edges of like direction.
+"""Edge support of a pose: the share of visible model edges with an image edge of similar orientation nearby.
 
-Support counts for a pose; model edges without picture edges, and picture edges without model edges, count
-against it.
+Model edges without image edges, and image edges without model edges, count against a pose.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from flyaround.hil.board.hybrid.model.visibility import visible_samples
 
 Array = np.ndarray
 
-# How much a model edge counts that falls on darkness, relative to one on something lit.
+# Weight of a model edge on dark pixels, relative to one on lit pixels.
 DARK_WEIGHT = 0.25
 
-# What lit area outside the silhouette costs: space cannot shine.
+# Weight of lit area outside the silhouette, where empty space cannot shine.
 OUTSIDE_WEIGHT = 1.0
 
 
@@ -34,12 +33,16 @@ class Support:
 
     Parameters
     ----------
-    drawn : share of the visible model's length that has an edge under it, 0..1.
-    explained : share of the picture's edges that the model explains, 0..1.
-    outside : share of what is lit that lies outside the model's silhouette; against empty space there
-        should be none.
-    total : all together: what poses are ranked by.
-    visible : (M,) samples seen from this pose.
+    drawn : float
+        Share of the visible model edges' length with an image edge under it, 0..1.
+    explained : float
+        Share of the image edges that the model explains, 0..1.
+    outside : float
+        Share of the lit pixels that lie outside the model's silhouette; before empty space there should be none.
+    total : float
+        Combined score, by which poses are ranked.
+    visible : (M,) array
+        Indices of the visible samples.
     """
 
     drawn: float
@@ -60,9 +63,26 @@ def quick_cost(
     cap_px: float,
     every: int = 1,
 ) -> Array:
-    """(B,) mean truncated directional distance of the nearest view's samples [field px].
+    """Return the mean truncated directional distance (B,) of the nearest view's samples [field px].
 
-    ``every`` : only each ``every``-th sample is looked at.
+    Parameters
+    ----------
+    q, t : (B, 4), (B, 3) array
+        Poses.
+    samples : EdgeSamples
+        Samples of the wireframe.
+    table : ViewTable
+        Views, which list the visible samples.
+    field : EdgeField
+        Edges of the region.
+    camera : CameraIntrinsics
+        Intrinsics.
+    centre_m : (3,) array
+        Centre of the target, target frame [m].
+    cap_px : float
+        Distance beyond which an edge costs no more [field px].
+    every : int
+        Use each ``every``-th sample only.
     """
     R = quat.matrix(q)
     view = table.nearest(R, t, centre_m)
@@ -88,11 +108,26 @@ def support(
     *,
     alone: bool = False,
 ) -> Support:
-    """Full-model evidence for one pose, with exact visibility.
+    """Return the evidence of the whole model for one pose, with exact visibility.
 
     Parameters
     ----------
-    alone : whether no other pose is asked for on this field, so that its tables are not worth making.
+    q, t : (4,), (3,) array
+        The pose.
+    samples : EdgeSamples
+        Samples of the wireframe.
+    occ : OccludingTriangles
+        Mesh that occludes them.
+    field : EdgeField
+        Edges of the region.
+    camera : CameraIntrinsics
+        Intrinsics.
+    spacing_m : float
+        Distance between samples [m].
+    soft_px : float
+        Distance at which an edge counts 1/e [field px].
+    alone : bool
+        True if this is the only pose on the field, so that its tables are not worth computing.
     """
     R = quat.matrix(q)
     visible, outline = visible_samples(samples, occ, -R.T @ t)
@@ -106,14 +141,14 @@ def support(
     s = np.exp(-((d / soft_px) ** 2)) * inside
     shape = silhouette(R, t, occ, camera, (field.x0, field.y0), field.factor, field.size)
     if field.empty:
-        # against empty space the craft is the brighter side: an edge of the other kind is another edge
+        # before empty space the craft is the brighter side: an edge of the other polarity is not its outline
         inward = inward_sign(shape, uv, pr.normals[0])
         place = field.nearest_at(flat) if place is None else place
         e = np.clip(np.rint(place), 0, np.array(field.size) - 1).astype(np.intp)
         gx, gy = field.gx[e[:, 1], e[:, 0]], field.gy[e[:, 1], e[:, 0]]
         agree = inward * (gx * pr.normals[0][:, 0] + gy * pr.normals[0][:, 1])
         s = np.where(agree < 0, 0.0, s)
-    # where nothing shines there is nothing to contradict: a face in shadow shows no edges
+    # a face in shadow shows no edges: missing ones on dark pixels count little
     blind = inside & ~field.lit.reshape(-1)[flat % field.lit.size] & (d > soft_px)
     weight = (
         np.where(blind, DARK_WEIGHT, 1.0)
@@ -142,7 +177,7 @@ def _projected_length(
 def _explained(
     uv: Array, pr: Projection, field: EdgeField, camera: CameraIntrinsics, spacing_m: float
 ) -> float:
-    """Share of the field's edge pixels within about two pixels of the drawn model."""
+    """Return the share of the field's edge pixels within about two pixels of the drawn model."""
     total = int(field.mask.sum())
     if not total:
         return 0.0

@@ -21,27 +21,27 @@ from flyaround.hil.board.hybrid.refine.edges import align_to_field
 
 Array = np.ndarray
 
-# Poses judged with exact visibility, where edges decide in the end and where the whole image looks at eight.
+# Poses scored with exact visibility, if edges decide in the end and if the whole image does.
 EDGES_DECIDE, IMAGE_DECIDES = 48, 14
 
-# Poses that differ by less are one [rad, share of range].
+# Poses that differ by less are duplicates [rad, share of range].
 DUPLICATE_RAD, DUPLICATE_SHARE = 0.07, 0.03
 
-# Coarse to fine: how far edges are searched in each step [field px], then the poses that go on.
+# Reach of the edge search in each step [field px], and poses kept afterwards, coarse to fine.
 COARSE_REACH, COARSE_KEEP = ((14.0, 11.0), (9.0, 7.0, 6.0)), (130, 50)
 FINE_REACH, TWIN_REACH, TWINS_KEEP = (10.0, 8.0, 6.0, 5.0), (10.0, 8.0, 6.0, 5.0, 4.0), 18
 
-# Distance beyond which an edge costs no more [field px], and samples that are looked at far from the end.
+# Distance beyond which an edge costs no more [field px], and stride of the samples in the first steps.
 CAPS_PX, EVERY = (8.0, 6.0), 2
 
-# How many of the best have their near-symmetries and their neighbours asked where edges decide.
+# Number of the best whose near-symmetries and whose neighbours are aligned if edges decide.
 TURNED, MOVED = 3, 4
 
 
 def refine_by_edges(
     target: PreparedTarget, frame: Observation, edges: RegionEdges, q: Array, t: Array
 ) -> List[Hypothesis]:
-    """Hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, the best first."""
+    """Return hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, the best first."""
     coarse, fine = edges.coarse, edges.fine
     if not len(q):
         return []
@@ -56,7 +56,7 @@ def refine_by_edges(
     out = _judge(target, q, t, edges)
     frame.mark("edge_support")
     if target.model.faces is None:
-        # the twin of a good pose must have its chance; else the whole image tells them apart from here on
+        # with faces, near-symmetries are compared on the whole image later
         about = near_symmetries(target, out[:TURNED]) + neighbours(target, out[:MOVED])
         if about:
             q, t = np.array([h.q for h in about]), np.array([h.t for h in about])
@@ -70,7 +70,7 @@ def refine_by_edges(
 
 
 def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
-    """The cheapest ``keep`` poses, near-duplicates dropped."""
+    """Return the ``keep`` poses of least cost, without near-duplicates."""
     chosen: List[int] = []
     for i in np.argsort(cost):
         if not np.isfinite(cost[i]):
@@ -112,7 +112,7 @@ def _cost(
 
 
 def _judge(target: PreparedTarget, q: Array, t: Array, edges: RegionEdges) -> List[Hypothesis]:
-    """Hypotheses with their support by the fine edges, the best first."""
+    """Return hypotheses with their support by the fine edges, the best first."""
     source, out = Source(edges.region, edges.fine), []
     for k in range(len(q)):
         s = support(q[k], t[k], target.samples, target.occ, edges.fine, target.camera, target.spacing_m)

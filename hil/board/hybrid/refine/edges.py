@@ -1,4 +1,4 @@
-"""Alignment of poses on the edges of the picture: robust Gauss-Newton on distances across model edges."""
+"""Alignment of poses on the edges of the image: robust Gauss-Newton on distances across model edges."""
 
 from __future__ import annotations
 
@@ -38,8 +38,24 @@ def align_to_field(
 
     Parameters
     ----------
-    reach_px : one entry per iteration: edges farther than this are ignored [field px].
-    every : use each ``every``-th sample only.
+    q, t : (B, 4), (B, 3) array
+        Poses.
+    samples : EdgeSamples
+        Samples of the wireframe.
+    table : ViewTable
+        Views, which list the visible samples.
+    field : EdgeField
+        Edges of the region.
+    camera : CameraIntrinsics
+        Intrinsics.
+    centre_m : (3,) array
+        Centre of the target, target frame [m].
+    radius_m : float
+        Radius of its bounding sphere [m].
+    reach_px : tuple of float
+        Distance beyond which edges are ignored, per iteration [field px].
+    every : int
+        Use each ``every``-th sample only.
     """
     idx = weight = np.zeros(0)
     for k, reach in enumerate(reach_px):
@@ -65,7 +81,7 @@ def align_to_field(
 
 
 def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
-    """The same of one step (6,) at one place (3,): of so few numbers arrays cost ten times what they take."""
+    """Limit one step (6,) as ``limit_step`` does, ten times faster than by arrays."""
     a, b, c, x, y, z = step.tolist()
     over = max(
         math.sqrt(a * a + b * b + c * c) / 0.25,
@@ -80,7 +96,7 @@ def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
 
 
 def limit_step(step: Array, t: Array, radius_m: float) -> Array:
-    """No single step turns by more than 0.25 rad or changes the range by more than a fifth."""
+    """Scale steps (B, 6) down so that none turns by more than 0.25 rad or changes the range by more than a fifth."""
     depth = np.maximum(t[:, 2], radius_m)
     over = np.maximum(
         np.linalg.norm(step[:, :3], axis=1) / 0.25,
@@ -96,8 +112,14 @@ class Gradients:
 
     Parameters
     ----------
-    gx, gy : (h, w) float32. sigma : noise of one component. x0, y0, factor : as in EdgeField.
-    empty : whether the background is empty space.
+    gx, gy : (h, w) array
+        Components, float32.
+    sigma : float
+        Noise of one component.
+    x0, y0, factor : float
+        See `EdgeField`.
+    empty : bool
+        True if the background is empty space.
     """
 
     gx: Array
@@ -120,14 +142,29 @@ def fine_align(
     radius_m: float,
     reach_px: Tuple[int, ...],
 ) -> Tuple[PoseFit, EdgeFit]:
-    """One-dimensional search along the normals of visible samples, sub-pixel.
+    """Align a pose by one-dimensional searches along the normals of visible samples, with sub-pixel accuracy.
 
-    Polarity is ignored, but for outlines against empty space: there the craft is the brighter side, which
-    tells the outer edge of a bright frame from its inner one.
+    Polarity is ignored except for outlines before empty space. There the craft is the brighter side, which
+    distinguishes the outer edge of a bright frame from its inner one.
 
     Parameters
     ----------
-    idx : (M,) samples visible from this pose. reach_px : half length of the search, per iteration [field px].
+    q, t : (4,), (3,) array
+        The pose.
+    samples : EdgeSamples
+        Samples of the wireframe.
+    idx : (M,) array
+        Indices of the visible ones.
+    gradients : Gradients
+        Gradient of the region.
+    occ : OccludingTriangles
+        Mesh of the model.
+    camera : CameraIntrinsics
+        Intrinsics.
+    radius_m : float
+        Radius of the target [m].
+    reach_px : tuple of int
+        Half length of the search, per iteration [field px].
 
     References
     ----------
@@ -168,7 +205,7 @@ def fine_align(
 def search_normals(
     gradients: Gradients, uv: Array, n: Array, inward: Array, reach: int
 ) -> Tuple[Array, Array]:
-    """Offset of the best edge along each normal [field px], and its strength in noise units.
+    """Return the offset of the best edge along each normal [field px], and its strength in units of the noise.
 
     Among local maxima the nearest strong one wins: the score falls with distance.
     """
