@@ -265,7 +265,7 @@ def run_board(
 
     Parameters
     ----------
-    url, model_path, method, options : as of `BoardAgent`.
+    url, model_path, method, options : see `BoardAgent`.
 
     Raises
     ------

@@ -27,8 +27,8 @@ class FaceTree:
 
     Parameters
     ----------
-    corners_m : (4, 3) of each face. source : its index before large ones were cut.
-    plane : (nx, ny, nz, d) of each node, zero at leaves. children : in front of it and behind, -1 for none.
+    corners_m : (4, 3) of each face. source : index of the polygon before large ones were cut.
+    plane : (nx, ny, nz, d) of each node, zero at leaves. children : nodes in front of it and behind, -1 for none.
     members : faces of each node.
     """
 

@@ -43,7 +43,7 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
     bend : Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
     response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
-    black_dn : the camera's number at level 0. white_dn : its number at white after correction of the shading.
+    black_dn : the camera's number at level 0. white_dn : digital number of white after shading correction.
     code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's image.
     geometry_rms_px : RMS distance of the measured points from the fitted map.
     """
@@ -121,8 +121,8 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : by pattern's name, (H, W) numbers of a camera without gamma; means of several images where there are.
-    screen_px : width and height of the screen.
+    grabs : digital numbers (H, W) of a camera without gamma, by the pattern's name; means of several images where
+    there are. screen_px : width and height of the screen.
 
     Raises
     ------

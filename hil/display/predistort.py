@@ -21,7 +21,7 @@ class Predistorter:
 
     Parameters
     ----------
-    calibration : of the screen and the camera that looks at it.
+    calibration : calibration of the screen and the camera that looks at it.
     """
 
     def __init__(self, calibration: DisplayCalibration) -> None:

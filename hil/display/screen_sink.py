@@ -43,8 +43,8 @@ class ScreenSink:
 
     Parameters
     ----------
-    screen : where. predistorter : by a calibration; `None` shows frames as they are, in the screen's middle.
-    code : draw the code of frame number and time. hold_s : how long each frame stays at least [s].
+    screen : window on the screen. predistorter : by a calibration; `None` shows frames as they are, in the screen's
+    middle. code : draw the code of frame number and time. hold_s : least time that each frame stays [s].
     """
 
     def __init__(

@@ -51,11 +51,20 @@ def evaluate_dataset(
 
     Parameters
     ----------
-    report : folder that receives the files; what an earlier run of the same left there is gone on with.
-    methods : the first one's figures stand at the top of the metrics.
-    model : the model the estimators are given, instead of the target's own.
-    workers : processes; times are honest with one.
-    frames : which to take; None: all.
+    folder : Path
+        The data set.
+    report : Path
+        Folder of the files; an interrupted run of the same evaluation is resumed there.
+    methods : tuple of MethodChoice
+        Methods; metrics of the first one are also those of the whole.
+    model : BoardModel, optional
+        Model for the estimators; default the target's own.
+    workers : int
+        Processes; times are undisturbed with one.
+    frames : sequence of int, optional
+        Frames; default all.
+    progress : callable
+        Receives the number of answers, and of all.
 
     Raises
     ------
@@ -134,7 +143,7 @@ def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredict
         try:
             truth = read_truth(frame_paths(folder, k).truth)
         except UserError:
-            # as of `_pictures`
+            # a resumed run may have rows of files that were lost since
             continue
         poses.append((truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m))
     return mean_predictor(*zip(*poses, strict=True)) if poses else None

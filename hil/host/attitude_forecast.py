@@ -71,7 +71,7 @@ def fly_forecasts(
         progress(k + 1, runs)
     if not estimates:
         raise UserError(
-            f"no flight of {plan.scenario_name} had a track for {SETTLED_S:g} s: nothing to foretell"
+            f"no flight of {plan.scenario_name} had a track for {SETTLED_S:g} s: nothing to predict"
         )
     inertia = np.asarray(plan.target.mass.inertia_kg_m2, float)
     horizons = np.linspace(0.0, horizon_s, STEPS + 1).tolist()
@@ -119,9 +119,13 @@ def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
             at = [e.horizon_s for e in errors]
             ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
             ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
-        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, foretold")
+        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, predicted")
         ax.set(
-            yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]", ylim=limits, title=title
+            yscale="log",
+            xlabel="prediction horizon [s]",
+            ylabel="attitude error [deg]",
+            ylim=limits,
+            title=title,
         )
         ax.legend(frameon=False, fontsize=8)
     return figure

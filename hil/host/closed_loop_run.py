@@ -65,12 +65,15 @@ PoseFrom = Literal["board", "truth", "noisy"]
 class BoardPoses:
     """Accepted poses of the board as measurements, in the order of their rows.
 
-    The link carries no covariance: that of ``noise`` is taken.
+    The link carries no covariance: that of ``noise`` is used.
 
     Parameters
     ----------
-    link : in lockstep, which stops the flight's clock for the board, when a pose counts as there. None takes it as soon
-        as its row comes, as in real time.
+    noise : PoseNoise
+        Errors of the poses.
+    link : PoseLink, optional
+        Delay of poses in lockstep, where the flight's clock stops for the board. None uses a pose as soon as its row
+        comes, as in real time.
     """
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
@@ -122,8 +125,16 @@ class BoardLoop:
 
         Parameters
         ----------
-        link : in lockstep, of the poses; None: each is there after the usual latency.
-        noise : of the board's poses; None: that of the estimator ``hybrid``.
+        plan : Plan
+            The plan.
+        config : ClosedLoopConfig
+            Settings of the loop.
+        realtime : bool
+            True in real time, False in lockstep.
+        link : PoseLink, optional
+            Delay of poses in lockstep; default the usual latency.
+        noise : PoseNoise, optional
+            Errors of the board's poses; default those of the estimator ``hybrid``.
 
         Raises
         ------
@@ -183,7 +194,7 @@ def fly_without_pictures(
 
     Parameters
     ----------
-    link : from an image to its pose; None: each is there after the usual latency.
+    link : delay from an image to its pose; default the usual latency.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class PoseResult:
     confidence : 0..1. stages_ms : time of each stage in order. counts : number of results of each stage.
     evidence : data of the decision, of a type of the method; None if it keeps none.
     covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
-    method : its name.
+    method : name of the method.
     """
 
     accepted: bool

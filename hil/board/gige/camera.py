@@ -35,10 +35,10 @@ class CameraSettings:
 
     Parameters
     ----------
-    exposure_us, gain_db, rate_hz : in the camera's own limits.
+    exposure_us, gain_db, rate_hz : settings within the camera's limits.
     roi_px : x, y, width, height of the part that is read.
-    pixel_format : by its GenICam name, such as Mono8.
-    packet_bytes : of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
+    pixel_format : GenICam name of the pixel format, such as Mono8.
+    packet_bytes : size of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
     software_trigger : an image for each trigger, else the camera runs freely.
     packet_socket : read the stream by a packet socket, which holds more, where this program may (root).
     """
@@ -378,7 +378,7 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
 
     Parameters
     ----------
-    code : of the pixel format naming convention.
+    code : code of the pixel format naming convention.
     """
     if code not in GREY or width_px < 1 or height_px < 1:
         return None

@@ -100,7 +100,7 @@ class CameraTerms:
 
     Parameters
     ----------
-    bits : of the detector's numbers. exposure_us, rate_hz : before a controller changes them.
+    bits : bits of a pixel of the detector. exposure_us, rate_hz : before a controller changes them.
     scenario, target : names.
     """
 
@@ -118,7 +118,7 @@ class Registers:
 
     Parameters
     ----------
-    source_port : that the stream is sent from.
+    source_port : port that the stream is sent from.
     xml, xml_name : the description that is served, and the file name it is given.
     """
 

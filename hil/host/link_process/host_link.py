@@ -61,7 +61,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
     Parameters
     ----------
-    channels : what the images' shape has beyond rows and columns: nothing, or (3,).
+    channels : shape of the images beyond rows and columns: empty, or (3,).
 
     Raises
     ------

@@ -53,7 +53,7 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
 
     Parameters
     ----------
-    encodings, pixel_formats : what this side offered, as in its HELLO.
+    encodings, pixel_formats : offer of this side in its HELLO.
 
     Raises
     ------
@@ -188,7 +188,7 @@ class FrameAssembler:
 
     Parameters
     ----------
-    terms : what the handshake settled; frames of another size or kind are refused before memory is taken for
+    terms : terms of the handshake; frames of another size or kind are refused before memory is taken for
         them. None takes any within ``MAX_FRAME_BYTES``.
     """
 

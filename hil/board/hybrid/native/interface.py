@@ -44,7 +44,12 @@ def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> 
 
     Parameters
     ----------
-    shape : what the library takes it for, where that does not follow from other arguments.
+    a : array
+        The array.
+    kind : str
+        Name of the dtype.
+    shape : tuple of int, optional
+        Shape that the library assumes, if it does not follow from other arguments.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# A pose that moved by more is aligned again [rad], at most so many times. A score lower by more than the third is
+# A pose that moved by more is aligned again [rad], at most ROUNDS times. A score lower by more than the third is
 # worse; by more than the fourth, the alignment diverges.
 MOVED_RAD, ROUNDS, NO_WORSE, ASTRAY = float(np.radians(0.5)), 6, 0.003, 0.02
 

@@ -174,7 +174,7 @@ class TrackingEstimator(Estimator):
         )
 
     def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
-        """Return the predicted pose aligned on the edges near it; None if the prediction is too uncertain or too near."""
+        """Return the predicted pose aligned on edges near it; None if the prediction is too uncertain or too near."""
         craft, reach = self.craft, self._reach(state)
         if reach is None or state.t[2] < 1.2 * craft.radius_m:
             return None
