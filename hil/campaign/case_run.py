@@ -203,12 +203,12 @@ def _renderer(part: Path) -> str:
 
 def _measured(task: RunTask, record: RunRecord) -> dict[str, float | str]:
     traits = task.ready.case.traits
-    found: dict[str, Value] = {
+    values: dict[str, Value] = {
         name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
     }
     return {
         name: value
-        for name, value in found.items()
+        for name, value in values.items()
         if value is not None and (isinstance(value, str) or math.isfinite(value))
     }
 

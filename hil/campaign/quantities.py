@@ -85,24 +85,24 @@ class Quantity:
     @property
     def needs_in_words(self) -> str:
         """Traits that a case needs, in words."""
-        said = {
+        phrases = {
             "frames": "frames that are sent to a board",
             "closed_loop": "closed_loop = true",
             "times": 'mode = "realtime" and a board',
         }
-        return " and ".join(said[need] for need in sorted(self.needs))
+        return " and ".join(phrases[need] for need in sorted(self.needs))
 
 
 def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[str, ...] = ()) -> Quantity:
     """Return the quantity of a key of the summary, or of a table in it (``link.late_poses``)."""
 
     def value(record: RunRecord) -> Value:
-        found: object = record.summary
+        item: object = record.summary
         for key in name.split("."):
-            found = getattr(found, key, None)
-        if isinstance(found, str):
-            return found
-        return float(found) if isinstance(found, int | float) and math.isfinite(found) else None
+            item = getattr(item, key, None)
+        if isinstance(item, str):
+            return item
+        return float(item) if isinstance(item, int | float) and math.isfinite(item) else None
 
     return Quantity(unit=unit, meaning=meaning, of=value, needs=frozenset(needs.split()), words=words)
 

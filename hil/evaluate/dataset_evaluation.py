@@ -75,24 +75,24 @@ def evaluate_dataset(
     whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_whole(folder, k)]
     if not whole:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
-    known = model or board_model(load_target(card.target.name))
-    if model is None and known.sha256 != card.target.sha256:
+    craft = model or board_model(load_target(card.target.name))
+    if model is None and craft.sha256 != card.target.sha256:
         log.warning(
             "data set %s was drawn with another version of target %s (%s) than the estimators are given (%s)",
             folder,
             card.target.name,
             card.target.sha256[:12],
-            known.sha256[:12],
+            craft.sha256[:12],
         )
     labels = tuple(c.label for c in methods)
     path = report / ROWS
     done = _resumed(
-        path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
+        path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, craft.sha256)
     )
     there = {(row.frame, row.method) for row in done}
     tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
     total = len(tasks) + len(done)
-    setting = (folder, known, msgspec.to_builtins(card.camera), methods)
+    setting = (folder, craft, msgspec.to_builtins(card.camera), methods)
     with closing(_answers(tasks, setting, workers)) as answers:
         for answer in answers:
             if isinstance(answer, str):
@@ -108,7 +108,7 @@ def evaluate_dataset(
     metrics = _metrics(folder, labels, done)
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
-    write_page(report, folder, card, known, metrics, done)
+    write_page(report, folder, card, craft, metrics, done)
     return metrics
 
 

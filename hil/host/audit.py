@@ -71,14 +71,14 @@ def audit_pictures(
     rows : rows of the ledger. pictures : name and image of each picture. place : place of the code in the run.
     """
     place = CodePlace() if place is None else place
-    known, seen, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
+    by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
     for name, image in pictures:
         audit.pictures += 1
         code = read_code(image, place)
         if code is None:
             audit.unreadable.append(name)
             continue
-        row = known.get(code.frame_id)
+        row = by_frame.get(code.frame_id)
         if row is None:
             audit.wrong.append(f"{name} says frame {code.frame_id}, of which the ledger knows nothing")
         elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
@@ -86,13 +86,13 @@ def audit_pictures(
             audit.wrong.append(
                 f"{name} says frame {code.frame_id} and {off_ms:+.3f} ms beside the ledger's time of it"
             )
-        elif code.frame_id in seen:
+        elif code.frame_id in matched:
             audit.twice.append(name)
         else:
             audit.agree += 1
-            seen.add(code.frame_id)
+            matched.add(code.frame_id)
     answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
-    audit.missing = [frame_id for frame_id in answered if frame_id not in seen]
+    audit.missing = [frame_id for frame_id in answered if frame_id not in matched]
     return audit
 
 

@@ -213,8 +213,8 @@ def _times(rows: Sequence[FrameRecord]) -> Markup:
     for label, name in TIMES:
         ms = [value for row in rows if (value := getattr(row, name)) is not None]
         if ms:
-            shown = [percentile(ms, q) for q in (50, 95, 99, 100)]
-            lines.append((label, str(len(ms)), *(f"{value:.3f}" for value in shown)))
+            percentiles = [percentile(ms, q) for q in (50, 95, 99, 100)]
+            lines.append((label, str(len(ms)), *(f"{value:.3f}" for value in percentiles)))
     if not lines:
         return markup()
     return table(("time", "frames", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"), lines)
@@ -226,8 +226,10 @@ def _faults(rows: Sequence[FrameRecord]) -> Markup:
     outcomes = sorted({row.outcome for row in rows if row.faults})
     lines = []
     for name in names:
-        struck = [row.outcome for row in rows if name in row.faults]
-        lines.append((name, str(len(struck)), *(str(struck.count(outcome)) for outcome in outcomes)))
+        hit_outcomes = [row.outcome for row in rows if name in row.faults]
+        lines.append(
+            (name, str(len(hit_outcomes)), *(str(hit_outcomes.count(outcome)) for outcome in outcomes))
+        )
     return table(("fault on purpose", "frames", *outcomes), lines)
 
 

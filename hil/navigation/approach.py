@@ -105,8 +105,8 @@ class Approach:
         if self._near_s >= self._rules.arrived_for_s:
             return Decision("arrived", "", np.zeros(3))
         self._path_s += self._h
-        wanted = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
-        return Decision("approach", "", wanted)
+        impulse = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
+        return Decision("approach", "", impulse)
 
     def _doubt(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None

@@ -230,8 +230,8 @@ class ClosedLoop:
             camera = self._camera(seen, frame)
             snapshot = self._snapshot(t, camera)
             step = self._step(t, frame, estimate, decision, camera)
-            commanded, given = self._thrust(t, h, decision.wanted_m_s, frame)
-            step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=given)
+            commanded, delivered = self._thrust(t, h, decision.wanted_m_s, frame)
+            step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=delivered)
             self.steps.append(step)
             if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
                 return
@@ -295,11 +295,11 @@ class ClosedLoop:
             self._filter.add_thrust(
                 ThrustInterval(start_s=t, end_s=t + h, acceleration_lvlh_m_s2=commanded / h)
             )
-        given = np.asarray(commanded * (1.0 + self._config.thrust_sigma * self._rng.standard_normal(3)))
-        self._delta_v_m_s += float(np.linalg.norm(given))
-        push = ThrustHold(frame.R_eci_from_lvlh @ given / h)
+        delivered = np.asarray(commanded * (1.0 + self._config.thrust_sigma * self._rng.standard_normal(3)))
+        self._delta_v_m_s += float(np.linalg.norm(delivered))
+        push = ThrustHold(frame.R_eci_from_lvlh @ delivered / h)
         self._state = relative_step(self._flight.orbit, t, h, self._state, push)
-        return np.asarray(commanded), given
+        return np.asarray(commanded), delivered
 
     def _is_away(self, step: LoopStep) -> bool:
         """Return True beyond twice the sphere's radius, or at once if the position is unknown."""

@@ -49,7 +49,7 @@ def forecast_errors(
     estimates : estimates of one or more runs. truth : the target's attitude. motion : model for the prediction.
     horizons_s : prediction horizons, rising. end_s : end of the truth; later predictions are left out.
     """
-    found: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
+    samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:
         predicted = estimate
         for horizon in horizons_s:
@@ -58,9 +58,9 @@ def forecast_errors(
                 break
             predicted = motion.propagated(predicted, at_s)
             error = rotvec_between(predicted.q_eci_from_target_wxyz, truth(at_s)[0])
-            found[horizon].append((float(error @ error), float(np.trace(predicted.covariance[A, A]))))
+            samples[horizon].append((float(error @ error), float(np.trace(predicted.covariance[A, A]))))
     results = []
-    for horizon, pairs in found.items():
+    for horizon, pairs in samples.items():
         if not pairs:
             continue
         squares, variances = np.array(pairs).T

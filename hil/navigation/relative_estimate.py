@@ -212,8 +212,8 @@ class MotionModel:
         if thrust is not None:
             push, since = thrust.acceleration_lvlh_m_s2, estimate.t_s - thrust.start_s
             # Simpson's rule over the step: the part that came at tau has moved on for h - tau
-            given = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
-            first, middle, last = given
+            pushes = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
+            first, middle, last = pushes
             moved = moved + h / 6 * (first + 4 * middle + last)
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T

@@ -194,8 +194,8 @@ def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_
     """Return pictures (B, h, w) with the labels that follow from their poses."""
     away = np.linalg.norm(t_m, axis=1)
     back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
-    seen = quat_multiply(back, q_wxyz)
-    return Samples(standardised(signal), seen, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
+    relative = quat_multiply(back, q_wxyz)
+    return Samples(standardised(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
 
 
 def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -206,8 +206,8 @@ def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> F
         R = matrix_from_quat(quat_from_rotvec(np.array([0.0, 0.0, roll]))) @ matrix_from_quat(
             quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
         )
-        seen = R @ t_m
-        if seen[2] > 0 and np.all(np.abs(seen[:2] / seen[2]) < 0.85 * camera.half_view):
+        turned = R @ t_m
+        if turned[2] > 0 and np.all(np.abs(turned[:2] / turned[2]) < 0.85 * camera.half_view):
             return R
     return np.eye(3)
 
@@ -222,14 +222,14 @@ def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32A
     shift = np.eye(3)
     shift[:2, 2] = -0.5 * (FINER - 1)
     M = shift @ L @ R.T @ np.linalg.inv(K)
-    seen = cv2.warpPerspective(
+    picture = cv2.warpPerspective(
         soft,
         M,
         (camera.width_px, camera.height_px),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return np.sqrt(seen)
+    return np.sqrt(picture)
 
 
 def _matrix(camera: NetworkCamera) -> FloatArray:

@@ -266,19 +266,19 @@ class PoseTraining:
     def _losses(self, batch: Samples) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the losses of the attitudes and of the places of a batch."""
         place, logits = self.network(torch.from_numpy(batch.pictures).to(self._device))
-        wanted = _soft_classes(batch.q_wxyz, self._grid, self._width_rad).to(self._device)
+        target = _soft_classes(batch.q_wxyz, self._grid, self._width_rad).to(self._device)
         mean, spread = self._scale
         numbers = np.concatenate([batch.place, (batch.log_range[:, None] - mean) / spread], axis=1)
         numbers = torch.tensor(numbers, dtype=torch.float32, device=self._device)
         off = functional.smooth_l1_loss(place, numbers, beta=PLACE_LINEAR_FROM, reduction="none")
-        return functional.cross_entropy(logits, wanted), off.sum(dim=1).mean() / PLACE_LINEAR_FROM
+        return functional.cross_entropy(logits, target), off.sum(dim=1).mean() / PLACE_LINEAR_FROM
 
 
 def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:
     """Return (B, N) probabilities of attitude classes (N, 4), Gaussian in the angle to the true attitudes (B, 4)."""
     angle = 2 * np.arccos(np.minimum(np.abs(q_wxyz.astype(np.float32) @ grid.T.astype(np.float32)), 1.0))
-    wanted = np.exp(-0.5 * (angle / np.float32(width_rad)) ** 2) + np.float32(1e-9)
-    return torch.from_numpy(wanted / wanted.sum(axis=1, keepdims=True))
+    density = np.exp(-0.5 * (angle / np.float32(width_rad)) ** 2) + np.float32(1e-9)
+    return torch.from_numpy(density / density.sum(axis=1, keepdims=True))
 
 
 def _judged(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameScore]:

@@ -71,8 +71,8 @@ def alternatives(
     """Return the best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
     out: List[Alternative] = []
     for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
-        taken = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
-        if all(differs(rq, rt, aq, at) for aq, at in taken):
+        distinct = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
+        if all(differs(rq, rt, aq, at) for aq, at in distinct):
             out.append(Alternative(rq, rt, score))
         if len(out) >= keep:
             break

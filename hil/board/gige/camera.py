@@ -121,8 +121,8 @@ class GigeCamera:
     @property
     def name(self) -> str:
         """Manufacturer and model."""
-        said = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
-        return " ".join((text or b"").decode("utf-8", "replace") for text in said).strip()
+        parts = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
+        return " ".join((text or b"").decode("utf-8", "replace") for text in parts).strip()
 
     @property
     def roi_px(self) -> Tuple[int, int, int, int]:
@@ -212,9 +212,9 @@ class GigeCamera:
         """Return the newest complete frame, once; None after ``timeout_s``."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None, timeout_s)
-            taken, self._newest = self._newest, None
+            buffer, self._newest = self._newest, None
             skipped, self._arrived = self._arrived - 1, 0
-            return None if taken is None else replace(taken, skipped=skipped)
+            return None if buffer is None else replace(buffer, skipped=skipped)
 
     def stop(self) -> None:
         """Stop the stream, if any."""
@@ -265,8 +265,8 @@ class GigeCamera:
                 try:
                     set_it(value)
                 except AravisError as error:
-                    said = f"--{name.replace('_', '-')} {value}"
-                    raise LinkError(f"camera {self._address} refuses {said}: {error}") from error
+                    option = f"--{name.replace('_', '-')} {value}"
+                    raise LinkError(f"camera {self._address} refuses {option}: {error}") from error
         if wanted.software_trigger:
             self._do("set_trigger", b"Software")
         else:

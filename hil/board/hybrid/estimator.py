@@ -100,17 +100,17 @@ def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) ->
     target, frame = image.setup.target, image.frame
     # where the network is sure of a craft, edges may still find attitudes that it does not propose
     sure = [place.source for place in places if place.craft > SURE]
-    some = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    regions = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
     frame.count("searched", 1)
-    found = []
-    for region in some:
+    searched = []
+    for region in regions:
         edges = region_edges(target, frame, region)
         if edges is not None:
             templates = template_poses(target, frame, edges)
-            found.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
+            searched.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
     frame.mark("edge_search")
     hypotheses: List[Hypothesis] = []
-    for edges, *poses in found:
+    for edges, *poses in searched:
         q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
         hypotheses += refine_by_edges(target, frame, edges, q, t)
     frame.mark("edge_alignment")

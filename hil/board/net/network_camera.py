@@ -83,10 +83,10 @@ class PictureReducer:
         full = 255.0 if image.dtype == np.uint8 else max(float(image.max()), 1.0)
         # means of bytes would be rounded to bytes, of which dark pictures have few
         small = area_mean(image.astype(np.float32), *self.reduced)
-        seen = cv2.remap(
+        resampled = cv2.remap(
             small, self.at[..., 0], self.at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
-        return np.sqrt(np.maximum(seen, 0.0) / np.float32(full))
+        return np.sqrt(np.maximum(resampled, 0.0) / np.float32(full))
 
 
 def standardised(pictures: Array) -> Array:

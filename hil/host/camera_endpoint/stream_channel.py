@@ -133,8 +133,8 @@ class StreamChannel:
         if block is self._block:  # packets not sent yet are still to come
             last = min(last, self._number - 1)
         spent = self._resent.get(request.block_id, 0)
-        left = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
-        for number in range(request.first, min(last, request.first + left - 1) + 1):
+        budget = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
+        for number in range(request.first, min(last, request.first + budget - 1) + 1):
             self._send(block.packet(number, RESENT), to)
             self.packets_resent += 1
             self._allowance -= 1

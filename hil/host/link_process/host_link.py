@@ -180,19 +180,19 @@ class HostLink:
 
     def results(self) -> list[FrameRecord]:
         """Return the outcomes since the last call."""
-        taken = list(self._results)
+        results = list(self._results)
         self._results.clear()
-        return taken
+        return results
 
     def wait_for_board(self, timeout_s: float) -> bool:
         """Return True if a board is ready; it must connect within ``timeout_s``, its estimator may take longer."""
         deadline = time.monotonic() + timeout_s
         while self.board is None:
             until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
-            left = until - time.monotonic()
-            if left <= 0:
+            left_s = until - time.monotonic()
+            if left_s <= 0:
                 return False
-            self.pump(min(left, 0.5))
+            self.pump(min(left_s, 0.5))
         return True
 
     def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:

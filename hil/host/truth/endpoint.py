@@ -71,9 +71,9 @@ class _Client:
         if self.handshake is not None:
             self._hear_proof(data, self.handshake)
             return False
-        found = MAGIC in self.heard + data
+        is_link_packet = MAGIC in self.heard + data
         self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
-        return found
+        return is_link_packet
 
     def _hear_proof(self, data: bytes, handshake: HostHandshake) -> None:
         self.framing.feed(data)

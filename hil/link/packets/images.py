@@ -94,9 +94,11 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
         If its size, depth, pixel format, encoding or number of chunks is another, or more bytes are announced than
         its pixels can take up.
     """
-    said, wanted = _described(header), _described(terms)
-    if said != wanted:
-        raise ProtocolMistake(f"frame {header.frame_id} has {said}, agreed were {wanted}", header.frame_id)
+    described, expected = _described(header), _described(terms)
+    if described != expected:
+        raise ProtocolMistake(
+            f"frame {header.frame_id} has {described}, agreed were {expected}", header.frame_id
+        )
     if header.encoding not in (terms.encoding, Encoding.RAW):
         raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
     most = most_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)

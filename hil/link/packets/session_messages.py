@@ -215,8 +215,8 @@ class TimeSyncReply:
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
         """Return the message of a payload."""
-        asked, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
-        return cls(asked, received, sent, newest if tells else None)
+        asked_ns, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
+        return cls(asked_ns, received, sent, newest if tells else None)
 
 
 @dataclass(frozen=True)

@@ -109,11 +109,11 @@ class StreamTransport(ABC):
                 return packet
             if self._closed:
                 raise LinkClosed(f"{self.name} is closed")
-            left = deadline - time.monotonic()
-            data = self._read(max(0.0, left))
+            left_s = deadline - time.monotonic()
+            data = self._read(max(0.0, left_s))
             if data:
                 self._framing.feed(data)
-            if left <= 0:
+            if left_s <= 0:
                 # also while bytes keep coming: endless garbage must not block the caller
                 return self._framing.next_packet()
 

@@ -43,12 +43,12 @@ def draw_wireframe(
         across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
             X = along + r * across
-            seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+            visible = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
             P = X @ R.T + t
-            seen &= P[:, 2] > 0.1
+            visible &= P[:, 2] > 0.1
             uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
             for k in range(STEPS - 1):
-                if seen[k] and seen[k + 1]:
+                if visible[k] and visible[k + 1]:
                     a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
                     cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
 

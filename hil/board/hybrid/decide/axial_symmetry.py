@@ -32,8 +32,8 @@ ROLLS_RAD = tuple(float(np.radians(way * a)) for a in (2.0, 4.0, 6.0, 8.0, 10.0,
 def axis(model: BoardModel) -> Tuple[Array, Array]:
     """Return a unit vector along a round target's axis, and a point on it [m], from its curved surfaces' normals."""
     assert model.outlines is not None  # noqa: S101 - it is round
-    some = curved(model)
-    points, normals = model.outlines.points_m[some], model.outlines.normals[some]
+    gentle = curved(model)
+    points, normals = model.outlines.points_m[gentle], model.outlines.normals[gentle]
     along = np.linalg.eigh(normals.T @ normals)[1][:, 0]
     # each normal's line meets the axis; those of fins and pods do not, and are down-weighted
     side = np.cross(along, normals)

@@ -188,8 +188,8 @@ def select(
     like, covered = _likeness(target, patch, best)
     burnt = burnt_share(_view(target, patch, best), patch)
     evidence = replace(image_evidence(target, best, s, margin), likeness=like, covered=covered, burnt=burnt)
-    told = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
-    return Selection(best, evidence, told, patch, tuple(ranked), tuple(ends), rival)
+    others = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
+    return Selection(best, evidence, others, patch, tuple(ranked), tuple(ends), rival)
 
 
 def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading:
@@ -231,8 +231,8 @@ def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: Li
     rivals = [h.score for h in (*found, *refined) if differs(h.q, h.t, best.q, best.t)]
     # the best pose of this neighbourhood against the best of any other
     margin = top.score - max(rivals, default=0.0)
-    told = alternatives([(h.q, h.t, h.score) for h in (*found, *refined)], best.q, best.t)
-    return Selection(best, edge_evidence(target, best, margin), told)
+    others = alternatives([(h.q, h.t, h.score) for h in (*found, *refined)], best.q, best.t)
+    return Selection(best, edge_evidence(target, best, margin), others)
 
 
 def image_evidence(target: PreparedTarget, best: Hypothesis, s: Support, margin: float) -> Evidence:

@@ -48,13 +48,13 @@ def _reduced(picture: Array) -> Array:
 
 def _segments(picture: Array) -> Array:
     """Return the end points (N, 4) of segments of a uint8 image [px, half a pixel right of and below pixel centres]."""
-    given = contiguous(picture, "uint8")
-    h, w = given.shape
+    pixels = contiguous(picture, "uint8")
+    h, w = pixels.shape
     if min(h, w) < 2:
         return np.zeros((0, 4))
     # each has two pixels at least
     out = np.empty((h * w // 2, 4))
-    found = library().fly_line_segments(given, h, w, LEAST, len(out), out)
-    if found < 0:
+    count = library().fly_line_segments(pixels, h, w, LEAST, len(out), out)
+    if count < 0:
         raise MemoryError("no memory to find segments")
-    return out[:found].copy()
+    return out[:count].copy()

@@ -26,15 +26,15 @@ def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
         n = max(1, round(length / spacing_m))
         s = (np.arange(n) + 0.5) / n
         N = np.zeros((2, 3))
-        given = e.normals[:2]
-        if len(given):
-            N[: len(given)] = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
+        adjacent = e.normals[:2]
+        if len(adjacent):
+            N[: len(adjacent)] = adjacent / np.maximum(np.linalg.norm(adjacent, axis=1, keepdims=True), 1e-9)
         for side in (-1.0, 1.0) if e.radius_m > 0 else (0.0,):
             points.append(e.a_m + s[:, None] * d)
             tangents.append(np.repeat(d[None] / length, n, axis=0))
             radius.append(np.full(n, side * e.radius_m))
             normals.append(np.repeat(N[None], n, axis=0))
-            faces.append(np.full(n, len(given)))
+            faces.append(np.full(n, len(adjacent)))
             edge.append(np.full(n, k))
     return EdgeSamples(
         np.concatenate(points),

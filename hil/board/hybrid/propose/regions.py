@@ -163,7 +163,7 @@ def straight_windows(
     turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
     heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
     mean = 0.25 * float(heat[0].mean())
-    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    windows: List[Tuple[float, Tuple[float, float, float, float]]] = []
     for side in (44, 72, 116, 190, 290):
         half = side // 2
         total, c, s = (
@@ -185,10 +185,10 @@ def straight_windows(
             # segments that leave the window belong to it no more than halfway
             p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
-            found.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
+            windows.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
             score[max(0, row - own) : row + own, max(0, col - own) : col + own] = -1.0
-    found.sort(key=lambda f: -f[0])
-    return [box for _, box in found[: 2 * count]]
+    windows.sort(key=lambda f: -f[0])
+    return [box for _, box in windows[: 2 * count]]
 
 
 def _on_craft(mask: Array, likely: Array) -> float:

@@ -192,7 +192,7 @@ def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, 
     At several thresholds, because a craft half in shadow breaks up at a high one and joins a cloud at a low one.
     """
     smooth = cv2.GaussianBlur(probability.astype(np.float32), (0, 0), 1.0)
-    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    candidates: List[Tuple[float, Tuple[float, float, float, float]]] = []
     for level in (0.5, 0.25, 0.75, 0.12):
         mask = cv2.morphologyEx((smooth > level).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
@@ -203,15 +203,15 @@ def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, 
             inside = smooth[y : y + bh, x : x + bw][labels[y : y + bh, x : x + bw] == k]
             # evidence within the box, minus a penalty for the area without
             score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
-            found.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
-    found.sort(key=lambda f: -f[0])
-    chosen: List[Tuple[float, float, float, float]] = []
-    for _, box in found:
-        if all(_overlap(box, other) < 0.6 for other in chosen):
-            chosen.append(box)
-        if len(chosen) >= most:
+            candidates.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
+    candidates.sort(key=lambda f: -f[0])
+    distinct: List[Tuple[float, float, float, float]] = []
+    for _, box in candidates:
+        if all(_overlap(box, other) < 0.6 for other in distinct):
+            distinct.append(box)
+        if len(distinct) >= most:
             break
-    return chosen
+    return distinct
 
 
 def _overlap(a: Tuple[float, float, float, float], b: Tuple[float, float, float, float]) -> float:

@@ -94,8 +94,8 @@ def over_its_image(
 def _middle(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Array:
     """Return the centroid (2,) of the silhouette on the patch [image px]; NaN if it is empty."""
     faces, R = faces_of(target), quat.matrix(h.q)
-    seen = draw_faces(faces, order_faces(faces, -R.T @ h.t), target.camera.pinhole, R, h.t, patch)
-    return np.asarray(_mean_pixel(seen) / patch.scale)
+    faces_seen = draw_faces(faces, order_faces(faces, -R.T @ h.t), target.camera.pinhole, R, h.t, patch)
+    return np.asarray(_mean_pixel(faces_seen) / patch.scale)
 
 
 def _mean_pixel(seen: Array) -> Array:

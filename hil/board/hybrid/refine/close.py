@@ -60,7 +60,7 @@ def refine_close_up(
     else:
         others = [o for o in others if o.source.region == first.source.region][:RIVALS]
     patch = cut_patch(target, frame, box, CLOSE_PX)
-    some = [draw(target, patch, h) for h in (first, *others)]
+    drawn = [draw(target, patch, h) for h in (first, *others)]
     # near-symmetries of the first that are among the others need no second alignment
     twins = [
         draw(target, patch, twin)
@@ -69,9 +69,9 @@ def refine_close_up(
     ]
     # before a texture a few degrees cost most of the score: every near-symmetry is aligned
     every = thorough or frame.background < 0
-    some += [twin for twin in twins if every or twin.score > TWIN_SHARE * some[0].score]
-    some = [draw_shadows(target, patch, h) for h in some]
-    ranked = refine_in_parallel(target, patch, some, CLOSE_BLURS, CLOSE_PRUNINGS)
+    drawn += [twin for twin in twins if every or twin.score > TWIN_SHARE * drawn[0].score]
+    drawn = [draw_shadows(target, patch, h) for h in drawn]
+    ranked = refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
     judged = len(ranked)
     if thorough:
         ranked += refine_tilts(target, patch, ranked[0], TILT_BLURS, TILT_PRUNINGS)
@@ -115,12 +115,12 @@ def refine_symmetries(
     listed : bool
         Include those of the model's list.
     """
-    asked = over_its_image(target, patch, near_symmetries(target, [held]), held)
+    variants = over_its_image(target, patch, near_symmetries(target, [held]), held)
     if not listed:
         turned = [quat.multiply(held.q, s) for s in target.model.symmetry_wxyz]
-        asked = [h for h in asked if all(quat.angle_rad(h.q, q) > DISTINCT_RAD for q in turned)]
-    some = [draw_shadows(target, patch, draw(target, patch, h)) for h in asked]
-    return refine_in_parallel(target, patch, some, CLOSE_BLURS, CLOSE_PRUNINGS)
+        variants = [h for h in variants if all(quat.angle_rad(h.q, q) > DISTINCT_RAD for q in turned)]
+    drawn = [draw_shadows(target, patch, draw(target, patch, h)) for h in variants]
+    return refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
 
 
 def _overlap(a: Box, b: Box) -> float:

@@ -79,13 +79,13 @@ def refine_coarsely(
         if drawings is not None and not thorough:
             # there is no third round: drawings of the second are not kept
             frame.drawn[box, longest] = drawings
-        some = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
+        drawn = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
         if thorough:
-            some = sorted((draw_shadows(target, patch, h, drawings) for h in some[:LIT]), key=_with_prior)
-        some = spread_in_attitude(some, LAMPS_LEADERS if lamps else LEADERS)
+            drawn = sorted((draw_shadows(target, patch, h, drawings) for h in drawn[:LIT]), key=_with_prior)
+        drawn = spread_in_attitude(drawn, LAMPS_LEADERS if lamps else LEADERS)
         if not thorough:
-            some = [draw_shadows(target, patch, h, drawings) for h in some]
-        refined += refine_in_parallel(target, patch, some, blurs, COARSE_PRUNINGS, drawings)
+            drawn = [draw_shadows(target, patch, h, drawings) for h in drawn]
+        refined += refine_in_parallel(target, patch, drawn, blurs, COARSE_PRUNINGS, drawings)
     frame.count("judged", len(refined))
     return sorted(refined, key=lambda h: -h.score)
 

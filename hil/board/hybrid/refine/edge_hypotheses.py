@@ -71,19 +71,19 @@ def refine_by_edges(
 
 def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
     """Return the ``keep`` poses of least cost, without near-duplicates."""
-    chosen: List[int] = []
+    indices: List[int] = []
     for i in np.argsort(cost):
         if not np.isfinite(cost[i]):
             continue
-        if chosen:
-            near = quat.angle_rad(q[chosen], q[i]) < DUPLICATE_RAD
-            near &= np.linalg.norm(t[chosen] - t[i], axis=1) < DUPLICATE_SHARE * abs(t[i, 2])
+        if indices:
+            near = quat.angle_rad(q[indices], q[i]) < DUPLICATE_RAD
+            near &= np.linalg.norm(t[indices] - t[i], axis=1) < DUPLICATE_SHARE * abs(t[i, 2])
             if near.any():
                 continue
-        chosen.append(int(i))
-        if len(chosen) >= keep:
+        indices.append(int(i))
+        if len(indices) >= keep:
             break
-    return q[chosen], t[chosen]
+    return q[indices], t[indices]
 
 
 def _align(

@@ -215,8 +215,8 @@ def search_normals(
     gx = cv2.remap(gradients.gx, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     gy = cv2.remap(gradients.gy, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     g = (gx * n[:, :1] + gy * n[:, 1:]) / gradients.sigma
-    known = inward[:, None]
-    g = np.where(known == 0, np.abs(g), np.maximum(g * known, 0.0))
+    polarity = inward[:, None]
+    g = np.where(polarity == 0, np.abs(g), np.maximum(g * polarity, 0.0))
     peak = np.zeros_like(g)
     mid = g[:, 1:-1]
     is_peak = (mid >= g[:, :-2]) & (mid > g[:, 2:])
@@ -225,9 +225,9 @@ def search_normals(
     peak[:, 1:-1] = np.where(is_peak, weight, 0.0)
     best = np.argmax(peak, axis=1)
     rows = np.arange(len(g))
-    found = peak[rows, best] > 0
+    is_edge = peak[rows, best] > 0
     best = np.clip(best, 1, g.shape[1] - 2)
     a, b, c = g[rows, best - 1], g[rows, best], g[rows, best + 1]
     curve = a - 2 * b + c
     sub = np.where(np.abs(curve) > 1e-6, 0.5 * (a - c) / np.where(np.abs(curve) > 1e-6, curve, 1.0), 0.0)
-    return np.where(found, k[best] + np.clip(sub, -0.5, 0.5), 0.0), np.where(found, b, 0.0)
+    return np.where(is_edge, k[best] + np.clip(sub, -0.5, 0.5), 0.0), np.where(is_edge, b, 0.0)

@@ -263,8 +263,8 @@ def explained(shading: Shading, patch: ImagePatch) -> float:
     """
     noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
-    left = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
-    return 1.0 - left / max(least, 1e-9)
+    residual = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
+    return 1.0 - residual / max(least, 1e-9)
 
 
 @functools.lru_cache(maxsize=4)
@@ -307,7 +307,7 @@ def _unexplained(
         return many_groups.unexplained(shading, patch, noise, none, blurs_px, bound, covered)
     (h, w), f = patch.gray.shape, patch.fine
     optics, score, cover = (gaussian(b) for b in blurs_px)
-    left: float = library().fly_photometric_cost(
+    residual: float = library().fly_photometric_cost(
         contiguous(shading.picture, "float32", (h, w)),
         contiguous(shading.group, "uint8", (h * f, w * f)),
         h,
@@ -323,9 +323,9 @@ def _unexplained(
         cover,
         covered,
     )
-    if left < 0:
+    if residual < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
-    return left
+    return residual
 
 
 def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:

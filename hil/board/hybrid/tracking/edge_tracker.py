@@ -152,9 +152,9 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
     idx = np.arange(len(samples))[None]
     X, T = (a[0] for a in samples.outline(idx, C[None]))
     sight = C - X
-    seen = np.einsum("skj,sj->sk", samples.normals, sight) > 0
-    turned_away = (samples.faces == 2) & (seen.sum(axis=1) == 1)
-    outward = np.where(seen[:, :1], samples.normals[:, 1], samples.normals[:, 0])
+    facing = np.einsum("skj,sj->sk", samples.normals, sight) > 0
+    turned_away = (samples.faces == 2) & (facing.sum(axis=1) == 1)
+    outward = np.where(facing[:, :1], samples.normals[:, 1], samples.normals[:, 0])
     round_member = samples.radius_m != 0
     grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
     outward = np.where(round_member[:, None], grazed, outward)

@@ -209,31 +209,31 @@ class TrackingEstimator(Estimator):
         poses = ((state.q, state.t), (edges.q, edges.t))
         near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
         self.aligned += 1
-        given = frame.sun_camera
-        follow = given is None and self.aligned % FOLLOWED == 0
-        seen = align_photometrically(
+        sun = frame.sun_camera
+        follow = sun is None and self.aligned % FOLLOWED == 0
+        track = align_photometrically(
             self.craft,
             frame,
             poses[1:] if near else poses,
-            self.sun if given is None else given,
+            self.sun if sun is None else sun,
             follow_sun=follow,
         )
-        self.sun = seen.sun
+        self.sun = track.sun
         frame.count("picture", 1)
         frame.mark("photometric_alignment")
-        return seen.fit.q, seen.fit.t, seen.fit.covariance
+        return track.fit.q, track.fit.t, track.fit.covariance
 
     def _initialise(self, frame: Observation) -> PoseResult:
-        found = self.first.initialise(frame)
+        result = self.first.initialise(frame)
         frame.count("initialised", 1)
-        q, t = found.q_camera_from_target_wxyz, found.t_camera_from_target_m
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
         if q is not None and t is not None:
-            self.empty = isinstance(found.evidence, Evidence) and found.evidence.empty
-            self._begin(q, t, accepted=found.accepted)
-            if found.accepted:
+            self.empty = isinstance(result.evidence, Evidence) and result.evidence.empty
+            self._begin(q, t, accepted=result.accepted)
+            if result.accepted:
                 self.sun = find_sun(self.craft, frame, (q, t))
                 frame.mark("sun")
-        return replace(found, method=self.method)
+        return replace(result, method=self.method)
 
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
         """Update with an initialisation: a second one that agrees gives the rates, one that does not begins anew."""
