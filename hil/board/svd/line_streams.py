@@ -150,12 +150,17 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     return out
 
 
+def stretched(image: Array) -> Optional[Array]:
+    """Return an image stretched to uint8, its brightest half per cent clipped; None if it is constant."""
+    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
+    return np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8) if high > low else None
+
+
 def lsd_lines(image: Array, shortest_px: float) -> Array:
     """Return (N, 4) sub-pixel segments of OpenCV's line segment detector; none if OpenCV was built without it."""
-    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
-    if high <= low:
+    scaled = stretched(image)
+    if scaled is None:
         return np.zeros((0, 4))
-    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
     try:
         found = cv2.createLineSegmentDetector().detect(scaled)[0]
     except (cv2.error, AttributeError):

@@ -7,7 +7,7 @@ import numpy as np
 
 from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
-from flyaround.hil.board.svd.line_streams import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough
+from flyaround.hil.board.svd.line_streams import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, stretched
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
@@ -30,10 +30,9 @@ def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
 
 def lsd_stream(image: Array, shortest_px: float) -> Array:
     """Return sub-pixel segments by the line segment detector."""
-    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
-    if high <= low:
+    scaled = stretched(image)
+    if scaled is None:
         return np.zeros((0, 4))
-    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
     segments = _segments(_reduced(scaled)) / REDUCED
     return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
 

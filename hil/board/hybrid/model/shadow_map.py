@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.faces import Faces
-from flyaround.hil.board.estimation.vectors import cross, length
+from flyaround.hil.board.estimation.vectors import cross, length, sphere_directions
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.native_faces import native_faces
 from flyaround.hil.board.hybrid.geometry.shading import Shading
@@ -162,10 +162,7 @@ class ShadowMapTable:
     @staticmethod
     def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
         """Draw the maps of ``number`` directions on a Fibonacci lattice."""
-        i = np.arange(number) + 0.5
-        z, turn = 1.0 - 2.0 * i / number, np.pi * (1.0 + np.sqrt(5.0)) * i
-        r = np.sqrt(1.0 - z * z)
-        directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
+        directions = sphere_directions(number)
         suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
         return ShadowMapTable(
             directions,

@@ -13,6 +13,7 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.occluding_contours import Outlines
 from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.estimation.vectors import sphere_directions
 from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, project
 from flyaround.hil.board.hybrid.model.visibility import visible_samples
 
@@ -70,15 +71,6 @@ class ViewTable:
         """Return the index of the view nearest to each pose's line of sight."""
         C = -np.einsum("bji,bj->bi", R, t) - centre_m
         return np.asarray(np.argmax(C @ self.directions.T, axis=1))
-
-
-def sphere_directions(count: int) -> Array:
-    """Return the nearly even directions (count, 3) of a Fibonacci lattice."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    phi = np.pi * (1 + np.sqrt(5.0)) * k
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
 
 
 def look_at(direction: Array) -> Array:
