@@ -81,7 +81,8 @@ def write_report(folder: Path) -> Path:
 def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
     if not path.exists():
-        return _summary_of_killed(folder, rows)
+        # the run was killed before writing it
+        return summarise(rows, **_terms(folder, rows))
     summary = _read(path)
     if summary.accepted_wrong is not None:
         return summary
@@ -90,11 +91,6 @@ def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     return msgspec.structs.replace(
         summary, accepted_known=counted.accepted_known, accepted_wrong=counted.accepted_wrong
     )
-
-
-def _summary_of_killed(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
-    """Return the summary of a run that was killed before writing it."""
-    return summarise(rows, **_terms(folder, rows))
 
 
 def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:

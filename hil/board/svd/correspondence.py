@@ -21,6 +21,9 @@ Pairs = Tuple[Array, Array]
 # Pairs of groups solved at most: the search must end.
 BUDGET = 6000
 
+# Least number of points of each solver.
+LEAST_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
+
 # Share of the budget of each combination, the most telling first.
 ORDER = (
     ("closed_tetrad", True),
@@ -75,7 +78,7 @@ def solve_all(
     spoil the figure; inliers are counted afterwards for all poses together.
     """
     rng = np.random.default_rng(2018)
-    needed = _needed(config.solver)
+    needed = LEAST_POINTS[config.solver]
     rays = PointGroups(
         {
             kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)
@@ -112,8 +115,3 @@ def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
         turns += turn
         shifts += shift
     return from_rotvecs(turns, shifts)
-
-
-def _needed(solver: str) -> int:
-    """Return the least number of points of a solver."""
-    return {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}[solver]

@@ -185,9 +185,10 @@ def select(
     for other in ends:
         if not same_end(other.pose, pose):
             margin = min(margin, best.score - other.score)
-    like, covered = _likeness(target, patch, best)
-    burnt = burnt_share(_view(target, patch, best), patch)
-    evidence = replace(image_evidence(target, best, s, margin), likeness=like, covered=covered, burnt=burnt)
+    view = _view(target, patch, best)
+    like, covered = likeness(view, patch)
+    evidence = image_evidence(target, best, s, margin)
+    evidence = replace(evidence, likeness=like, covered=covered, burnt=burnt_share(view, patch))
     others = alternatives([(h.q, h.t, h.score) for h in ranked], pose.q, pose.t)
     return Selection(best, evidence, others, patch, tuple(ranked), tuple(ends), rival)
 
@@ -199,17 +200,12 @@ def _view(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Shading
     return photo_draw(end.q, end.t, faces_of(target), patch, target.camera.pinhole, end.sun)
 
 
-def _likeness(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> Tuple[float, float]:
-    """Return the likeness of a refined pose to the image, see ``photometric.likeness``."""
-    return likeness(_view(target, patch, end), patch)
-
-
 def _merit(target: PreparedTarget, patch: ImagePatch, end: Hypothesis) -> float:
     """Return the merit of a refined pose: its score times its likeness.
 
     Any drawing that covers a bright object explains much of the image; its likeness shows whether it is the target.
     """
-    return end.score * max(_likeness(target, patch, end)[0], 0.0)
+    return end.score * max(likeness(_view(target, patch, end), patch)[0], 0.0)
 
 
 def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: List[Hypothesis]) -> Selection:

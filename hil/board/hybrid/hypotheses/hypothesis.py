@@ -19,10 +19,6 @@ Array = np.ndarray
 UNASKED = Support(0.0, 0.0, 0.0, 0.0, np.zeros(0, int))
 
 
-def _unknown() -> Array:
-    return np.eye(6)
-
-
 @dataclass(frozen=True, eq=False)
 class PoseFit:
     """A pose and its covariance.
@@ -40,7 +36,7 @@ class PoseFit:
     q: Array
     t: Array
     cost: float = 9.9
-    covariance: Array = field(default_factory=_unknown)
+    covariance: Array = field(default_factory=lambda: np.eye(6))
 
 
 @dataclass(frozen=True, eq=False)
