@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Predistorter:
-    """Maps frames to a screen by a calibration, with tables computed once.
+    """Mapping of frames to a screen by a calibration, with tables computed once.
 
     Parameters
     ----------

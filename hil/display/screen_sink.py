@@ -39,7 +39,7 @@ class ShownFrame:
 
 
 class ScreenSink:
-    """Shows each frame that it receives.
+    """Sink that shows each frame on a screen.
 
     Parameters
     ----------

@@ -144,7 +144,7 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
     if C.shape != (6, 6) or not np.isfinite(C).all():
         return None
     variances, axes = np.linalg.eigh(C)
-    # below rounding a variance says nothing, be it above zero
+    # a variance within rounding errors has no meaning
     if variances[0] <= np.finfo(float).eps * variances[-1]:
         return None
     return float(np.sum((axes.T @ error) ** 2 / variances))

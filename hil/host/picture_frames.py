@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
 
-# pictures up to this many bytes together stay decoded; those beyond are read again on each round
+# largest size of the decoded pictures that are kept [bytes]; others are read again on each round
 KEPT_BYTES = 1 << 30
 
 

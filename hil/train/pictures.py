@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Pixels of a stored picture per pixel of the network's, each way: turning averages over them.
 FINER = 2
 
-# One frame of so many is held out.
+# One of ten frames is held out.
 HELD_OUT = 10
 
 # Fewer pictures teach nothing.

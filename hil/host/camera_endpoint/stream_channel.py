@@ -29,7 +29,7 @@ RESENT_PER_PACKET = 2
 
 
 class StreamChannel:
-    """Sends blocks to one receiver.
+    """Stream of blocks to one receiver.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ COLUMNS = (
 
 
 class LedgerWriter:
-    """Appends rows to ``frames.csv``; each is complete and flushed before ``add`` returns.
+    """Writer of ``frames.csv``; each row is complete and flushed before ``add`` returns.
 
     Raises
     ------

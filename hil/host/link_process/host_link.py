@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
-# time-out for the last message of a link process that was told to end, or of an interrupted run
+# time-out for the last message of a link process after Close, or of an interrupted run
 QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0
@@ -81,7 +81,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
 
 class HostLink:
-    """Starts the link process and talks to it; a context manager.
+    """Handle of the link process, which it starts; a context manager.
 
     Raises
     ------

@@ -127,7 +127,7 @@ class _FileToWrite:
 
 
 class RosLog:
-    """Writes frames, truth, answers and timing; times are those of the scenario, in UTC.
+    """Recorder of frames, truth, answers and timing; times are those of the scenario, in UTC.
 
     Parameters
     ----------

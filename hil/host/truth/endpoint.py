@@ -98,7 +98,7 @@ class _Client:
 
 
 class TruthEndpoint:
-    """Listens on TCP and sends TRUTH packets to the clients connected before them.
+    """TCP server that sends TRUTH packets to the clients connected before them.
 
     At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
     ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.

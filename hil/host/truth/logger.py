@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 
 class TruthLogger:
-    """Listens in a thread until the host says goodbye or ``stop`` is called.
+    """Logger of truth packets in a thread, until the host says goodbye or ``stop`` is called.
 
     Each line of the file is ``{"frame_id": ..., "truth": {...}}``.
 

@@ -184,7 +184,7 @@ def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
 
 
 class FrameAssembler:
-    """Reassembles frames from headers and chunks, and names the frames that were lost.
+    """Assembler of frames from headers and chunks, which also names the frames that were lost.
 
     ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
 

@@ -85,7 +85,7 @@ class StreamTransport(ABC):
         self._framing = framing
         self._closed = False
 
-    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - most streams ask nobody
+    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - optional
         """Set the time without a sign of life after which the other side is considered gone."""
 
     def send_packet(self, packet: Packet) -> None:

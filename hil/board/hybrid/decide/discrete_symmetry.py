@@ -26,7 +26,7 @@ Array = np.ndarray
 # Longest side of the patch that they are compared on [px], and side of the shadow map [px].
 TWINS_PX, SUN_PX = 350, 480
 
-# Pixels count where two drawings differ by so many sigma; error of a drawing, as a share of the light; blurs [px].
+# Least difference of two drawings at a pixel that counts [sigma]; error of a drawing [share of the light]; blurs [px].
 DIFFERENT, WRONG_BY, BLURS = 3.0, 0.3, (1.0, 2.0)
 
 # Log-likelihood ratio of two poses per unit of score, of preference and of the network's log-likelihood, which counts

@@ -65,7 +65,7 @@ def check_near_minima(
     ranked.sort(key=lambda h: -h.score)
     frame.count("judged", len(ranked))
     best = ranked[0]
-    # a tilt that returned to the selected pose says nothing new, and one that has not converged is no rival
+    # a tilt that returned to the selected pose adds nothing, and one that has not converged is no rival
     if quat.angle_rad(best.q, end.q) <= CHECK_RAD or best.score <= FINAL_LEAD * end.score:
         return selection
     ends = [*selection.ends, refine_to_end(target, frame, patch, best)]

@@ -110,7 +110,7 @@ def load_library(name: str) -> ctypes.CDLL:
         data = where.read_bytes()
     except (OSError, KeyError) as error:
         raise KernelError(f"the estimator's library {where} cannot be read ({error}): {CURE}") from error
-    # a library that was cut short may crash whoever loads it
+    # a truncated library may crash the process that loads it
     if hashlib.sha256(data).hexdigest() != _checksums().get(name):
         raise KernelError(f"the estimator's library {where} is damaged or of another build: {CURE}")
     try:
