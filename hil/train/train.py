@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from flyaround.hil.board.net.attitude_classes import class_attitudes, class_step_rad
 from flyaround.hil.board.net.network_estimator import NetworkEstimator
-from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+from flyaround.hil.board.net.network_file import SIDE_PX, HeldOutErrors, NetworkFile
 from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
@@ -130,26 +130,38 @@ def train_network(
     Raises
     ------
     UserError
-        If the folder is no data set, has too few frames, or the file cannot be written.
+        If the folder is no data set, has too few frames or pictures of an unusable shape, the training diverges, or the
+        file cannot be written.
     """
     if not torch.cuda.is_available() and device.startswith("cuda"):
         raise UserError(f"--device {device}: PyTorch finds no such device here; leave it out")
     torch.set_num_threads(threads)
     data = read_training_set(folder, width_px, progress)
+    camera = data.learned.camera
+    if not SIDE_PX[0] <= camera.height_px <= SIDE_PX[1]:
+        raise UserError(
+            f"a network takes pictures of {SIDE_PX[0]} to {SIDE_PX[1]} px each way, and these have {width_px} x "
+            f"{camera.height_px}; choose another --width"
+        )
     log_range = np.log(np.linalg.norm(data.learned.t_m, axis=1))
     scale = float(log_range.mean()), max(float(log_range.std()), 1e-2)
     training = PoseTraining(ARCHITECTURES[architecture], data.learned, classes, scale, seed, device)
+    weights = training.run(budget or Budget(), report)
+    if not all(np.isfinite(w).all() for w in weights.values()):
+        raise UserError(
+            "the training diverged: weights are not finite; choose another --seed, or capture more"
+        )
     file = NetworkFile(
         name=output.name,
         target=data.target[0],
         sha256=data.target[1],
-        camera=data.learned.camera,
+        camera=camera,
         classes=classes,
         log_range_mean=scale[0],
         log_range_scale=scale[1],
         errors=HeldOutErrors(1.0, 1.0, 1.0),
         architecture=architecture,
-        weights=training.run(budget or Budget(), report),
+        weights=weights,
     )
     records = _judged(file, folder, data)
     file = replace(file, errors=_errors([r for r in records if r.accepted] or records))

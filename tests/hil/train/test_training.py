@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera
 from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
 from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.evaluate.mean_predictor import mean_predictor
-from flyaround.hil.train.pictures import FINER, LabelledPictures, labelled, sample
+from flyaround.hil.train.pictures import FINER, LabelledPictures, TrainingSet, labelled, sample
+from flyaround.simulator.errors import UserError
 
 SMALL = NetworkCamera(64, 40, 100.0)
 
@@ -136,6 +138,20 @@ def test_a_network_learns_where_three_lights_are():
     # the place first; attitudes take longer; these are running means of losses
     assert numbers[-1][1] < 0.96 * numbers[0][1]
     assert numbers[-1][0] < numbers[0][0]
+
+
+def test_pictures_of_an_unusable_shape_are_refused_before_training(monkeypatch, tmp_path):
+    pytest.importorskip("torch", reason="the extra 'train'")
+    from flyaround.hil.train import train
+
+    low = NetworkCamera(64, 8, 100.0)
+    pictures = LabelledPictures(low, np.zeros((2, 16, 128), np.uint8), np.ones((2, 4)), np.ones((2, 3)))
+    data = TrainingSet(
+        ("tango", ""), CameraIntrinsics(640, 80, 1e3, 1e3, 319.5, 39.5), pictures, pictures, (0, 1)
+    )
+    monkeypatch.setattr(train, "read_training_set", lambda *_: data)
+    with pytest.raises(UserError, match="64 x 8"):
+        train.train_network(tmp_path, tmp_path / "a.npz", width_px=64)
 
 
 def test_a_mistake_of_train_is_one_sentence(tmp_path, capsys):
