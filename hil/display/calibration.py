@@ -121,8 +121,8 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : digital numbers (H, W) of a camera without gamma, by the pattern's name; means of several images where
-    there are. screen_px : width and height of the screen.
+    grabs : digital numbers (H, W) of a camera without gamma, by the pattern's name; means of several images, if
+        there are. screen_px : width and height of the screen.
 
     Raises
     ------

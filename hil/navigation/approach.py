@@ -87,8 +87,8 @@ class Approach:
 
         Parameters
         ----------
-        estimate : estimate at ``t_s``, or None. status : status of the filter. last_used_s : exposure of its newest
-        pose.
+        estimate : estimate at ``t_s``, or None. status : status of the filter.
+        last_used_s : exposure of its newest pose.
         """
         doubt = self._doubt(t_s, estimate, status, last_used_s)
         self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)

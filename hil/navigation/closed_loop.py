@@ -42,8 +42,8 @@ class ClosedLoopConfig:
     frame_every : periods of control from image to image.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
     thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules, filter : settings of guidance and filter. inertia_known : True if the filter turns the target as a rigid
-    body.
+    rules, filter : settings of guidance and filter.
+    inertia_known : True if the filter propagates the target as a rigid body.
     """
 
     seed: int = 0

@@ -126,7 +126,7 @@ class GigeCamera:
 
     @property
     def roi_px(self) -> Tuple[int, int, int, int]:
-        """, y, width and height of the part of the detector that is read.
+        """X, y, width and height of the part of the detector that is read.
 
         Raises
         ------

@@ -33,8 +33,8 @@ class StreamChannel:
 
     Parameters
     ----------
-    sock : to send from. loss_share : packets that are left out, to try a receiver's requests. seed : seed of their
-    choice.
+    sock : socket to send from. loss_share : share of packets that are left out, to test a receiver's requests.
+    seed : seed of their choice.
     """
 
     def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
