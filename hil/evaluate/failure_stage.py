@@ -119,7 +119,7 @@ def _edge_share(
     if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
-    return support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m).drawn
+    return support(craft, q, t, field).drawn
 
 
 def _is_coarse(q: NDArray[np.float64], t: NDArray[np.float64], q2: Any, t2: Any) -> bool:  # noqa: ANN401 - arrays

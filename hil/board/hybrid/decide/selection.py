@@ -164,9 +164,7 @@ def select(
     """
     best = max(ends, key=lambda e: _merit(target, patch, e))
     pose, field = best.pose, best.source.field
-    s = support(
-        pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m, alone=True
-    )
+    s = support(target, pose.q, pose.t, field, alone=True)
     there = [e.origin for e in ends if same_end(e.pose, pose)]
     margin = here = max(start.score for start in there)
     rivals = [h for h in ranked if differs(h.q, h.t, pose.q, pose.t)]

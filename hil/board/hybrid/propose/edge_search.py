@@ -139,9 +139,7 @@ def group_poses(
     frame.mark("pnp")
     for every, keep in RANKINGS:
         if len(q) > keep:
-            cost = quick_cost(
-                q, t, target.samples, edges.views, coarse, target.camera, target.centre_m, RANK_CAP_PX, every
-            )
+            cost = quick_cost(target, q, t, edges.views, coarse, RANK_CAP_PX, every)
             top = np.argpartition(cost, keep)[:keep]
             q, t = q[top], t[top]
     frame.mark("correspondences")

@@ -12,7 +12,6 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.hypotheses.edge_support import quick_cost, support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from flyaround.hil.board.hybrid.image.edge_field import EdgeField
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import RegionEdges
@@ -45,13 +44,13 @@ def refine_by_edges(
     coarse, fine = edges.coarse, edges.fine
     if not len(q):
         return []
-    q, t = _align(target, q, t, edges, coarse, COARSE_REACH[0], EVERY)
-    q, t = distinct(q, t, _cost(target, q, t, edges, coarse, CAPS_PX[0], EVERY), COARSE_KEEP[0])
-    q, t = _align(target, q, t, edges, coarse, COARSE_REACH[1], EVERY)
-    q, t = distinct(q, t, _cost(target, q, t, edges, coarse, CAPS_PX[1]), COARSE_KEEP[1])
-    q, t = _align(target, q, t, edges, fine, FINE_REACH)
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[0], EVERY)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[0], EVERY), COARSE_KEEP[0])
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[1], EVERY)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[1]), COARSE_KEEP[1])
+    q, t = align_to_field(target, q, t, edges.views, fine, FINE_REACH)
     keep = EDGES_DECIDE if target.model.faces is None else IMAGE_DECIDES
-    q, t = distinct(q, t, _cost(target, q, t, edges, fine, CAPS_PX[1]), keep)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), keep)
     frame.mark("edge_alignment")
     out = _judge(target, q, t, edges)
     frame.mark("edge_support")
@@ -60,8 +59,8 @@ def refine_by_edges(
         about = near_symmetries(target, out[:TURNED]) + neighbours(target, out[:MOVED])
         if about:
             q, t = np.array([h.q for h in about]), np.array([h.t for h in about])
-            q, t = _align(target, q, t, edges, fine, TWIN_REACH)
-            q, t = distinct(q, t, _cost(target, q, t, edges, fine, CAPS_PX[1]), TWINS_KEEP)
+            q, t = align_to_field(target, q, t, edges.views, fine, TWIN_REACH)
+            q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), TWINS_KEEP)
             out += _judge(target, q, t, edges)
             out.sort(key=lambda h: -h.support.total)
         frame.mark("edge_alignment")
@@ -86,36 +85,11 @@ def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
     return q[indices], t[indices]
 
 
-def _align(
-    target: PreparedTarget,
-    q: Array,
-    t: Array,
-    edges: RegionEdges,
-    field: EdgeField,
-    reach: Tuple[float, ...],
-    every: int = 1,
-) -> Tuple[Array, Array]:
-    samples, camera, centre, radius = target.samples, target.camera, target.centre_m, target.radius_m
-    return align_to_field(q, t, samples, edges.views, field, camera, centre, radius, reach, every)
-
-
-def _cost(
-    target: PreparedTarget,
-    q: Array,
-    t: Array,
-    edges: RegionEdges,
-    field: EdgeField,
-    cap_px: float,
-    every: int = 1,
-) -> Array:
-    return quick_cost(q, t, target.samples, edges.views, field, target.camera, target.centre_m, cap_px, every)
-
-
 def _judge(target: PreparedTarget, q: Array, t: Array, edges: RegionEdges) -> List[Hypothesis]:
     """Return hypotheses with their support by the fine edges, the best first."""
     source, out = Source(edges.region, edges.fine), []
     for k in range(len(q)):
-        s = support(q[k], t[k], target.samples, target.occ, edges.fine, target.camera, target.spacing_m)
+        s = support(target, q[k], t[k], edges.fine)
         out.append(Hypothesis(PoseFit(q[k], t[k]), source, s.total, s))
     out.sort(key=lambda h: -h.score)
     return out

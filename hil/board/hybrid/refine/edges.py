@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.camera import CameraIntrinsics
-from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.geometry.wireframe import jacobian, project
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import EdgeFit, PoseFit
 from flyaround.hil.board.hybrid.image.edge_field import EdgeField
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.silhouette import inward_sign, silhouette
 from flyaround.hil.board.hybrid.model.view_tables import ViewTable
 from flyaround.hil.board.hybrid.refine.robust import geman_mcclure, tukey
@@ -23,14 +23,11 @@ Array = np.ndarray
 
 
 def align_to_field(
+    target: PreparedTarget,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
-    table: ViewTable,
+    views: ViewTable,
     field: EdgeField,
-    camera: CameraIntrinsics,
-    centre_m: Array,
-    radius_m: float,
     reach_px: Tuple[float, ...],
     every: int = 1,
 ) -> Tuple[Array, Array]:
@@ -38,32 +35,27 @@ def align_to_field(
 
     Parameters
     ----------
+    target : PreparedTarget
+        The target.
     q, t : (B, 4), (B, 3) array
         Poses.
-    samples : EdgeSamples
-        Samples of the wireframe.
-    table : ViewTable
-        Views, which list the visible samples.
+    views : ViewTable
+        Its views, which list the visible samples.
     field : EdgeField
         Edges of the region.
-    camera : CameraIntrinsics
-        Intrinsics.
-    centre_m : (3,) array
-        Centre of the target, target frame [m].
-    radius_m : float
-        Radius of its bounding sphere [m].
     reach_px : tuple of float
         Distance beyond which edges are ignored, per iteration [field px].
     every : int
         Use each ``every``-th sample only.
     """
+    camera, radius_m = target.camera, target.radius_m
     idx = weight = np.zeros(0)
     for k, reach in enumerate(reach_px):
         R = quat.matrix(q)
         if k % 3 == 0:
-            view = table.nearest(R, t, centre_m)
-            idx, weight = table.track[view, ::every], table.weight[view, ::every]
-        pr = project(samples, camera, R, t, idx)
+            view = views.nearest(R, t, target.centre_m)
+            idx, weight = views.track[view, ::every], views.weight[view, ::every]
+        pr = project(target.samples, camera, R, t, idx)
         uv = field.to_field(pr.pixels)
         flat, inside = field.lookup(uv, pr.angle)
         d = field.distance.reshape(-1)[flat]
@@ -132,15 +124,7 @@ class Gradients:
 
 
 def fine_align(
-    q: Array,
-    t: Array,
-    samples: EdgeSamples,
-    idx: Array,
-    gradients: Gradients,
-    occ: OccludingTriangles,
-    camera: CameraIntrinsics,
-    radius_m: float,
-    reach_px: Tuple[int, ...],
+    target: PreparedTarget, q: Array, t: Array, idx: Array, gradients: Gradients, reach_px: Tuple[int, ...]
 ) -> Tuple[PoseFit, EdgeFit]:
     """Align a pose by one-dimensional searches along the normals of visible samples, with sub-pixel accuracy.
 
@@ -149,20 +133,14 @@ def fine_align(
 
     Parameters
     ----------
+    target : PreparedTarget
+        The target.
     q, t : (4,), (3,) array
         The pose.
-    samples : EdgeSamples
-        Samples of the wireframe.
     idx : (M,) array
-        Indices of the visible ones.
+        Indices of the visible samples.
     gradients : Gradients
         Gradient of the region.
-    occ : OccludingTriangles
-        Mesh of the model.
-    camera : CameraIntrinsics
-        Intrinsics.
-    radius_m : float
-        Radius of the target [m].
     reach_px : tuple of int
         Half length of the search, per iteration [field px].
 
@@ -171,16 +149,17 @@ def fine_align(
     Harris & Stennett (1990), RAPID; Drummond & Cipolla (2002), robust weights.
     """
     q, t = q[None].copy(), t[None].copy()
-    f = gradients.factor
+    camera, radius_m, f = target.camera, target.radius_m, gradients.factor
+    origin = gradients.x0, gradients.y0
     H, rms, found, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
     h, w = gradients.gx.shape
     for reach in reach_px:
-        pr = project(samples, camera, quat.matrix(q), t, idx[None])
-        uv = ((pr.pixels[0] - (gradients.x0, gradients.y0) + 0.5) / f - 0.5).astype(np.float32)
+        pr = project(target.samples, camera, quat.matrix(q), t, idx[None])
+        uv = ((pr.pixels[0] - origin + 0.5) / f - 0.5).astype(np.float32)
         n = pr.normals[0].astype(np.float32)
         inward = np.zeros(len(uv), int)
         if gradients.empty:
-            shape = silhouette(quat.matrix(q)[0], t[0], occ, camera, (gradients.x0, gradients.y0), f, (w, h))
+            shape = silhouette(quat.matrix(q)[0], t[0], target.occ, camera, origin, f, (w, h))
             inward = inward_sign(shape, uv, n)
         offset, strength = search_normals(gradients, uv, n, inward, reach)
         good = strength > 4.0

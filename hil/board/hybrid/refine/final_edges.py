@@ -70,18 +70,8 @@ def _refined(
         visible = np.flatnonzero(visible_samples(target.samples, target.occ, -R.T @ pose.t)[0])
         if len(visible) < 8 and fit is not None:
             break
-        pose, fit = fine_align(
-            pose.q,
-            pose.t,
-            target.samples,
-            visible,
-            gradients[region],
-            target.occ,
-            target.camera,
-            target.radius_m,
-            reach,
-        )
-    s = support(pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m)
+        pose, fit = fine_align(target, pose.q, pose.t, visible, gradients[region], reach)
+    s = support(target, pose.q, pose.t, field)
     return Hypothesis(pose, start.source, s.total, s, edge_fit=fit, start=start)
 
 

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.vectors import cross
-from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, jacobian, project
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.visibility import visible_samples
 from flyaround.hil.board.hybrid.refine.robust import tukey
 from flyaround.hil.board.svd.refinement import gauss_newton_step, parameter_scale
@@ -81,14 +81,11 @@ def evenly_chosen(visible: Array, most: int = SAMPLES) -> Array:
 
 
 def track_edges(
+    target: PreparedTarget,
     image: Array,
     noise: float,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
-    occ: OccludingTriangles,
-    camera: CameraIntrinsics,
-    radius_m: float,
     reach_px: float,
     polarity: Array,
     *,
@@ -98,20 +95,14 @@ def track_edges(
 
     Parameters
     ----------
+    target : PreparedTarget
+        The target.
     image : (H, W) array
         Uint8 or uint16.
     noise : float
         Standard deviation of its noise.
     q, t : (4,), (3,) array
         Predicted pose.
-    samples : EdgeSamples
-        Samples of the wireframe.
-    occ : OccludingTriangles
-        Mesh that occludes them.
-    camera : CameraIntrinsics
-        Intrinsics.
-    radius_m : float
-        Radius of the target [m].
     reach_px : float
         Reach of the search [px].
     polarity : (S,) array
@@ -126,17 +117,17 @@ def track_edges(
     reduced picture as far as the prediction may be off, then at full resolution.
     """
     R = quat.matrix(q)
-    visible, _ = visible_samples(samples, occ, -R.T @ t)
+    visible, _ = visible_samples(target.samples, target.occ, -R.T @ t)
     idx = evenly_chosen(visible)
     if len(idx) < 8:
         return None
     if empty:
-        polarity = np.where(polarity == 0, outline_polarity(samples, R, t), polarity)
+        polarity = np.where(polarity == 0, outline_polarity(target.samples, R, t), polarity)
     fit: Optional[TrackFit] = None
     factors = (max(1, int(np.ceil(reach_px / REACH))), 1)
     for factor in dict.fromkeys(factors):
         # the reduced picture blurs less in its own pixels: fewer iterations and a wider loss
-        fit = _one_scale(image, noise, q, t, samples, idx, camera, radius_m, factor, polarity)
+        fit = _one_scale(target, image, noise, q, t, idx, factor, polarity)
         if fit is None:
             return None
         q, t = fit.q, fit.t
@@ -165,18 +156,17 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
 
 
 def _one_scale(
+    target: PreparedTarget,
     image: Array,
     noise: float,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
     idx: Array,
-    camera: CameraIntrinsics,
-    radius_m: float,
     factor: int,
     polarity: Array,
 ) -> Optional[TrackFit]:
     """Return the pose aligned at one reduction of the image; None if too little of it is in view."""
+    samples, camera = target.samples, target.camera
     pr = project(samples, camera, quat.matrix(q)[None], t[None], idx[None])
     at, n = pr.pixels[0], pr.normals[0]
     edges = _edge_candidates(image, noise, at, n, factor, polarity[idx])
@@ -191,7 +181,7 @@ def _one_scale(
         gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
         r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
         J = jacobian(now, camera, fit_t[None])
-        scale = parameter_scale(float(fit_t[2]), radius_m)
+        scale = parameter_scale(float(fit_t[2]), target.radius_m)
         step, normal = gauss_newton_step(J, r[None], weight[None], scale, 1e-5)
         if not np.isfinite(step).all():
             return None

@@ -182,17 +182,7 @@ class TrackingEstimator(Estimator):
         frame.noise = self._noise(frame.image, state)
         frame.mark("noise")
         fit = track_edges(
-            frame.image,
-            frame.noise,
-            state.q,
-            state.t,
-            craft.samples,
-            craft.occ,
-            self.camera,
-            craft.radius_m,
-            reach,
-            self.polarity,
-            empty=self.empty,
+            craft, frame.image, frame.noise, state.q, state.t, reach, self.polarity, empty=self.empty
         )
         frame.mark("edge_alignment")
         return fit

@@ -58,7 +58,7 @@ def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     box = target_box(craft, q, t)
     close = cut_patch(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
-    s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
+    s = support(craft, q, t, field)
     source = Source(Region(*map(float, box), "learned"), field)
     end = refine_to_end(craft, frame, close, Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source))
     evidence = image_evidence(craft, end, s, end.score)
