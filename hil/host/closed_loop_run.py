@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -226,18 +226,8 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
     """Return the result as in summary.json."""
-    return ClosedLoopFigures(
-        pose=pose,
-        outcome=result.outcome,
-        reason=result.reason,
-        final_error_m=result.final_error_m,
-        final_error_deg=result.final_error_deg,
-        min_range_m=result.min_range_m,
-        keep_out_violations=result.keep_out_violations,
-        delta_v_m_s=result.delta_v_m_s,
-        seed=seed,
-        duration_s=result.steps[-1].t_s,
-    )
+    own = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
+    return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **own)
 
 
 def frame_every(every_s: float | None, plan: Plan) -> int:

@@ -77,16 +77,10 @@ class NetworkEstimator(Estimator):
         q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), relative))
         frame.keep("attitude shares", probability)
         frame.mark("pose")
+        reason = "" if confidence >= ACCEPT_AT else "several attitudes are as likely"
+        times, counts, covariance = frame.stages_ms, frame.counts, self._covariance(t)
         return PoseResult(
-            confidence >= ACCEPT_AT,
-            "" if confidence >= ACCEPT_AT else "several attitudes are as likely",
-            q,
-            t,
-            confidence,
-            frame.stages_ms,
-            frame.counts,
-            covariance=self._covariance(t),
-            method=self.method,
+            not reason, reason, q, t, confidence, times, counts, covariance=covariance, method=self.method
         )
 
     def _covariance(self, t: Array) -> Array:

@@ -159,18 +159,9 @@ class TrackingEstimator(Estimator):
         self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
         frame.count("edges", fit.used)
         frame.mark("update")
+        times, counts, covariance = frame.stages_ms, frame.counts, after.P[:6, :6]
         return PoseResult(
-            True,
-            "",
-            after.q,
-            after.t,
-            sure,
-            frame.stages_ms,
-            frame.counts,
-            None,
-            after.P[:6, :6],
-            (),
-            self.method,
+            True, "", after.q, after.t, sure, times, counts, covariance=covariance, method=self.method
         )
 
     def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
