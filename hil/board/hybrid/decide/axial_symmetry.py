@@ -12,7 +12,7 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.selection import Selection, select
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.view_tables import curved
 from flyaround.hil.board.hybrid.refine.final import NO_WORSE, refine_to_end
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
@@ -61,14 +61,14 @@ def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: 
 
 def _better_turn(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
     """Return the selection that the best turn about the axis leads to, or None if it is not better."""
-    end, patch, faces = selection.best, selection.close, faces_of(target)
+    end, patch = selection.best, selection.close
     along, through = axis(target.model)
     middle = quat.matrix(end.q) @ through + end.t
 
     def turned(angle_rad: float) -> Tuple[float, Array, Array]:
         q = quat.normalise(quat.multiply(end.q, quat.from_rotvec(angle_rad * along)))
         t = middle - quat.matrix(q) @ through
-        return search_sun(target, faces, patch, q, t, coarse=True).score, q, t
+        return search_sun(target, patch, q, t, coarse=True).score, q, t
 
     own = turned(0.0)[0]
     score, q, t = max((turned(a) for a in ROLLS_RAD), key=lambda r: r[0])

@@ -17,7 +17,7 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
 from flyaround.hil.board.hybrid.model.many_groups import blurred
-from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.final import refine_to_end
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun, sharpen_shadows
 
@@ -150,6 +150,6 @@ def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
 
 def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
     """Return a pose drawn on a finer patch with sharp shadows."""
-    q, t, faces = end.q, end.t, faces_of(target)
-    view = sharpen_shadows(target, faces, patch, q, t, search_sun(target, faces, patch, q, t), SUN_PX)
+    q, t = end.q, end.t
+    view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SUN_PX)
     return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

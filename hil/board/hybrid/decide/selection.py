@@ -177,7 +177,7 @@ def select(
         explains = rival.score
         # with the shadows of a better Sun it explains more; searched only if that may matter
         if here - explains < FAR_BEHIND * here:
-            explains = search_sun(target, faces_of(target), patch, rival.q, rival.t, seen=rival.seen).score
+            explains = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two refined poses need not be far apart to be two answers
     for other in ends:

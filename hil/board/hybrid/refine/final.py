@@ -63,7 +63,7 @@ def refine_to_end(
     best: Optional[Hypothesis] = None
     blurs: Tuple[float, ...] = at_first
     before = start.pose
-    here = search_sun(target, faces, close, before.q, before.t, seen=start.seen)
+    here = search_sun(target, close, before.q, before.t, seen=start.seen)
     began, sun = start.without_view(here.score), here.sun
     for _ in range(rounds):
         near = _stepped(target, wide, before, sun, blurs)
@@ -81,7 +81,7 @@ def refine_to_end(
         blurs = near_by
         if moved > FAR_RAD:
             # after a large move the shadows have moved; after a small one the same Sun is still right
-            sun = search_sun(target, faces, close, before.q, before.t, seen=view.seen).sun
+            sun = search_sun(target, close, before.q, before.t, seen=view.seen).sun
             blurs = (*FAR_BLURS, *at_first)
     assert best is not None  # noqa: S101 - the first round always ends somewhere
     return best

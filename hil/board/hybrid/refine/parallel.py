@@ -77,7 +77,7 @@ def draw_shadows(
     """Return a drawn hypothesis with the shadows that explain the image best."""
 
     def made() -> Hypothesis:
-        lit = search_sun(target, faces_of(target), patch, h.q, h.t, drawn(h), coarse=True)
+        lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
         return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 
     return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, made)

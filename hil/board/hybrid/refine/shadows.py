@@ -9,11 +9,11 @@ import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.model.prepared_target import faces_of
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.estimation.faces import Faces
     from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
     from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 
@@ -49,7 +49,6 @@ class LitView:
 
 def search_sun(
     target: PreparedTarget,
-    faces: Faces,
     patch: ImagePatch,
     q: Array,
     t: Array,
@@ -66,8 +65,6 @@ def search_sun(
     ----------
     target : PreparedTarget
         The target.
-    faces : Faces
-        Its faces.
     patch : ImagePatch
         The image.
     q, t : (4,), (3,) array
@@ -79,7 +76,7 @@ def search_sun(
     coarse : bool
         Try fewer directions on fewer pixels, without refinement, at the loss of a third of the gain.
     """
-    camera = target.camera.pinhole
+    faces, camera = faces_of(target), target.camera.pinhole
     if plain is None and seen is not None:
         plain = photo_shade(seen, q, t, faces, patch, camera)
     plain = photo_draw(q, t, faces, patch, camera) if plain is None else plain
@@ -119,7 +116,7 @@ def search_sun(
 
 
 def sharpen_shadows(
-    target: PreparedTarget, faces: Faces, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
+    target: PreparedTarget, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
 ) -> LitView:
     """Return the view with the shadows of a map of ``side`` pixels, if these explain more.
 
@@ -127,6 +124,7 @@ def sharpen_shadows(
     """
     if drawn.sun is None:
         return drawn
+    faces = faces_of(target)
     sun = ShadowMap.of(faces, drawn.sun.direction, side)
     shading = photo_shade(drawn.shading.seen, q, t, faces, patch, target.camera.pinhole, sun)
     return max(drawn, LitView(shading, explained(shading, patch), sun), key=_score)

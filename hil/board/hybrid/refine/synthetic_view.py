@@ -57,7 +57,7 @@ def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> O
         return None
     patch = cut_patch(target, frame, target_box(target, q, t), LONGEST_PX)
     plain = photo_draw(q, t, faces, patch, target.camera.pinhole).picture
-    best = search_sun(target, faces, patch, q, t)
+    best = search_sun(target, patch, q, t)
     optics = OPTICS_PX / patch.factor
     plain, dark = (patch.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
     if best.sun is None:

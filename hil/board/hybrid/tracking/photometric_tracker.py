@@ -56,7 +56,7 @@ def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[
     """Return the direction (3,) to the Sun, camera axes, by the shadows at a pose; None if none explain the image."""
     if craft.model.faces is None:
         return None
-    sun = search_sun(craft, faces_of(craft), _patch(craft, frame, pose), *pose).sun
+    sun = search_sun(craft, _patch(craft, frame, pose), *pose).sun
     return None if sun is None else quat.matrix(pose[0]) @ sun.direction
 
 
