@@ -44,6 +44,6 @@ def forecast(
     for error in errors.rigid_body:
         say(
             f"{error.horizon_s:5g} s ahead: {error.rms_deg:.3f} deg RMS, 95 % below {error.p95_deg:.3f} deg, "
-            f"one sigma predicted {error.sigma_deg:.3f} deg"
+            f"predicted sigma {error.sigma_deg:.3f} deg"
         )
     say(f"of {errors.rigid_body[0].count} forecasts: {output / FORECAST_PNG}")

@@ -10,7 +10,7 @@ import typer
 
 from flyaround.cli.run_options import with_run_options
 from flyaround.cli.terminal import progress_bar, say
-from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.runs.document import write_run
 from flyaround.runs.estimation import TrainRun
 from flyaround.simulator.errors import UserError, missing_extra
@@ -28,9 +28,9 @@ def train(
 ) -> None:
     """Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.
 
-    On a data set: every tenth frame is held out to judge it. The file is ONNX and needs no PyTorch: flyaround evaluate
-    --method net:FILE. Of a craft: views are drawn here, and hybrid finds the file by the craft's name; hil bundle takes
-    it along. A run that was stopped goes on where it was.
+    On a data set: every tenth frame is held out to judge it. The file needs no PyTorch where it is used: flyaround
+    evaluate --method net:FILE. Of a craft: views are drawn here, and hybrid finds the file by the craft's name; hil
+    bundle takes it along. A run that was stopped goes on where it was.
     """
     if (run.folder is None) == (run.craft is None):
         raise UserError("train learns from a data set or for a craft; give a folder or --craft NAME")
@@ -45,11 +45,15 @@ def train(
         _train_on_set(run, str(run.folder), say_progress, as_json=as_json)
 
 
+def _check_suffix(output: Path) -> None:
+    if output.suffix != ".npz":
+        raise UserError(f"-o {output}: a network is an .npz file; give a name that ends so")
+
+
 def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None], *, as_json: bool) -> None:
     load_target(craft)
     output = head_file(craft) if run.output is None else Path(run.output)
-    if output.suffix != ".npz":
-        raise UserError(f"-o {output}: the keypoint network is an .npz file; give a name that ends so")
+    _check_suffix(output)
     try:
         from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
         from flyaround.hil.train.keypoints.head_training import train_head  # noqa: PLC0415 - the same
@@ -82,10 +86,9 @@ def _train_on_set(
     run: TrainRun, folder: str, report_progress: Callable[[float, str], None], *, as_json: bool
 ) -> None:
     if run.output is None:
-        raise UserError("train needs the network's file; name it with -o NAME.onnx")
+        raise UserError("train needs the network's file; name it with -o NAME.npz")
     output = Path(run.output)
-    if output.suffix != ".onnx":
-        raise UserError(f"-o {output}: the file is ONNX; give a name that ends in .onnx")
+    _check_suffix(output)
     if run.network not in ARCHITECTURES:
         raise UserError(
             f"unknown network '{run.network}' in --network; choose from {', '.join(ARCHITECTURES)}"

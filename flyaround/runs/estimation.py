@@ -8,8 +8,8 @@ import typer
 from msgspec import Meta
 
 from flyaround.hil.board.method_names import ALL_METHODS, HYBRID
+from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.board.svd.settings import SOLVERS, STREAMS
-from flyaround.hil.train.residual_network import ARCHITECTURES
 from flyaround.runs.document import NOT_RECORDED, Run
 from flyaround.runs.fields import AnySeed, Count, File
 from flyaround.simulator.runtime.sections import Section
@@ -89,7 +89,7 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
         typer.Option(
             "--output",
             "-o",
-            help="The network's file: NAME.onnx of a data set; of a craft, default the user's folder of targets.",
+            help="The network's file, NAME.npz; of a craft, default the user's folder of targets.",
         ),
         NOT_RECORDED,
     ] = None

@@ -227,20 +227,20 @@ class BoardAgent:
         summary
             Of the session whose estimator did not come back: only a new process gets rid of it.
         """
-        wait_s, said = FIRST_PAUSE_S, ""
+        wait_s, reported = FIRST_PAUSE_S, ""
         while True:
             try:
                 summary = self.serve()
             except LinkError as error:
                 sentence = str(error)
-                if sentence != said:
+                if sentence != reported:
                     tell(f"{sentence}; trying again")
-                said = sentence
+                reported = sentence
             else:
                 tell(summary.ended)
                 if summary.hung or summary.busy:
                     return summary
-                wait_s, said = FIRST_PAUSE_S, ""
+                wait_s, reported = FIRST_PAUSE_S, ""
             # boards that lost the same host do not all come back in the same instant
             pause(wait_s * random.uniform(0.75, 1.25))
             wait_s = min(2.0 * wait_s, LAST_PAUSE_S)
@@ -265,7 +265,7 @@ def run_board(
 
     Parameters
     ----------
-    url, model_path, method, options : as of `BoardAgent`.
+    url, model_path, method, options : see `BoardAgent`.
 
     Raises
     ------

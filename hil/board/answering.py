@@ -129,12 +129,12 @@ def estimated_pose(
 
 def _estimate(estimator: BoardEstimator, image: Image, context: FrameContext) -> Estimate:
     estimate: Callable[..., Estimate] = estimator.estimate
-    known: Dict[str, Any] = {}
+    optional: Dict[str, Any] = {}
     if getattr(estimator, "keeps_state", False):
-        known["t_s"] = context.t_s
+        optional["t_s"] = context.t_s
     if context.sun_camera is not None and getattr(estimator, "takes_sun", False):
-        known["sun_camera"] = context.sun_camera
-    return estimate(image, **known)
+        optional["sun_camera"] = context.sun_camera
+    return estimate(image, **optional)
 
 
 def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - (6, 6) numbers, or None

@@ -1,12 +1,17 @@
-"""Reading of files given by name: regular files only, of bounded size."""
+"""Files that anybody may have written: regular ones only, of bounded size."""
 
 from __future__ import annotations
 
 import errno
+import io
 import os
 import stat
+import zipfile
+import zlib
 from pathlib import Path
-from typing import Union
+from typing import Dict, Union
+
+import numpy as np
 
 
 def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
@@ -14,14 +19,17 @@ def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
 
     Parameters
     ----------
-    most_bytes : a longer file is refused before it is read.
+    path : str or Path
+        The file.
+    most_bytes : int
+        Longer files are refused before they are read.
 
     Raises
     ------
     OSError
-        As of opening a file, and with a ``strerror`` of its own if it is no regular file or longer.
+        If it cannot be opened, is no regular file, or is longer.
     ValueError
-        If the path is none.
+        If the path cannot name a file.
     """
     # without O_NONBLOCK the opening of a pipe waits for its writer
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -36,3 +44,40 @@ def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
             return file.read(status.st_size)
     finally:
         os.close(handle)
+
+
+def unpack_arrays(data: bytes, most_bytes: int) -> Dict[str, np.ndarray]:
+    """Return the arrays of an ``.npz`` file by name.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    most_bytes : int
+        A file that unpacks to more is refused before it is unpacked.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, damaged, or unpacks to more.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as members:
+            if sum(member.file_size for member in members.infolist()) > most_bytes:
+                raise ValueError(f"it unpacks to more than {most_bytes // 10**6} MB")
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            return {name: np.asarray(arrays[name]) for name in arrays.files}
+    except (
+        ArithmeticError,
+        AttributeError,
+        EOFError,
+        LookupError,
+        MemoryError,
+        OSError,
+        RuntimeError,
+        SyntaxError,
+        TypeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        raise ValueError("it is no .npz file, or a damaged one") from error

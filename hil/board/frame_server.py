@@ -77,8 +77,9 @@ class _Arrival:
 
 
 class FrameServer:
-    """Serves frames in three threads: one receives packets and answers clock requests, one estimates, the caller's
-    watches.
+    """Server of a session's frames in three threads.
+
+    One receives packets and answers clock requests, one estimates, and the caller's supervises.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ class FrameServer:
         self._ended = "the host went away"
         self._watchdog_said = f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
         self._stop, self._over = threading.Event(), threading.Event()
-        # the frame in progress and its start; whoever removes it under the lock answers it
+        # the frame in progress and its start; the thread that removes it under the lock answers it
         self._answering = threading.Lock()
         self._in_work: Optional[_Arrival] = None
         self._begun_ns = 0

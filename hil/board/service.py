@@ -14,7 +14,7 @@ from typing import Callable, List
 # notifications within a service manager's watchdog time
 BEATS = 3.0
 
-# an estimator that takes longer is stuck, where the unit's writer says nothing else [s]
+# default time after which an estimator counts as stuck [s]
 WATCHDOG_S = 60.0
 
 

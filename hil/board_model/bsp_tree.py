@@ -27,8 +27,8 @@ class FaceTree:
 
     Parameters
     ----------
-    corners_m : (4, 3) of each face. source : its index before large ones were cut.
-    plane : (nx, ny, nz, d) of each node, zero at leaves. children : in front of it and behind, -1 for none.
+    corners_m : (4, 3) of each face. source : index of the polygon before large ones were cut.
+    plane : (nx, ny, nz, d) of each node, zero at leaves. children : nodes in front of it and behind, -1 for none.
     members : faces of each node.
     """
 
@@ -64,10 +64,10 @@ def _grow(
     if not len(big) or depth >= MAX_DEPTH:
         tree.members[me] = _emit(tree, np.concatenate([big, small]), np.concatenate([big_of, small_of]))
         return me
-    chosen, n, d = _best_plane(big, small)
+    plane, n, d = _best_plane(big, small)
     s = big @ n - d
     # a quadrilateral is not quite flat: count it as in its own plane, or it would be cut endlessly
-    s[chosen] = 0.0
+    s[plane] = 0.0
     front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
     on = ~front & ~behind
     tree.plane[me] = (float(n[0]), float(n[1]), float(n[2]), d)
@@ -119,14 +119,14 @@ def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, fl
 def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
     """Return the part of a convex face where ``s`` is positive, as faces of four corners."""
     count = 3 if np.allclose(face[2], face[3]) else 4
-    kept = []
+    inside = []
     for i in range(count):
         j = (i + 1) % count
         if s[i] >= -ON_PLANE_M:
-            kept.append(face[i])
+            inside.append(face[i])
         if (s[i] > ON_PLANE_M and s[j] < -ON_PLANE_M) or (s[i] < -ON_PLANE_M and s[j] > ON_PLANE_M):
-            kept.append(face[i] + (face[j] - face[i]) * s[i] / (s[i] - s[j]))
-    pieces = [kept] if len(kept) <= 4 else [kept[:4], [kept[0], *kept[3:]]]
+            inside.append(face[i] + (face[j] - face[i]) * s[i] / (s[i] - s[j]))
+    pieces = [inside] if len(inside) <= 4 else [inside[:4], [inside[0], *inside[3:]]]
     out = []
     for piece in pieces:
         if len(piece) < 3:

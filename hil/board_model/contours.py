@@ -160,8 +160,8 @@ def _view(
     kept = np.flatnonzero(border[y, x])
     owner, share, xy = owner[kept], share[kept], xy[kept]
     # the outermost of the points near a place of the outline
-    found = cKDTree(xy).query(places, k=min(12, len(xy)))
-    distance, near = (np.asarray(x).reshape(count, -1) for x in found)
+    neighbours = cKDTree(xy).query(places, k=min(12, len(xy)))
+    distance, near = (np.asarray(x).reshape(count, -1) for x in neighbours)
     depth = np.einsum("ijk,ik->ij", xy[near] - places[:, None], inward)
     limit = np.maximum(NEAR_PX, distance[:, :1] + 1e-9)
     pick = near[np.arange(count), np.argmin(np.where(distance <= limit, depth, np.inf), axis=1)]
@@ -197,8 +197,8 @@ def _filled(xy: FloatArray) -> ByteArray:
 
 def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Return pixels (count, 2) evenly spaced along the outlines, and unit vectors inwards (count, 2)."""
-    found, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    loops = [c.reshape(-1, 2).astype(float) for c in found]
+    outlines, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    loops = [c.reshape(-1, 2).astype(float) for c in outlines]
     length = [float(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum()) for c in loops]
     along = (np.arange(count) + 0.5) * sum(length) / count
     places, inwards, start = [], [], 0.0

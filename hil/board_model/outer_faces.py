@@ -125,19 +125,19 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     first = owner < coarse
     surface, seen = first.copy(), visible_area(triangles) > least
     surface[first] = visible_area(triangles[first]) > least
-    asked = np.flatnonzero(seen & ~first)
+    hidden = np.flatnonzero(seen & ~first)
     new = np.zeros(len(triangles))
-    new[asked] = _distinctiveness(parts, triangles, owner, surface, asked, NEW_SHARE * size)
+    new[hidden] = _distinctiveness(parts, triangles, owner, surface, hidden, NEW_SHARE * size)
     side = face_vectors(triangles)
     shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
-    kept, count = np.arange(len(parts)) < coarse, int(surface.sum())
+    chosen_parts, count = np.arange(len(parts)) < coarse, int(surface.sum())
     for k in np.argsort(-shown / np.maximum(number, 1)):
-        if not kept[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_SEEN:
-            kept[k] = True
+        if not chosen_parts[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_SEEN:
+            chosen_parts[k] = True
             count += number[k]
     # faces hidden only by omitted parts become visible
-    some = np.flatnonzero(kept[owner])
+    some = np.flatnonzero(chosen_parts[owner])
     some = some[visible_area(triangles[some]) > least]
     return triangles[some], [parts[k].material for k in owner[some]]
 

@@ -43,7 +43,7 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     ----------
     corners : base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's
         frame, the corners in order seen from outside, the last twice for a triangle.
-    material : of each face, an index. plane : nx, ny, nz, d of each node of the tree, zeros at a leaf.
+    material : index of each face's material. plane : nx, ny, nz, d of each node of the tree, zeros at a leaf.
     children : nodes in front of the plane and behind it, -1 for none. members : faces of each node.
     """
 

@@ -138,9 +138,9 @@ def run_campaign(
         ]
         _tidy(folder, tasks)
         _discard(folder, _of_other_versions(tasks), say)
-        kept = {task for task in tasks if task.folder.is_dir()}
+        stored = {task for task in tasks if task.folder.is_dir()}
         _fly_all(tasks, workers, progress)
-        if _discard(folder, _of_other_boards(tasks, kept), say):
+        if _discard(folder, _of_other_boards(tasks, stored), say):
             _fly_all(tasks, workers, progress)
         results = [read_result(task.folder) for task in tasks]
         _check_inputs(tasks, results)
@@ -173,22 +173,22 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
     UserError
         If there are runs that this campaign does not have.
     """
-    known = {task.folder for task in tasks}
+    expected = {task.folder for task in tasks}
     for leftover in (*folder.glob(f".*{PART}"), *folder.glob(f"{RUNS}/*/.*{PART}")):
         if leftover.is_dir():
             shutil.rmtree(leftover, ignore_errors=True)
         else:
             leftover.unlink(missing_ok=True)
-    for found in sorted(folder.glob(f"{RUNS}/*/*")):
-        if found not in known:
+    for run in sorted(folder.glob(f"{RUNS}/*/*")):
+        if run not in expected:
             raise UserError(
-                f"{found} is a run that the campaign file does not have: name another folder with -o, or delete it"
+                f"{run} is a run that the campaign file does not have: name another folder with -o, or delete it"
             )
 
 
 def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     """Return the runs flown by other versions than the current ones, with the differences."""
-    found: dict[RunTask, str] = {}
+    outdated: dict[RunTask, str] = {}
     for task in tasks:
         if not task.folder.is_dir():
             continue
@@ -198,24 +198,24 @@ def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
             ("model_sha256", "another model of the target"),
         ):
             if getattr(old, name) != getattr(new, name):
-                found.setdefault(task, value)
+                outdated.setdefault(task, value)
         if old.board != new.board:
-            found.setdefault(task, "another board")
-    return found
+            outdated.setdefault(task, "another board")
+    return outdated
 
 
 def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
     """Return the stored runs of another board than the case met now."""
-    met = {}
+    current = {}
     for task in tasks:
         if task not in kept and (board := read_result(task.folder).board) is not None:
-            met[task.ready.case.name] = board
-    found = {}
+            current[task.ready.case.name] = board
+    outdated = {}
     for task in kept:
-        board, new = read_result(task.folder).board, met.get(task.ready.case.name)
+        board, new = read_result(task.folder).board, current.get(task.ready.case.name)
         if board is not None and new is not None and board != new:
-            found[task] = "another board"
-    return found
+            outdated[task] = "another board"
+    return outdated
 
 
 def _discard(folder: Path, runs: Mapping[RunTask, str], say: Callable[[str], None]) -> bool:
@@ -226,10 +226,10 @@ def _discard(folder: Path, runs: Mapping[RunTask, str], say: Callable[[str], Non
         )
     for task in runs:
         # moved first: a run is there whole or not at all
-        gone = folder / f".{task.ready.case.name}.{task.seed}{PART}"
-        shutil.rmtree(gone, ignore_errors=True)
-        task.folder.rename(gone)
-        shutil.rmtree(gone, ignore_errors=True)
+        trash = folder / f".{task.ready.case.name}.{task.seed}{PART}"
+        shutil.rmtree(trash, ignore_errors=True)
+        task.folder.rename(trash)
+        shutil.rmtree(trash, ignore_errors=True)
     return bool(runs)
 
 
@@ -251,12 +251,12 @@ def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> Non
     UserError
         With the first of them.
     """
-    wanted: dict[str, str] = {}
+    expected: dict[str, str] = {}
     for task, result in zip(tasks, results, strict=True):
         name = task.ready.case.name
-        if name not in wanted:
-            wanted[name] = inputs_of(task.ready)
-        if result.inputs != wanted[name]:
+        if name not in expected:
+            expected[name] = inputs_of(task.ready)
+        if result.inputs != expected[name]:
             raise UserError(
                 f"{task.folder} was flown with other settings than case {name!r} has now: name another folder with "
                 "-o, or delete it to have it flown anew"

@@ -100,15 +100,15 @@ def _report(run: RunVerdict, text: str, class_: str | None = None) -> Markup:
 
 
 def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> list[Markup | str]:
-    found = _verdicts(requirement, runs)
-    bad = worst([v for _, v in found])
-    run = next(run for run, v in found if v is bad)
+    verdicts = _verdicts(requirement, runs)
+    bad = worst([v for _, v in verdicts])
+    run = next(run for run, v in verdicts if v is bad)
     return [
         requirement.name,
-        _sign(passed=all(v.passed for _, v in found)),
+        _sign(passed=all(v.passed for _, v in verdicts)),
         requirement.quantity,
         f"{requirement.comparison} {in_words(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
-        _of(sum(v.passed for _, v in found), len(found)),
+        _of(sum(v.passed for _, v in verdicts), len(verdicts)),
         _value(bad),
         _margin(bad),
         _report(run, f"{run.case}, seed {run.seed}"),

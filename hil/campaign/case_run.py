@@ -62,7 +62,7 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     Attributes
     ----------
-    model_sha256 : of the target's model. board : what a board that is started here says of itself; empty for others.
+    model_sha256 : hash of the target's model. board : description of a board that is started here; empty for others.
     """
 
     flyaround: str = ""
@@ -76,8 +76,8 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     Attributes
     ----------
     inputs : SHA-256 of the inputs, which identifies the run.
-    flown_by : versions; nothing in results that are older than their record.
-    board : that answered, as it said in its HELLO. gl_renderer : the driver that drew.
+    flown_by : versions; empty in results older than this field.
+    board : board that answered, by its HELLO. gl_renderer : driver that rendered.
     failure : cause of a failed run. values : value of each quantity that it has.
     """
 
@@ -95,8 +95,8 @@ class RunTask:
 
     Parameters
     ----------
-    folder : output. board_command : starts a board; URL, target and method are appended.
-    command : the words on the command line, for the record.
+    folder : output. board_command : command that starts a board; URL, target and method are appended.
+    command : command line, for the record.
     """
 
     ready: ReadyCase
@@ -203,12 +203,12 @@ def _renderer(part: Path) -> str:
 
 def _measured(task: RunTask, record: RunRecord) -> dict[str, float | str]:
     traits = task.ready.case.traits
-    found: dict[str, Value] = {
+    values: dict[str, Value] = {
         name: quantity.of(record) for name, quantity in QUANTITIES.items() if quantity.needs <= traits
     }
     return {
         name: value
-        for name, value in found.items()
+        for name, value in values.items()
         if value is not None and (isinstance(value, str) or math.isfinite(value))
     }
 

@@ -64,10 +64,10 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     ----------
     scenario : built-in name, or a TOML file next to the campaign file.
     closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
-    method : of the estimator on the board that is started here.
-    mode, frames, every_s, latency_s, deadline_s : as the options of ``hil host``.
-    faults : a faults file next to the campaign file, or what would stand in it; the scenario's own unless given. Each
-        run's seed takes the place of its own.
+    method : estimator of a board that is started here.
+    mode, frames, every_s, latency_s, deadline_s : options of ``hil host`` of these names.
+    faults : a faults file next to the campaign file, or its contents; default the scenario's own. Each run's seed
+        replaces theirs.
     """
 
     name: Name

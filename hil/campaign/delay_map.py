@@ -192,17 +192,17 @@ class _Map:
         progress = partial(self._progress, what)
         flown = flown_cells(self._folder / table, tasks, self._workers, progress)
         n, good = Counter(cell for cell, _ in flown), Counter(cell for cell, success in flown if success)
-        found = {}
+        results = {}
         for cell, flights in n.items():
             low, high = wilson_interval(good[cell], flights) or (0.0, 1.0)
-            found[cell] = CellResult(
+            results[cell] = CellResult(
                 **asdict(cell),
                 flights=flights,
                 successes=good[cell],
                 low=round(low, 6),
                 high=round(high, 6),
             )
-        return found
+        return results
 
     def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
         """Return True if for some jitter and drops more than half still succeed."""

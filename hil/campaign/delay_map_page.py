@@ -106,11 +106,11 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
     s = outcome.settings
     latencies = (*s.latencies_s, *outcome.extended)
     figure, axes = figure_with_axes(1, len(s.drops), 0.62 * len(s.jitters_s) + 1.7, width=13.5)
-    found = {(c.drops, c.jitter_s, c.latency_s): c for c in outcome.cells}
-    shown, colours = None, colormaps["RdYlBu"]
+    by_cell = {(c.drops, c.jitter_s, c.latency_s): c for c in outcome.cells}
+    image, colours = None, colormaps["RdYlBu"]
     for ax, drops in zip(axes, s.drops, strict=True):
-        cells = [[found[drops, jitter, latency] for latency in latencies] for jitter in s.jitters_s]
-        shown = ax.imshow(
+        cells = [[by_cell[drops, jitter, latency] for latency in latencies] for jitter in s.jitters_s]
+        image = ax.imshow(
             [[c.share for c in row] for row in cells],
             cmap=colours, vmin=0, vmax=1, origin="lower", aspect="auto",
         )  # fmt: skip
@@ -137,8 +137,8 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
         ax.set_title(f"{drops:.0%} of the poses lost", loc="left", fontsize=11, color=INK, fontweight="bold")
         _mark_halves(ax, outcome, drops, latencies)
     axes[0].set_ylabel("jitter, up to [s]")
-    if shown is not None:
-        bar = figure.colorbar(shown, ax=axes, fraction=0.025, pad=0.01)
+    if image is not None:
+        bar = figure.colorbar(image, ax=axes, fraction=0.025, pad=0.01)
         bar.set_label(f"success of {s.flights} approaches")
     figure.suptitle(f"{s.scenario}. {ERRORS}", fontsize=9, color=INK, x=0.01, ha="left")
     return png(figure)

@@ -30,7 +30,7 @@ def junit_xml(
 
     Parameters
     ----------
-    durations_s : of the flights, by case and seed.
+    durations_s : durations of the flights, by case and seed.
     """
     root = ET.Element("testsuites")
     for number, ready in enumerate(cases):

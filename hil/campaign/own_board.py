@@ -43,8 +43,8 @@ def run_with_own_board(
 def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
     # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=environment)
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, env=environment)
         try:
             yield
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -52,5 +52,5 @@ def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
         finally:
             process.kill()
             if process.wait() != 0 and log is not None:
-                said.seek(0)
-                log.write_bytes(said.read(MAX_BYTES))
+                output.seek(0)
+                log.write_bytes(output.read(MAX_BYTES))

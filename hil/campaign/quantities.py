@@ -58,11 +58,17 @@ class Quantity:
 
     Parameters
     ----------
-    unit : of a number, or nothing. of : the run's value, None if it has none; then no requirement on it passes.
-    meaning : a few words. It says over which frames, unless over all that were sent.
-    needs : traits of a case without which there is none: ``frames``, ``closed_loop``, ``times`` (real time: in lockstep
-        the flight's clock stands still for the board, and what the wall clock says is no property of the flight).
-    words : all that a quantity of text may be.
+    unit : str
+        Unit of a number, or nothing.
+    meaning : str
+        A few words; they name the frames, unless these are all that were sent.
+    of : callable
+        Returns the run's value, or None if it has none; then no requirement on it passes.
+    needs : frozenset of str
+        Traits of a case without which there is none: ``frames``, ``closed_loop``, ``times`` (real time, because in
+        lockstep the flight's clock stands still for the board).
+    words : tuple of str
+        All values of a quantity of text.
     """
 
     unit: str
@@ -79,24 +85,24 @@ class Quantity:
     @property
     def needs_in_words(self) -> str:
         """Traits that a case needs, in words."""
-        said = {
+        phrases = {
             "frames": "frames that are sent to a board",
             "closed_loop": "closed_loop = true",
             "times": 'mode = "realtime" and a board',
         }
-        return " and ".join(said[need] for need in sorted(self.needs))
+        return " and ".join(phrases[need] for need in sorted(self.needs))
 
 
 def _summary(name: str, unit: str, meaning: str, needs: str = "", words: tuple[str, ...] = ()) -> Quantity:
-    """Return a quantity that is a key of the summary, or of a table in it (``link.late_poses``)."""
+    """Return the quantity of a key of the summary, or of a table in it (``link.late_poses``)."""
 
     def value(record: RunRecord) -> Value:
-        found: object = record.summary
+        item: object = record.summary
         for key in name.split("."):
-            found = getattr(found, key, None)
-        if isinstance(found, str):
-            return found
-        return float(found) if isinstance(found, int | float) and math.isfinite(found) else None
+            item = getattr(item, key, None)
+        if isinstance(item, str):
+            return item
+        return float(item) if isinstance(item, int | float) and math.isfinite(item) else None
 
     return Quantity(unit=unit, meaning=meaning, of=value, needs=frozenset(needs.split()), words=words)
 

@@ -147,7 +147,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
     rows: list[FrameRecord] = []
-    kept = _Kept()
+    recorder = _Kept()
     command = [*board_command, url, "--target", plan.target.name]
     config = RunConfig(
         link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),
@@ -169,7 +169,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
             progress(len(rows), plan.n_frames)
 
         try:
-            summary = run_host(frames_of_plan(plan, sinks=[kept]), config, on_row=on_row)
+            summary = run_host(frames_of_plan(plan, sinks=[recorder]), config, on_row=on_row)
             board.wait(timeout=BOARD_EXIT_S)
         finally:
             board.kill()
@@ -179,7 +179,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
         raise UserError(
             f"the ledger in {folder} has {len(rows)} rows for {plan.n_frames} frames; see {log_path}"
         )
-    return Loop(summary, tuple(rows), kept.frames, received)
+    return Loop(summary, tuple(rows), recorder.frames, received)
 
 
 def _free_port_pair() -> int:

@@ -29,7 +29,7 @@ Array = np.ndarray[Any, Any]
 
 COMPARED = (HYBRID, *PUBLISHED)
 
-# The published methods take a second a frame: so many of the loop's frames keep the demo short.
+# Number of the loop's frames that are compared: the published methods take a second for each.
 N_COMPARED = 8
 
 DECISION = "decision"

@@ -83,8 +83,8 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
     names = {"truth": f"truth_{k:02d}.jpg", "plain": f"plain_{k:02d}.jpg"}
     _write_small(place / names["truth"], with_inset(drawn, truth), THUMBNAIL_PX)
     _write_small(place / names["plain"], with_inset(plain, truth), THUMBNAIL_PX)
-    seen = sum(p.state == "visible" for p in truth.keypoints)
-    notes = [f"{truth.t_s:.0f} s", f"{_range(truth):.1f} m", f"{seen}/{len(truth.keypoints)} keypoints"]
+    n_visible = sum(p.state == "visible" for p in truth.keypoints)
+    notes = [f"{truth.t_s:.0f} s", f"{_range(truth):.1f} m", f"{n_visible}/{len(truth.keypoints)} keypoints"]
     if not truth.feasible:
         notes.append(str(truth.infeasible_reason))
     return element(

@@ -43,7 +43,7 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
     bend : Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
     response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
-    black_dn : the camera's number at level 0. white_dn : its number at white after correction of the shading.
+    black_dn : the camera's number at level 0. white_dn : digital number of white after shading correction.
     code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's image.
     geometry_rms_px : RMS distance of the measured points from the fitted map.
     """
@@ -104,16 +104,16 @@ def read_calibration(path: Path) -> DisplayCalibration:
         If it is no calibration of this version.
     """
     try:
-        found = msgspec.json.decode(without_mark(path.read_bytes(), str(path)), type=DisplayCalibration)
+        calibration = msgspec.json.decode(without_mark(path.read_bytes(), str(path)), type=DisplayCalibration)
     except (OSError, msgspec.MsgspecError) as error:
         raise UserError(
             f"{path} is no calibration that flyaround hil display-calibrate wrote: {error}"
         ) from error
-    if (found.schema, found.version) != (SCHEMA, VERSION):
+    if (calibration.schema, calibration.version) != (SCHEMA, VERSION):
         raise UserError(
-            f"{path} is {found.schema} version {found.version}, wanted: {SCHEMA} version {VERSION}"
+            f"{path} is {calibration.schema} version {calibration.version}, wanted: {SCHEMA} version {VERSION}"
         )
-    return found
+    return calibration
 
 
 def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> DisplayCalibration:
@@ -121,25 +121,27 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : by pattern's name, (H, W) numbers of a camera without gamma; means of several images where there are.
-    screen_px : width and height of the screen.
+    grabs : digital numbers (H, W) of a camera without gamma, by the pattern's name; means of several images, if
+        there are. screen_px : width and height of the screen.
 
     Raises
     ------
     UserError
         If an image is missing or the screen cannot be found in them.
     """
-    wanted = [f"level_{level:03}" for level in LEVELS]
-    wanted += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]
-    missing = [name for name in wanted if name not in grabs]
+    patterns = [f"level_{level:03}" for level in LEVELS]
+    patterns += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]
+    missing = [name for name in patterns if name not in grabs]
     if missing:
         raise UserError(
             f"there is no picture of {missing[0]}; grab every pattern that hil display --patterns shows"
         )
     dark, bright = grabs["level_000"], grabs["level_255"]
     swing = bright - dark
-    seen = {axis: _decode(grabs, axis, size, dark, swing) for axis, size in zip("xy", screen_px, strict=True)}
-    valid = np.isfinite(seen["x"]) & np.isfinite(seen["y"])
+    phases = {
+        axis: _decode(grabs, axis, size, dark, swing) for axis, size in zip("xy", screen_px, strict=True)
+    }
+    valid = np.isfinite(phases["x"]) & np.isfinite(phases["y"])
     if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * 10:
         raise UserError(
             "the screen is not found in the pictures: let it fill most of the camera's view, in focus, at an exposure "
@@ -149,9 +151,9 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     step = max(1, len(rows) // MAX_POINTS)
     rows, columns = rows[::step], columns[::step]
     camera = np.column_stack((columns, rows)).astype(float)
-    screen = np.column_stack((seen["x"][rows, columns], seen["y"][rows, columns]))
-    flat, bend, rms, kept = _fit_map(screen, camera, screen_px)
-    shading = _fit_surface(_unit(screen[kept], screen_px), swing[rows, columns][kept], SHADING_DEGREE)
+    screen = np.column_stack((phases["x"][rows, columns], phases["y"][rows, columns]))
+    flat, bend, rms, inliers = _fit_map(screen, camera, screen_px)
+    shading = _fit_surface(_unit(screen[inliers], screen_px), swing[rows, columns][inliers], SHADING_DEGREE)
     response = [float(np.median((grabs[f"level_{g:03}"] - dark)[valid] / swing[valid])) for g in LEVELS]
     height_px, width_px = dark.shape
     draft = DisplayCalibration(
@@ -206,25 +208,25 @@ def _fit_map(
     screen: FloatArray, camera: FloatArray, screen_px: tuple[int, int]
 ) -> tuple[FloatArray, list[FloatArray], float, FloatArray]:
     """Fit homography and distortion from screen to camera; return them with their RMS [px] and the points kept."""
-    found, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
-    if found is None:
+    homography, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
+    if homography is None:
         raise UserError("the pictures of the fringes do not show a flat screen")
-    flat = np.asarray(found, float)
+    flat = np.asarray(homography, float)
     points = np.column_stack((screen, np.ones(len(screen)))) @ flat.T
     left_over = camera - points[:, :2] / points[:, 2:]
     unit = _unit(screen, screen_px)
-    kept = np.hypot(*left_over.T) < 50 * max(1.0, float(np.median(np.hypot(*left_over.T))))
+    inliers = np.hypot(*left_over.T) < 50 * max(1.0, float(np.median(np.hypot(*left_over.T))))
     bend: list[FloatArray] = []
     rms = 0.0
     for _ in range(3):
-        bend = [_fit_surface(unit[kept], left_over[kept, i], GEOMETRY_DEGREE) for i in range(2)]
+        bend = [_fit_surface(unit[inliers], left_over[inliers, i], GEOMETRY_DEGREE) for i in range(2)]
         error = np.column_stack(
             [left_over[:, i] - chebyshev.chebval2d(unit[:, 0], unit[:, 1], bend[i]) for i in range(2)]
         )
         distance = np.hypot(*error.T)
-        rms = float(np.sqrt(np.mean(distance[kept] ** 2)))
-        kept = distance < max(OUTLIER_SIGMAS * rms, 1e-9)
-    return flat, bend, rms, kept
+        rms = float(np.sqrt(np.mean(distance[inliers] ** 2)))
+        inliers = distance < max(OUTLIER_SIGMAS * rms, 1e-9)
+    return flat, bend, rms, inliers
 
 
 def _fit_surface(unit: FloatArray, values: FloatArray, degree: int) -> FloatArray:

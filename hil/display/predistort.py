@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class Predistorter:
-    """Maps frames to a screen by a calibration, with tables computed once.
+    """Mapping of frames to a screen by a calibration, with tables computed once.
 
     Parameters
     ----------
-    calibration : of the screen and the camera that looks at it.
+    calibration : calibration of the screen and the camera that looks at it.
     """
 
     def __init__(self, calibration: DisplayCalibration) -> None:

@@ -39,12 +39,12 @@ class ShownFrame:
 
 
 class ScreenSink:
-    """Shows each frame that it receives.
+    """Sink that shows each frame on a screen.
 
     Parameters
     ----------
-    screen : where. predistorter : by a calibration; `None` shows frames as they are, in the screen's middle.
-    code : draw the code of frame number and time. hold_s : how long each frame stays at least [s].
+    screen : window on the screen. predistorter : by a calibration; `None` shows frames as they are, in the screen's
+    middle. code : draw the code of frame number and time. hold_s : least time that each frame stays [s].
     """
 
     def __init__(

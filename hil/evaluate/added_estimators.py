@@ -20,7 +20,8 @@ class AddedEstimator(Estimator):
 
     Parameters
     ----------
-    inner : has ``estimate(image)`` of an (H, W) image, whose result is as `flyaround.hil.board.answering.Estimate`.
+    inner : object with ``estimate(image)`` of an (H, W) image, which returns a
+        `flyaround.hil.board.answering.Estimate`.
     """
 
     def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - a package's own

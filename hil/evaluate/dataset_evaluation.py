@@ -51,11 +51,20 @@ def evaluate_dataset(
 
     Parameters
     ----------
-    report : folder that receives the files; what an earlier run of the same left there is gone on with.
-    methods : the first one's figures stand at the top of the metrics.
-    model : the model the estimators are given, instead of the target's own.
-    workers : processes; times are honest with one.
-    frames : which to take; None: all.
+    folder : Path
+        The data set.
+    report : Path
+        Folder of the files; an interrupted run of the same evaluation is resumed there.
+    methods : tuple of MethodChoice
+        Methods; metrics of the first one are also those of the whole.
+    model : BoardModel, optional
+        Model for the estimators; default the target's own.
+    workers : int
+        Processes; times are undisturbed with one.
+    frames : sequence of int, optional
+        Frames; default all.
+    progress : callable
+        Receives the number of answers, and of all.
 
     Raises
     ------
@@ -66,24 +75,24 @@ def evaluate_dataset(
     whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_whole(folder, k)]
     if not whole:
         raise UserError(f"data set {folder} has no whole frame; capture some first")
-    known = model or board_model(load_target(card.target.name))
-    if model is None and known.sha256 != card.target.sha256:
+    craft = model or board_model(load_target(card.target.name))
+    if model is None and craft.sha256 != card.target.sha256:
         log.warning(
             "data set %s was drawn with another version of target %s (%s) than the estimators are given (%s)",
             folder,
             card.target.name,
             card.target.sha256[:12],
-            known.sha256[:12],
+            craft.sha256[:12],
         )
     labels = tuple(c.label for c in methods)
     path = report / ROWS
     done = _resumed(
-        path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, known.sha256)
+        path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, craft.sha256)
     )
     there = {(row.frame, row.method) for row in done}
     tasks = [(k, label) for k in whole for label in labels if (k, label) not in there]
     total = len(tasks) + len(done)
-    setting = (folder, known, msgspec.to_builtins(card.camera), methods)
+    setting = (folder, craft, msgspec.to_builtins(card.camera), methods)
     with closing(_answers(tasks, setting, workers)) as answers:
         for answer in answers:
             if isinstance(answer, str):
@@ -99,7 +108,7 @@ def evaluate_dataset(
     metrics = _metrics(folder, labels, done)
     write_atomic(report / METRICS_JSON, msgspec.json.format(msgspec.json.encode(metrics), indent=1))
     write_atomic(report / FRAMES_CSV, frames_csv(done))
-    write_page(report, folder, card, known, metrics, done)
+    write_page(report, folder, card, craft, metrics, done)
     return metrics
 
 
@@ -134,7 +143,7 @@ def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredict
         try:
             truth = read_truth(frame_paths(folder, k).truth)
         except UserError:
-            # as of `_pictures`
+            # a resumed run may have rows of files that were lost since
             continue
         poses.append((truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m))
     return mean_predictor(*zip(*poses, strict=True)) if poses else None

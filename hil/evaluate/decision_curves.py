@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
-# Borders of the bins in which confidence is compared with how many were right.
+# Borders of the bins in which confidence is compared with the share of right poses.
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
 
 
@@ -27,8 +27,12 @@ class TradeOff:
 
     Parameters
     ----------
-    threshold : (N,). availability : (N,) share of the feasible frames. false_accept : (N,) share of wrong poses
-        among what is accepted, infeasible frames too.
+    threshold : (N,) array
+        Confidence from which poses are accepted.
+    availability : (N,) array
+        Share of the feasible frames that are accepted.
+    false_accept : (N,) array
+        Share of wrong poses among the accepted ones, infeasible frames included.
     """
 
     threshold: NDArray[np.float64]
@@ -42,7 +46,14 @@ class Reliability:
 
     Parameters
     ----------
-    confidence : their mean. right : share of poses that are coarse; low, high : its Wilson 95 % interval. n : frames.
+    confidence : float
+        Mean confidence.
+    right : float
+        Share of coarse poses.
+    low, high : float
+        Its 95 % interval by Wilson.
+    n : int
+        Number of frames.
     """
 
     confidence: float

@@ -48,7 +48,7 @@ def estimate(
     Parameters
     ----------
     image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
-    camera : that took it: a camera, the name of a built-in one, or a file.
+    camera : camera of the image: a camera, the name of a built-in one, or a file.
     target : the craft in it: a target, a name of `list_targets`, or a target file.
     method : ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``;
         ``net:FILE`` is a network of `flyaround train`.
@@ -74,7 +74,7 @@ def estimate(
     where = "the picture" if isinstance(image, np.ndarray) else str(image)
     pixels = image if isinstance(image, np.ndarray) else read_png(Path(image))
     checked = checked_picture(pixels, intrinsics, where)
-    # one that remembers the pictures it was shown is made anew
+    # an estimator that keeps state between images is made anew
     find = _make_estimator if MethodChoice(method).in_order else _cached_estimator
     estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
     return estimator.estimate(checked, sun_camera=sun_camera)

@@ -262,10 +262,10 @@ def _failures(
     wrong = [r for r in rows if r.record.accepted and not r.record.coarse]
     kinds = {"accepted": wrong, **{kind: [r for r in rows if r.failure == kind] for kind in KINDS}}
     parts = []
-    for kind, found in kinds.items():
-        if not found:
+    for kind, frames in kinds.items():
+        if not frames:
             continue
-        worst = sorted(found, key=lambda r: -(r.record.E_R_deg or 180.0))[:TILES_PER_KIND]
+        worst = sorted(frames, key=lambda r: -(r.record.E_R_deg or 180.0))[:TILES_PER_KIND]
         title = "falsely accepted" if kind == "accepted" else kind
         tiles = []
         for r in worst:
@@ -273,7 +273,7 @@ def _failures(
             write_jpeg(place.parent / source, _tile(folder, model, camera, r))
             tiles.append(picture(source, _caption(r), alt=f"frame {r.frame}"))
         parts.append(
-            markup(element("h3", f"{label}: {title} ({len(found)})"), note(ABOUT[kind]), gallery(tiles))
+            markup(element("h3", f"{label}: {title} ({len(frames)})"), note(ABOUT[kind]), gallery(tiles))
         )
     return markup(parts) if parts else note(f"{label}: none.")
 

@@ -25,11 +25,18 @@ if TYPE_CHECKING:
 
 
 class Evaluator:
-    """Runs one or more methods on the frames of a data set.
+    """Estimators of one or more methods for the frames of a data set.
 
     Parameters
     ----------
-    folder : the data set. camera : its camera object.
+    folder : Path
+        The data set.
+    model : BoardModel
+        The target.
+    camera : dict
+        Camera object of the data set.
+    choices : tuple of MethodChoice
+        The methods.
     """
 
     def __init__(

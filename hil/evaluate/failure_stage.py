@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
     from flyaround.hil.board.svd.region_of_interest import Region
 
-# In the order of the thesis's slides: region, edges, then what comes after them.
+# Stages in the order in which they run.
 KINDS = ("region", "edges", "ambiguity", "correspondence")
 
-# A region serves when it holds this share of the true box (the published one leaves out a twentieth each way by its
-# definition, and the tips of antennas) and is at most this many times as large.
+# Least share of the true box that a useful region holds (the published one leaves out a twentieth each way by its
+# definition, and the tips of antennas), and its largest area [true boxes].
 MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 
-# Edges serve when this share of the visible model has one under it at the true pose.
+# Least share of the visible model edges with an image edge at the true pose.
 MIN_EDGE_SHARE = 0.35
 
 EDGE_FIELD_PX = 360
@@ -53,15 +53,26 @@ def failure_kind(
 
     Parameters
     ----------
-    image : (H, W). box_px : x0 y0 x1 y1 of the visible mask.
-    regions : those the estimator looked at; none known: the stage is not blamed.
-    noise : standard deviation of the image's noise.
+    image : (H, W) array
+        The image.
+    box_px : tuple of float, optional
+        x0, y0, x1, y1 of the visible mask.
+    q_true, t_true : sequence of float
+        The true pose.
+    result : PoseResult
+        The answer.
+    regions : sequence of Region
+        Regions of the estimator; without any, the stage is not blamed.
+    craft : PreparedTarget
+        The target.
+    noise : float
+        Standard deviation of the image noise.
 
     Notes
     -----
-    region: none of them holds the target. edges: too little of the model has an edge under it where it truly is.
-    ambiguity: the right pose was among the alternatives, or the answer is one of the model's near-symmetries.
-    correspondence: the edges were there and no hypothesis led to them.
+    region: none of them holds the target. edges: too few of the model's edges have an image edge at the true pose.
+    ambiguity: the right pose is among the alternatives, or the answer is one of the model's near-symmetries.
+    correspondence: the edges are there, and no hypothesis led to them.
     """
     if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
         return "region"
@@ -97,7 +108,7 @@ def _edge_share(
     craft: PreparedTarget,
     noise: float,
 ) -> float:
-    """Return the share of the visible model that has an edge under it at the true pose."""
+    """Return the share of the visible model edges with an image edge at the true pose."""
     h, w = image.shape
     m = 8.0 + 0.1 * (box[2] - box[0] + box[3] - box[1])
     x0, y0 = max(0, int(box[0] - m)), max(0, int(box[1] - m))
@@ -108,7 +119,7 @@ def _edge_share(
     if visible_samples(craft.samples, craft.occ, -R.T @ t)[0].sum() < 8:
         return 0.0
     field = edge_field(image, (x0, y0, x1, y1), noise, EDGE_FIELD_PX)
-    return support(q, t, craft.samples, craft.occ, field, craft.camera, craft.spacing_m).drawn
+    return support(craft, q, t, field).drawn
 
 
 def _is_coarse(q: NDArray[np.float64], t: NDArray[np.float64], q2: Any, t2: Any) -> bool:  # noqa: ANN401 - arrays

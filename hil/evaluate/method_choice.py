@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import msgspec
 
 from flyaround.hil.board.estimation import BoardModel
 from flyaround.hil.board.method_names import HYBRID_TRACK, NETWORK
-from flyaround.hil.board_model.write import write_board_model
+from flyaround.hil.board_model.write import board_record
 
 if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
@@ -41,7 +40,4 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
 def board_model(target: Target) -> BoardModel:
     """Return the board model of a target, as a board reads it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{target.name}.board.json"
-        write_board_model(target, path)
-        return BoardModel.read(str(path))
+    return BoardModel.from_dict(msgspec.to_builtins(board_record(target)))

@@ -54,10 +54,10 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     availability : accepted feasible frames over feasible ones.
     false_accept : accepted but not coarse over accepted, infeasible frames included.
     *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
-    *_wilson : 95 % interval of the share of that name. *_bootstrap : of the median or mean of that name.
+    *_wilson : 95 % interval of the share of that name. *_bootstrap : 95 % interval of the median or mean of that name.
     speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
         the same with errors below SPEED+'s label accuracy counted as none.
-    median_nees, nees_inside_95 : of accepted frames: the median (5.35 where covariances are right), and the share
+    median_nees, nees_inside_95 : NEES of accepted frames: the median (5.35 where covariances are right), and the share
         within the 95 % of chi-square with six degrees of freedom.
     """
 
@@ -114,8 +114,8 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     ----------
     failures : feasible frames that are not coarse, by the stage that failed.
     bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
-    turn_bias_deg, turn_spread_deg : the same of the attitude error about these axes.
-    time_ms_p50, time_ms_p95 : of one frame on the machine that evaluated.
+    turn_bias_deg, turn_spread_deg : the same for the attitude error about these axes.
+    time_ms_p50, time_ms_p95 : time of one frame on the machine of the evaluation.
     spread : spread of accepted poses' errors, for a navigation filter; None for too few.
     """
 
@@ -198,7 +198,7 @@ def summarise(
     Parameters
     ----------
     failures : the stage that failed, one entry for each feasible frame that is not coarse.
-    times_ms : of each frame.
+    times_ms : time of each frame.
     """
     frames = list(records)
     bins = []
@@ -238,7 +238,7 @@ def compose(
 
     Parameters
     ----------
-    kernels : what the estimators ran in. pictures, grey_from_colour, mean_predictor : as of `Metrics`.
+    kernels : implementation of the estimators' kernels. pictures, grey_from_colour, mean_predictor : as of `Metrics`.
 
     Raises
     ------

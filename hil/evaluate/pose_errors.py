@@ -8,7 +8,13 @@ import msgspec
 import numpy as np
 
 from flyaround.simulator.runtime.arrays import vec3
-from flyaround.simulator.world.frames.rotation import rotvec_from_quat
+from flyaround.simulator.world.frames.rotation import (
+    quat_conjugate,
+    quat_multiply,
+    quat_normalize,
+    rotation_angle_rad,
+    rotvec_from_quat,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -78,11 +84,7 @@ def frame_errors(
             "pose errors need finite poses, quaternions that are not zero and a range that is not zero"
         )
     E_T = float(np.linalg.norm(s - t))
-    q, p = q / sizes[0], p / sizes[1]
-    # 2 acos |<q, p>| without its loss of digits near zero
-    p = p if q @ p >= 0 else -p
-    E_R = float(np.degrees(4 * np.arcsin(min(1.0, 0.5 * float(np.linalg.norm(q - p))))))
-    return E_T, E_T / range_m, E_R
+    return E_T, E_T / range_m, float(np.degrees(rotation_angle_rad(q, p)))
 
 
 def frame_record(
@@ -116,7 +118,9 @@ def frame_record(
     else:
         E_T, e_t, E_R = frame_errors(q_true_wxyz, t_true_m, q_est_wxyz, t_est_m)
         shift = vec3(np.asarray(t_est_m, float) - np.asarray(t_true_m, float))
-        turn = vec3(np.degrees(_rotation_between(q_true_wxyz, q_est_wxyz)))
+        # R_est R_true', in camera axes
+        between = quat_multiply(quat_normalize(q_est_wxyz), quat_conjugate(quat_normalize(q_true_wxyz)))
+        turn = vec3(np.degrees(rotvec_from_quat(between)))
         nees = _nees(np.concatenate([np.radians(turn), shift]), covariance)
     return FrameScore(
         range_m=range_m,
@@ -140,19 +144,10 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
     if C.shape != (6, 6) or not np.isfinite(C).all():
         return None
     variances, axes = np.linalg.eigh(C)
-    # below rounding a variance says nothing, be it above zero
+    # a variance within rounding errors has no meaning
     if variances[0] <= np.finfo(float).eps * variances[-1]:
         return None
     return float(np.sum((axes.T @ error) ** 2 / variances))
-
-
-def _rotation_between(q_true_wxyz: ArrayLike, q_est_wxyz: ArrayLike) -> np.ndarray:
-    """Return the (3,) rotation vector [rad] of ``R_est R_true'`` in camera axes."""
-    w, x, y, z = np.asarray(q_true_wxyz, float) / np.linalg.norm(np.asarray(q_true_wxyz, float))
-    p = np.asarray(q_est_wxyz, float) / np.linalg.norm(np.asarray(q_est_wxyz, float))
-    # p times the conjugate of q
-    v = p[0] * np.array([-x, -y, -z]) + w * p[1:] + np.cross(p[1:], [-x, -y, -z])
-    return rotvec_from_quat([p[0] * w + p[1:] @ np.array([x, y, z]), *v])
 
 
 def _within(r: FrameScore, deg: float, share: float) -> bool:

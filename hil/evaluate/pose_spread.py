@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
     from flyaround.hil.evaluate.pose_errors import FrameScore
 
-# A pose with a part beyond so many robust deviations is wrong: no spread makes a filter cope with it.
+# Robust deviations beyond which a component makes a pose wrong, and no part of the spread.
 WRONG_AT = 5.0
 
-# From a median of absolute values to a normal's standard deviation.
+# Ratio of a normal's standard deviation to its median absolute deviation.
 NORMAL = 1.4826
 
 # Least number of poses for a spread, and the smallest standard deviation reported.
@@ -28,7 +28,7 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
     Parameters
     ----------
     across_share, along_share : errors across and along the camera's boresight over the range.
-    tilt_rad, roll_rad : of the turn about each axis across the boresight, and about it [rad].
+    tilt_rad, roll_rad : rotation errors about each axis across the boresight, and about it [rad].
     available : share of the feasible frames that are accepted.
     """
 

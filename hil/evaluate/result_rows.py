@@ -23,9 +23,22 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    record : errors next to the truth. reason : why it was declined. failure : the stage that lost a frame that is
-        not coarse, else empty.
-    q_wxyz, t_m : the best pose. stages_ms, counts : of the estimator.
+    frame : int
+        Number of the frame.
+    method : str
+        Label of the method.
+    record : FrameScore
+        Errors of the answer.
+    reason : str
+        Reason of a decline.
+    failure : str
+        Stage that lost a frame that is not coarse, else empty.
+    confidence : float
+        Confidence of the estimator.
+    q_wxyz, t_m : tuple of float, optional
+        The best pose.
+    stages_ms, counts : dict
+        Times and counters of the estimator's stages.
     """
 
     frame: int

@@ -71,7 +71,7 @@ def fly_forecasts(
         progress(k + 1, runs)
     if not estimates:
         raise UserError(
-            f"no flight of {plan.scenario_name} had a track for {SETTLED_S:g} s: nothing to foretell"
+            f"no flight of {plan.scenario_name} had a track for {SETTLED_S:g} s: nothing to predict"
         )
     inertia = np.asarray(plan.target.mass.inertia_kg_m2, float)
     horizons = np.linspace(0.0, horizon_s, STEPS + 1).tolist()
@@ -108,20 +108,24 @@ def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
 def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
     """Plot the error against the horizon, one panel each: RMS, 95th percentile, and the RMS predicted by the filter."""
     figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
-    every = [e for _, found in panels for e in (*found.rigid_body, *found.constant_rate)]
+    every = [e for _, forecasts in panels for e in (*forecasts.rigid_body, *forecasts.constant_rate)]
     # the same for all panels, and never so narrow that a decade has no label
     limits = min(e.rms_deg for e in every) / 3, max(e.p95_deg for e in every) * 3
-    for ax, (title, found) in zip(axes, panels, strict=True):
+    for ax, (title, forecasts) in zip(axes, panels, strict=True):
         for name, errors, colour in (
-            ("constant rate", found.constant_rate, VERMILION),
-            ("rigid body", found.rigid_body, BLUE),
+            ("constant rate", forecasts.constant_rate, VERMILION),
+            ("rigid body", forecasts.rigid_body, BLUE),
         ):
             at = [e.horizon_s for e in errors]
             ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
             ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
-        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, foretold")
+        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, predicted")
         ax.set(
-            yscale="log", xlabel="foretold ahead [s]", ylabel="attitude error [deg]", ylim=limits, title=title
+            yscale="log",
+            xlabel="prediction horizon [s]",
+            ylabel="attitude error [deg]",
+            ylim=limits,
+            title=title,
         )
         ax.legend(frameon=False, fontsize=8)
     return figure

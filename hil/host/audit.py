@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 
 IMAGES_TOPIC = "/camera/image_raw"
-# disagreements of each kind that are listed one by one
+# Most disagreements of each kind that are listed.
 MAX_LISTED = 20
 
 
@@ -34,9 +34,18 @@ class PictureAudit:
 
     Parameters
     ----------
-    pictures : looked at. agree : whose code has the number and the time of a row of the ledger.
-    unreadable : without a code, or with one whose check fails. wrong : a sentence on each of the others.
-    twice : codes seen before. missing : rows of frames that were answered, and whose image did not come.
+    pictures : int
+        Number of pictures.
+    agree : int
+        Pictures whose code has number and time of a row of the ledger.
+    unreadable : list of str
+        Pictures without a code, or with one whose check fails.
+    wrong : list of str
+        A sentence on each of the others.
+    twice : list of str
+        Pictures whose code was seen before.
+    missing : list of int
+        Answered frames without a picture.
     """
 
     pictures: int = 0
@@ -59,17 +68,17 @@ def audit_pictures(
 
     Parameters
     ----------
-    rows : of the ledger. pictures : name and image of each. place : of the code, as set for the run.
+    rows : rows of the ledger. pictures : name and image of each picture. place : place of the code in the run.
     """
     place = CodePlace() if place is None else place
-    known, seen, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
+    by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
     for name, image in pictures:
         audit.pictures += 1
         code = read_code(image, place)
         if code is None:
             audit.unreadable.append(name)
             continue
-        row = known.get(code.frame_id)
+        row = by_frame.get(code.frame_id)
         if row is None:
             audit.wrong.append(f"{name} says frame {code.frame_id}, of which the ledger knows nothing")
         elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
@@ -77,13 +86,13 @@ def audit_pictures(
             audit.wrong.append(
                 f"{name} says frame {code.frame_id} and {off_ms:+.3f} ms beside the ledger's time of it"
             )
-        elif code.frame_id in seen:
+        elif code.frame_id in matched:
             audit.twice.append(name)
         else:
             audit.agree += 1
-            seen.add(code.frame_id)
+            matched.add(code.frame_id)
     answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
-    audit.missing = [frame_id for frame_id in answered if frame_id not in seen]
+    audit.missing = [frame_id for frame_id in answered if frame_id not in matched]
     return audit
 
 

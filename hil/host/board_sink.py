@@ -61,7 +61,7 @@ def _told_truth(frame: Frame) -> dict[str, object] | None:
 
 
 class BoardSink:
-    """Sends each frame to the board, in lockstep or when due, and records the outcomes."""
+    """Sink that sends each frame to the board, in lockstep or when due, and records the outcomes."""
 
     def __init__(
         self, link: HostLink, config: RunConfig, on_row: Callable[[FrameRecord], None] | None

@@ -66,9 +66,9 @@ def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
         if during.any():
             for ax in (way, position, attitude):
                 # seen through the curves, and named once
-                shown = ax.get_xaxis_transform()
+                transform = ax.get_xaxis_transform()
                 ax.fill_between(
-                    t_s, 0, 1, where=during, transform=shown, color=colour, alpha=0.2, lw=0, step="post",
+                    t_s, 0, 1, where=during, transform=transform, color=colour, alpha=0.2, lw=0, step="post",
                     label=phase if ax is way else None,
                 )  # fmt: skip
     way.legend(frameon=False, fontsize=8)

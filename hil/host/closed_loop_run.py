@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -65,12 +65,15 @@ PoseFrom = Literal["board", "truth", "noisy"]
 class BoardPoses:
     """Accepted poses of the board as measurements, in the order of their rows.
 
-    The link carries no covariance: that of ``noise`` is taken.
+    The link carries no covariance: that of ``noise`` is used.
 
     Parameters
     ----------
-    link : in lockstep, which stops the flight's clock for the board, when a pose counts as there. None takes it as soon
-        as its row comes, as in real time.
+    noise : PoseNoise
+        Errors of the poses.
+    link : PoseLink, optional
+        Delay of poses in lockstep, where the flight's clock stops for the board. None uses a pose as soon as its row
+        comes, as in real time.
     """
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
@@ -122,8 +125,16 @@ class BoardLoop:
 
         Parameters
         ----------
-        link : in lockstep, of the poses; None: each is there after the usual latency.
-        noise : of the board's poses; None: that of the estimator ``hybrid``.
+        plan : Plan
+            The plan.
+        config : ClosedLoopConfig
+            Settings of the loop.
+        realtime : bool
+            True in real time, False in lockstep.
+        link : PoseLink, optional
+            Delay of poses in lockstep; default the usual latency.
+        noise : PoseNoise, optional
+            Errors of the board's poses; default those of the estimator ``hybrid``.
 
         Raises
         ------
@@ -183,7 +194,7 @@ def fly_without_pictures(
 
     Parameters
     ----------
-    link : from an image to its pose; None: each is there after the usual latency.
+    link : delay from an image to its pose; default the usual latency.
 
     Raises
     ------
@@ -215,18 +226,8 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
     """Return the result as in summary.json."""
-    return ClosedLoopFigures(
-        pose=pose,
-        outcome=result.outcome,
-        reason=result.reason,
-        final_error_m=result.final_error_m,
-        final_error_deg=result.final_error_deg,
-        min_range_m=result.min_range_m,
-        keep_out_violations=result.keep_out_violations,
-        delta_v_m_s=result.delta_v_m_s,
-        seed=seed,
-        duration_s=result.steps[-1].t_s,
-    )
+    own = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
+    return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **own)
 
 
 def frame_every(every_s: float | None, plan: Plan) -> int:

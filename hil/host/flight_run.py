@@ -43,12 +43,11 @@ class FlightOptions:
     Parameters
     ----------
     closed_loop : settings of a flight on the poses; None follows the plan.
-    pose_link : of a closed loop in lockstep: when poses count as there; None: at their usual age, and later where
-        the line's faults delay them.
-    pose_noise : of a closed loop, errors that the board's poses are taken to have; None: those of ``hybrid``.
-    source : a folder whose images are sent instead of drawn ones.
-    source_text, command : the scenario's file and the words on the command line, for the record of the run.
-    time_code : drawn into a corner. workers, device_index : of the drawing.
+    pose_link : delay of poses of a closed loop in lockstep; default their usual latency, and that of the line's faults.
+    pose_noise : assumed errors of the board's poses in a closed loop; default those of ``hybrid``.
+    source : folder whose images are sent instead of rendered ones.
+    source_text, command : scenario file and command line, for the record of the run.
+    time_code : True to draw a time code into a corner. workers, device_index : processes and GPU of the rendering.
     """
 
     closed_loop: ClosedLoopConfig | None = None
@@ -67,7 +66,7 @@ class FlightRun:
 
     Parameters
     ----------
-    plan : of the flight. config : of the run; its target, and what a closed loop adds, are filled in.
+    plan : plan of the flight. config : settings of the run, to which the target and a closed loop are added.
 
     Raises
     ------
@@ -160,8 +159,8 @@ def with_time_code(
 
     Parameters
     ----------
-    place : where; the upper left corner unless given. ``time_code_px`` of each frame says which pixels.
-    faults : of these, `RepeatedNumber` keeps the camera's counter at the last number.
+    place : place of the code, default the upper left corner; ``time_code_px`` of each frame is its box.
+    faults : faults of the camera, of which `RepeatedNumber` keeps its counter at the last number.
 
     Raises
     ------

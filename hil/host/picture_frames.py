@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
 
-# pictures up to this many bytes together stay decoded; those beyond are read again on each round
+# largest size of the decoded pictures that are kept [bytes]; others are read again on each round
 KEPT_BYTES = 1 << 30
 
 
@@ -66,15 +66,15 @@ def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
         If an image is not what the camera gives, or shows another target.
     """
     paths = pictures_in(folder)
-    kept: dict[int, StoredPicture] = {}
+    cache: dict[int, StoredPicture] = {}
     kept_bytes = 0
     for k in range(plan.n_frames):
         j = k % len(paths)
-        picture = kept.get(j)
+        picture = cache.get(j)
         if picture is None:
             picture = _read(paths[j])
             if kept_bytes + picture.image.nbytes <= KEPT_BYTES:
-                kept[j] = picture
+                cache[j] = picture
                 kept_bytes += picture.image.nbytes
         yield _frame(plan.scene(k), picture)
 
@@ -106,9 +106,9 @@ def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
     shape = (scene.camera.height_px, scene.camera.width_px)
     if image.shape != shape or image.dtype.itemsize != (1 if bits <= 8 else 2):
         height, width, *channels = image.shape
-        given = f"{width} x {height} px, {(channels or [1])[0]} channel(s), {8 * image.dtype.itemsize} bits"
-        wanted = f"{shape[1]} x {shape[0]} px, one channel, {bits} bits"
+        actual = f"{width} x {height} px, {(channels or [1])[0]} channel(s), {8 * image.dtype.itemsize} bits"
+        expected = f"{shape[1]} x {shape[0]} px, one channel, {bits} bits"
         raise UserError(
-            f"{picture.path} has {given}, and the camera gives {wanted}: give the scenario the pictures' camera"
+            f"{picture.path} has {actual}, and the camera gives {expected}: give the scenario the pictures' camera"
         )
     return Frame(scene, image, NO_RADIANCE, truth)

@@ -30,9 +30,9 @@ class PoseLink:
 
     Parameters
     ----------
-    latency_s : from mid-exposure to the pose, without faults.
+    latency_s : time from mid-exposure to the pose, without faults.
     faults : delays, jitters and drops of the line; a drop's chance is that of an image. Others are left out.
-    seed : of what is drawn, for each image by its number alone.
+    seed : seed of the random draws, which depend on it and the image's number alone.
     """
 
     latency_s: float = LATENCY_S

@@ -81,7 +81,8 @@ def write_report(folder: Path) -> Path:
 def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     path = folder / SUMMARY_JSON
     if not path.exists():
-        return _summary_of_killed(folder, rows)
+        # the run was killed before writing it
+        return summarise(rows, **_terms(folder, rows))
     summary = _read(path)
     if summary.accepted_wrong is not None:
         return summary
@@ -90,11 +91,6 @@ def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
     return msgspec.structs.replace(
         summary, accepted_known=counted.accepted_known, accepted_wrong=counted.accepted_wrong
     )
-
-
-def _summary_of_killed(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
-    """Return the summary of a run that was killed before writing it."""
-    return summarise(rows, **_terms(folder, rows))
 
 
 def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:
@@ -213,8 +209,8 @@ def _times(rows: Sequence[FrameRecord]) -> Markup:
     for label, name in TIMES:
         ms = [value for row in rows if (value := getattr(row, name)) is not None]
         if ms:
-            shown = [percentile(ms, q) for q in (50, 95, 99, 100)]
-            lines.append((label, str(len(ms)), *(f"{value:.3f}" for value in shown)))
+            percentiles = [percentile(ms, q) for q in (50, 95, 99, 100)]
+            lines.append((label, str(len(ms)), *(f"{value:.3f}" for value in percentiles)))
     if not lines:
         return markup()
     return table(("time", "frames", "p50 [ms]", "p95 [ms]", "p99 [ms]", "max [ms]"), lines)
@@ -226,8 +222,10 @@ def _faults(rows: Sequence[FrameRecord]) -> Markup:
     outcomes = sorted({row.outcome for row in rows if row.faults})
     lines = []
     for name in names:
-        struck = [row.outcome for row in rows if name in row.faults]
-        lines.append((name, str(len(struck)), *(str(struck.count(outcome)) for outcome in outcomes)))
+        hit_outcomes = [row.outcome for row in rows if name in row.faults]
+        lines.append(
+            (name, str(len(hit_outcomes)), *(str(hit_outcomes.count(outcome)) for outcome in outcomes))
+        )
     return table(("fault on purpose", "frames", *outcomes), lines)
 
 

@@ -93,11 +93,11 @@ def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Fig
         return None
     figure, (ax,) = figure_with_axes(1, 1, 3.2)
     for kind in MARKERS:
-        chosen = [row for row in answered if kind_of(row) == kind]
-        if chosen:
+        of_kind = [row for row in answered if kind_of(row) == kind]
+        if of_kind:
             ax.plot(
-                [row.frame_id for row in chosen],
-                [row.e2e_ms or 0.0 for row in chosen],
+                [row.frame_id for row in of_kind],
+                [row.e2e_ms or 0.0 for row in of_kind],
                 "o",
                 ms=3.5,
                 color=outcome_colour(kind),
@@ -189,25 +189,25 @@ def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
     """Plot pose errors over simulated time: accepted, accepted but wrong, and declined apart."""
-    known = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
-    if not known:
+    posed = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
+    if not posed:
         return None
     figure, axes = figure_with_axes(1, 2, HEIGHT)
     for ax, name, unit in ((axes[0], "E_T_m", "m"), (axes[1], "E_R_deg", "deg")):
         floor = 1e-4 if name == "E_T_m" else 1e-3
         for kind, marker in MARKERS.items():
-            chosen = [row for row in known if kind_of(row) == kind]
-            if chosen:
+            of_kind = [row for row in posed if kind_of(row) == kind]
+            if of_kind:
                 ax.semilogy(
-                    [row.t_s for row in chosen],
-                    [max(getattr(row, name), floor) for row in chosen],
+                    [row.t_s for row in of_kind],
+                    [max(getattr(row, name), floor) for row in of_kind],
                     marker,
                     ms=4.5,
                     color=outcome_colour(kind),
-                    label=f"{kind} ({len(chosen)})",
+                    label=f"{kind} ({len(of_kind)})",
                 )
         ax.set(xlabel="simulated time [s]", ylabel=f"{name[:3]} [{unit}]")
-        accepted = [getattr(row, name) for row in known if row.outcome == ACCEPTED]
+        accepted = [getattr(row, name) for row in posed if row.outcome == ACCEPTED]
         _title(
             ax, f"Median of accepted: {np.median(accepted):.3g} {unit}" if accepted else "No pose accepted"
         )
@@ -226,9 +226,9 @@ def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
         return None
     figure, axes = figure_with_axes(1, 2 if len(errors) else 1, 3.2)
     for kind in MARKERS:
-        chosen = [(t_s, ms) for t_s, ms, this in stale if this == kind]
-        if chosen:
-            axes[0].plot(*zip(*chosen, strict=True), "o", ms=3.5, color=outcome_colour(kind), label=kind)
+        of_kind = [(t_s, ms) for t_s, ms, this in stale if this == kind]
+        if of_kind:
+            axes[0].plot(*zip(*of_kind, strict=True), "o", ms=3.5, color=outcome_colour(kind), label=kind)
     axes[0].set(xlabel="simulated time [s]", ylabel="staleness [ms]")
     axes[0].set_ylim(0, 1.08 * max(1e-3, *(ms for _, ms, _ in stale)))
     axes[0].legend(fontsize=9, frameon=False, loc="best")

@@ -37,7 +37,7 @@ class RunConfig:
     closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
     decide_every_s : realtime, a closed loop: the next frame is requested no earlier than so long after this one's
         exposure, with all poses that have come by then in.
-    flown : what the record of the run says of it.
+    flown : scenario and command for the record of the run.
     send_sun : the direction to the Sun in the camera frame goes with each frame, to boards that take it.
     new_line_faults : asked before each frame for faults of the line that begin now, where the link lets them be added.
     """

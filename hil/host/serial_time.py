@@ -43,9 +43,9 @@ def serial_advice(
 
     Parameters
     ----------
-    link : its URL, compression and timeout.
-    size_px : width and height of the images. bits : of a number of theirs. pixel_format : how they are sent.
-    every_s : from frame to frame of a run in real time; None where the host waits for each pose.
+    link : URL, compression and time-out of the link.
+    size_px : width and height of the images. bits : bits of a pixel. pixel_format : how they are sent.
+    every_s : interval of frames in real time; None if the host waits for each pose.
     """
     scheme, _, baud = parse_url(link.url)
     if scheme != "serial":

@@ -19,7 +19,7 @@ from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
 # oscillators of computers stay within this: what drift may be while it is not known
 LIKELY_PPM = 100.0
-# a line needs this long, and so many seconds with an exchange
+# least duration of a line fit [s], and least number of seconds with an exchange
 LINE_S, LINE_POINTS = 5.0, 5
 BIN_NS = 1_000_000_000
 # from the median of absolute deviations to a standard deviation
@@ -51,7 +51,7 @@ class ClockLine:
 
 
 class ClockFilter:
-    """Estimates offset and drift of the other side's clock from the exchanges of the last minutes.
+    """Estimator of offset and drift of the other side's clock from the exchanges of the last minutes.
 
     Parameters
     ----------

@@ -240,17 +240,18 @@ def answer_hello(
             f"the board's model of {hello.model_name!r} ({hello.model_sha256[:12]}) is not the one the host"
             f" flies ({terms.target_sha256[:12]}): write the board's model file anew and copy it to the board"
         )
-    wanted, taken = pixel_formats or (terms.pixel_format,), formats_in(hello.pixel_formats)
-    chosen = next((f for f in wanted if f in taken), None)
-    if chosen is None:
+    preferred, accepted = pixel_formats or (terms.pixel_format,), formats_in(hello.pixel_formats)
+    pixel_format = next((f for f in preferred if f in accepted), None)
+    if pixel_format is None:
         raise FormatRefused(
-            f"the board takes pixels as {', '.join(f.name for f in taken) or 'nothing'} and the host sends"
-            f" {' or '.join(f.name for f in wanted)}: choose another --pixel-format, or another sensor in the scenario"
+            f"the board takes pixels as {', '.join(f.name for f in accepted) or 'nothing'} and the host sends"
+            f" {' or '.join(f.name for f in preferred)}: choose another --pixel-format, or another sensor in the"
+            " scenario"
         )
     return replace(
         terms,
         encoding=next((e for e in encodings if hello.encodings & (1 << e)), Encoding.RAW),
-        pixel_format=chosen,
+        pixel_format=pixel_format,
         takes_fields=hello.takes_fields,
         window=max(1, min(hello.window, terms.window)),
     )

@@ -26,10 +26,10 @@ class ApproachRules:
 
     Parameters
     ----------
-    hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and gives up.
+    hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and aborts.
     hold_sigma_share : largest sigma of the position over the range; beyond it the chaser holds.
-    arrived_within_m, arrived_speed_m_s : of the path's end by the estimate, and below which speed.
-    arrived_sigma_rad : of the target's attitude. arrived_for_s : all that for this long.
+    arrived_within_m, arrived_speed_m_s : largest estimated distance from the path's end, and speed, on arrival.
+    arrived_sigma_rad : largest sigma of the target's attitude on arrival. arrived_for_s : duration of these conditions.
     """
 
     hold_after_s: float = 5.0
@@ -57,12 +57,12 @@ class Decision:
 
 
 class Approach:
-    """Decides once per period. Time on the path stands still while the chaser holds.
+    """Guidance that decides once per period. Time on the path stands still while the chaser holds.
 
     Parameters
     ----------
-    path : of the scenario. n_rad_s : the target's mean motion. period_s : of control.
-    end_lvlh_m : (3,) where the path ends.
+    path : path of the scenario. n_rad_s : the target's mean motion. period_s : period of control.
+    end_lvlh_m : (3,) end of the path.
     """
 
     def __init__(
@@ -83,11 +83,12 @@ class Approach:
     def decide(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
     ) -> Decision:
-        """Return the decision from ``t_s`` on, by what is known then.
+        """Return the decision from ``t_s`` on.
 
         Parameters
         ----------
-        estimate : at ``t_s``, or None. status : of the filter. last_used_s : exposure of its newest pose.
+        estimate : estimate at ``t_s``, or None. status : status of the filter.
+        last_used_s : exposure of its newest pose.
         """
         doubt = self._doubt(t_s, estimate, status, last_used_s)
         self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)
@@ -104,8 +105,8 @@ class Approach:
         if self._near_s >= self._rules.arrived_for_s:
             return Decision("arrived", "", np.zeros(3))
         self._path_s += self._h
-        wanted = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
-        return Decision("approach", "", wanted)
+        impulse = path_impulse(state, self._path.state_lvlh(self._path_s, self._n), self._Phi, self._h)
+        return Decision("approach", "", impulse)
 
     def _doubt(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None

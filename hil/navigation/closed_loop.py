@@ -42,7 +42,8 @@ class ClosedLoopConfig:
     frame_every : periods of control from image to image.
     start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
     thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules, filter : of guidance and filter. inertia_known : True if the filter turns the target as a rigid body.
+    rules, filter : settings of guidance and filter.
+    inertia_known : True if the filter propagates the target as a rigid body.
     """
 
     seed: int = 0
@@ -63,12 +64,12 @@ class LoopStep:
 
     Parameters
     ----------
-    t_s : start of the period. phase, reason : of guidance. status : of the filter.
+    t_s : start of the period. phase, reason : phase of guidance and its reason. status : status of the filter.
     position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
     commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
-    estimate : predicted to ``t_s``, or None. error : (12,) truth minus estimate. nees : of it.
-    pose_age_s : of the newest pose in the estimate. violation : inside the sphere, outside the corridor.
-    pointing_error_rad : the camera against the attitude that it should have at its true place.
+    estimate : estimate predicted to ``t_s``, or None. error : (12,) truth minus estimate. nees : its NEES.
+    pose_age_s : age of the newest pose in the estimate. violation : True inside the sphere and outside the corridor.
+    pointing_error_rad : angle between the camera's attitude and the commanded one at its true position.
     """
 
     t_s: float
@@ -93,7 +94,7 @@ class ClosedLoopResult:
 
     Parameters
     ----------
-    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : of the last two.
+    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : reason of the last two.
     final_error_m : truth from the path's end. final_error_deg : the larger of the camera's error of pointing and the
         error of the target's estimated attitude. delta_v_m_s : total velocity change.
     """
@@ -136,20 +137,19 @@ def fly_closed_loop(
 ) -> ClosedLoopResult:
     """Fly an approach on poses alone: in each period the newest estimate decides the thrust.
 
-    The chaser knows its own and the target's absolute orbit and its own attitude, which follows what is asked of it;
-    of the target it knows centre of mass and, with ``inertia_known``, inertia. No image is taken of what is not
-    decided.
+    The chaser knows both absolute orbits, its own attitude, which follows the command exactly, and the target's centre
+    of mass and, with ``inertia_known``, inertia. An image is taken after the decision that leads to it.
 
     Parameters
     ----------
-    flight : its target is flown, its guidance is the path, its pointing the camera's; its chaser only starts there.
-    com_target_m, inertia_kg_m2 : (3,), (3, 3) of the target's model, its own axes.
-    poses : source of poses.
+    flight : flight whose target, guidance path and camera pointing are used; its chaser gives the start.
+    com_target_m, inertia_kg_m2 : (3,), (3, 3) mass properties of the target's model, its own axes.
+    poses : source of poses. config : settings.
 
     Raises
     ------
     UserError
-        As `check_closed_loop`.
+        See `check_closed_loop`.
     """
     loop = ClosedLoop(flight, com_target_m, inertia_kg_m2, poses.arrived, config)
     for picture in loop.pictures():
@@ -162,8 +162,8 @@ class ClosedLoop:
 
     Parameters
     ----------
-    flight, com_target_m, inertia_kg_m2, config : as `fly_closed_loop` has them.
-    arrived : poses that have come by a time and were not handed out before.
+    flight, com_target_m, inertia_kg_m2, config : see `fly_closed_loop`.
+    arrived : returns the poses that have come by a time and were not returned before.
     """
 
     def __init__(
@@ -230,8 +230,8 @@ class ClosedLoop:
             camera = self._camera(seen, frame)
             snapshot = self._snapshot(t, camera)
             step = self._step(t, frame, estimate, decision, camera)
-            commanded, given = self._thrust(t, h, decision.wanted_m_s, frame)
-            step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=given)
+            commanded, delivered = self._thrust(t, h, decision.wanted_m_s, frame)
+            step = replace(step, commanded_lvlh_m_s=commanded, delta_v_lvlh_m_s=delivered)
             self.steps.append(step)
             if step.phase == "arrived" or (step.phase == "abort" and self._is_away(step)):
                 return
@@ -295,11 +295,11 @@ class ClosedLoop:
             self._filter.add_thrust(
                 ThrustInterval(start_s=t, end_s=t + h, acceleration_lvlh_m_s2=commanded / h)
             )
-        given = np.asarray(commanded * (1.0 + self._config.thrust_sigma * self._rng.standard_normal(3)))
-        self._delta_v_m_s += float(np.linalg.norm(given))
-        push = ThrustHold(frame.R_eci_from_lvlh @ given / h)
+        delivered = np.asarray(commanded * (1.0 + self._config.thrust_sigma * self._rng.standard_normal(3)))
+        self._delta_v_m_s += float(np.linalg.norm(delivered))
+        push = ThrustHold(frame.R_eci_from_lvlh @ delivered / h)
         self._state = relative_step(self._flight.orbit, t, h, self._state, push)
-        return np.asarray(commanded), given
+        return np.asarray(commanded), delivered
 
     def _is_away(self, step: LoopStep) -> bool:
         """Return True beyond twice the sphere's radius, or at once if the position is unknown."""

@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 def chi_square_quantile(probability: float, degrees: float) -> float:
     """Return the quantile of the chi-square distribution."""
-    from scipy.special import chdtri  # noqa: PLC0415 - slow to import: who has no filter need not wait
+    from scipy.special import chdtri  # noqa: PLC0415 - slow to import, and only filters need it
 
     return float(chdtri(degrees, 1.0 - probability))
 
 
 def fisher_quantile(probability: float, degrees: float, degrees_of_size: float) -> float:
     """Return the quantile of the F distribution."""
-    from scipy.special import fdtri  # noqa: PLC0415 - slow to import: who has no filter need not wait
+    from scipy.special import fdtri  # noqa: PLC0415 - slow to import, and only filters need it
 
     return float(fdtri(degrees, degrees_of_size, probability))
 

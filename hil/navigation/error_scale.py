@@ -17,7 +17,7 @@ class ScaleSettings:
 
     Parameters
     ----------
-    prior_poses : as many poses as the factor of 1 that it starts from weighs.
+    prior_poses : weight of the initial factor of 1, in poses.
     kept : share of the information from poses that remains at the next one; the rest returns to the prior.
     least, most : bounds of a factor.
     """
@@ -37,8 +37,8 @@ class ErrorScale:
 
     Parameters
     ----------
-    weight : poses that the belief weighs, prior included: its degrees of freedom.
-    squares : (6,) sum of so many squared errors over the variance that they should have.
+    weight : weight of the poses in the belief, in poses.
+    squares : (6,) weighted sum of squared errors over their expected variance.
 
     References
     ----------
@@ -59,7 +59,7 @@ class ErrorScale:
     def factors(self) -> FloatArray:
         """Factors (6,) of the standard deviations in camera axes: right, down, forward, rotation about the same.
 
-        The geometric mean of what is believed: a size too small by a factor harms more than one too large by it.
+        The geometric mean of the belief: a factor too small harms more than one too large by the same ratio.
         """
         degrees = self.degrees_of_freedom
         # the mean logarithm of an inverse gamma variable, but for terms of the second order

@@ -19,9 +19,9 @@ class PoseMeasurement:
 
     Parameters
     ----------
-    t_s : mid-exposure, from the flight's start [s].
+    t_s : mid-exposure, time from the flight's start [s].
     q_camera_from_target_wxyz, t_camera_from_target_m : (4,), (3,) pose of the model's frame.
-    q_camera_from_eci_wxyz : (4,) attitude of the camera then, which the chaser knows by its star tracker.
+    q_camera_from_eci_wxyz : (4,) attitude of the camera then, known by the star tracker.
     errors : (6, 6) one column for each part of the pose's error, along camera axes and as large as its standard
         deviation: translation [m] along camera axes, turn [rad] about target axes.
     remembered : share of each part's variance that is alike from pose to pose.
@@ -47,13 +47,12 @@ class PoseMeasurement:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorMemory:
-    """Correlation of an estimator's errors: they stay alike while the view does, since the same shadow pulls the same
-    edge.
+    """Correlation of an estimator's errors, which are similar while the view is, because the same shadows bias it.
 
     Parameters
     ----------
-    turn_rad : turn of the target in the camera after which 1/e of an error is left.
-    range_ratio : ratio of two ranges of which the same is true.
+    turn_rad : rotation of the target in the camera after which 1/e of an error is left.
+    range_ratio : ratio of ranges after which 1/e is left.
     """
 
     turn_rad: float = 1.0
@@ -70,7 +69,7 @@ class Snapshot:
 
     Parameters
     ----------
-    t_s : from the flight's start [s].
+    t_s : time from the flight's start [s].
     position_eci_m, velocity_eci_m_s : (3,) chaser minus target's centre of mass, GCRS axes.
     q_camera_from_eci_wxyz, omega_camera_rad_s : attitude of the camera, and its rate about its own axes.
     q_eci_from_target_wxyz : (4,) attitude of the target.

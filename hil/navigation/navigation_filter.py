@@ -83,7 +83,7 @@ class NavigationFilter:
 
     Parameters
     ----------
-    motion : of chaser and target. lvlh : the target's LVLH frame by time, of its known orbit.
+    motion : motion model of chaser and target. lvlh : the target's LVLH frame by time, of its known orbit.
     com_target_m : (3,) its centre of mass in the model's frame.
 
     References
@@ -107,7 +107,7 @@ class NavigationFilter:
         self._thrust: list[ThrustInterval] = []
         self._gated_in_a_row = 0
         self._newest: PoseMeasurement | None = None
-        self._foretold: RelativeEstimate | None = None
+        self._predicted: RelativeEstimate | None = None
 
     @property
     def status(self) -> Status:
@@ -124,8 +124,8 @@ class NavigationFilter:
     def add_thrust(self, interval: ThrustInterval) -> None:
         """Add thrust as commanded."""
         self._thrust.append(interval)
-        if self._foretold is not None and interval.start_s < self._foretold.t_s:
-            self._foretold = None
+        if self._predicted is not None and interval.start_s < self._predicted.t_s:
+            self._predicted = None
 
     def add(self, pose: PoseMeasurement) -> Verdict:
         """Add a pose, at any time, and return the verdict on it.
@@ -142,7 +142,7 @@ class NavigationFilter:
                 return "too old"
             if used is not None:
                 self._track, self._candidate, self._gated_in_a_row = used, [], 0
-                self._foretold = None
+                self._predicted = None
                 self._forget(pose.t_s)
                 return "used"
             self._gated_in_a_row += 1
@@ -160,19 +160,19 @@ class NavigationFilter:
         if len(longer) < (self.settings.displaced_after if self._track else self.settings.found_after):
             return "gated" if self._track else "used"
         self._track, self._candidate, self._gated_in_a_row = longer, [], 0
-        self._foretold = None
+        self._predicted = None
         return "found"
 
     def estimate(self, t_s: float) -> RelativeEstimate | None:
         """Return the estimate propagated to a time; None before there is a track."""
         if not self._track:
             return None
-        last = self._foretold
+        last = self._predicted
         if last is None or last.t_s > t_s:
             last = self._track[-1].after
         # cache the prediction: callers ask for increasing times
-        self._foretold = self.motion.propagated(last, t_s, self._thrust)
-        return self._foretold
+        self._predicted = self.motion.propagated(last, t_s, self._thrust)
+        return self._predicted
 
     def _with(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
         """Return the fixes with one more in its place; None if it fails the gate."""
@@ -180,12 +180,12 @@ class NavigationFilter:
         later = fixes[len(before) :]
         if not before:
             return "too old"
-        updated, distance = self.updated(self._foretold_to(before[-1], pose), pose)
+        updated, distance = self.updated(self._predicted_to(before[-1], pose), pose)
         if distance > self._gate(before[-1].after.error_scale.faded()):
             return None
         result = [*before, _Fix(pose, updated)]
         for fix in later:
-            again = self._foretold_to(result[-1], fix.pose)
+            again = self._predicted_to(result[-1], fix.pose)
             result.append(_Fix(fix.pose, self.updated(again, fix.pose)[0]))
         return result
 
@@ -193,7 +193,7 @@ class NavigationFilter:
         """Return the largest squared distance: Student's t in six dimensions, chi-square if the scale is known."""
         return 6.0 * fisher_quantile(self.settings.gate, 6, scale.degrees_of_freedom)
 
-    def _foretold_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
+    def _predicted_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
         """Return the estimate at a later pose's exposure, with the remembered errors reduced as the view changes."""
         old, new = fix.after, self.motion.propagated(fix.after, pose.t_s, self._thrust)
         frame = self._lvlh(old.t_s)
@@ -238,10 +238,10 @@ class NavigationFilter:
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_lvlh = self._lvlh(pose.t_s).R_eci_from_lvlh
         origin = target_origin_offset_m(estimate, self._com)
-        foretold = R_camera_from_eci @ (origin - R_eci_from_lvlh @ estimate.position_lvlh_m)
+        predicted = R_camera_from_eci @ (origin - R_eci_from_lvlh @ estimate.position_lvlh_m)
         measured = quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
         turn = rotvec_between(estimate.q_eci_from_target_wxyz, measured)
-        off = np.concatenate([pose.t_camera_from_target_m - foretold, turn])
+        off = np.concatenate([pose.t_camera_from_target_m - predicted, turn])
         return np.asarray(off - pose.remembered_errors(factors) @ estimate.pose_bias)
 
     def _sensitivity(

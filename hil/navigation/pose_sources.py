@@ -29,11 +29,11 @@ class PoseSource(Protocol):
 
 
 class PoseErrors:
-    """Draws the errors of one run's poses, which are correlated.
+    """Random errors of one run's poses, which are correlated.
 
     Parameters
     ----------
-    noise : of the poses. rng : new for each run.
+    noise : errors of the poses. rng : generator, new for each run.
     """
 
     def __init__(self, noise: PoseNoise, rng: Generator) -> None:
@@ -96,7 +96,7 @@ class NoisyPoses(LatePoses):
 
     Parameters
     ----------
-    noise : of the poses. latency_s : from mid-exposure to the answer. seed : of the errors.
+    noise : errors of the poses. latency_s : time from mid-exposure to the answer. seed : seed of the errors.
     """
 
     def __init__(self, noise: PoseNoise, latency_s: float, seed: int) -> None:

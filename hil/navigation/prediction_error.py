@@ -23,8 +23,8 @@ class ForecastError:
 
     Parameters
     ----------
-    median_deg, p95_deg, rms_deg : of the angles between predicted and true attitude [deg].
-    sigma_deg : the RMS that the filter predicts with it: of one sigma about all three axes [deg].
+    median_deg, p95_deg, rms_deg : statistics of the angle between predicted and true attitude [deg].
+    sigma_deg : RMS predicted by the filter, one sigma about all three axes [deg].
     """
 
     horizon_s: float
@@ -47,20 +47,20 @@ def forecast_errors(
     Parameters
     ----------
     estimates : estimates of one or more runs. truth : the target's attitude. motion : model for the prediction.
-    horizons_s : rising. end_s : of the truth; forecasts past it are left out.
+    horizons_s : prediction horizons, rising. end_s : end of the truth; later predictions are left out.
     """
-    found: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
+    samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:
-        foretold = estimate
+        predicted = estimate
         for horizon in horizons_s:
             at_s = estimate.t_s + horizon
             if at_s > end_s:
                 break
-            foretold = motion.propagated(foretold, at_s)
-            error = rotvec_between(foretold.q_eci_from_target_wxyz, truth(at_s)[0])
-            found[horizon].append((float(error @ error), float(np.trace(foretold.covariance[A, A]))))
+            predicted = motion.propagated(predicted, at_s)
+            error = rotvec_between(predicted.q_eci_from_target_wxyz, truth(at_s)[0])
+            samples[horizon].append((float(error @ error), float(np.trace(predicted.covariance[A, A]))))
     results = []
-    for horizon, pairs in found.items():
+    for horizon, pairs in samples.items():
         if not pairs:
             continue
         squares, variances = np.array(pairs).T

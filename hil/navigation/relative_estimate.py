@@ -35,7 +35,7 @@ class RelativeEstimate:
 
     Parameters
     ----------
-    t_s : from the flight's start [s].
+    t_s : time from the flight's start [s].
     position_lvlh_m, velocity_lvlh_m_s : (3,) chaser minus target's centre of mass, in the rotating LVLH frame.
     q_eci_from_target_wxyz : (4,) attitude of the target. omega_target_rad_s : (3,) its rate to ECI, own axes.
     joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
@@ -97,8 +97,8 @@ class RelativeEstimate:
     def with_scaled_errors(self, scale: ErrorScale) -> RelativeEstimate:
         """Return the estimate with the poses' errors rescaled to another belief.
 
-        What of the estimate's own error comes from remembered ones grows with them; those keep the size [m, rad] that
-        was found.
+        The part of the estimate's error that comes from the remembered errors of poses scales with them; their
+        estimated sizes [m, rad] are kept.
         """
         ratio = scale.factors / self.error_scale.factors
         C = self.joint_covariance
@@ -153,7 +153,7 @@ class MotionModel:
     n_rad_s : mean motion of the target's orbit, taken for a circle.
     inertia_kg_m2 : (3, 3) of the target, own axes, to scale; None for a constant rate.
     acceleration_noise : density of unmodelled acceleration, white [m s-2 Hz-1/2].
-    rate_noise : the same of the target's angular acceleration [rad s-2 Hz-1/2].
+    rate_noise : density of the target's white angular acceleration [rad s-2 Hz-1/2].
     thrust_sigma : sigma of delivered relative to commanded thrust, independent for each axis and period.
     """
 
@@ -212,8 +212,8 @@ class MotionModel:
         if thrust is not None:
             push, since = thrust.acceleration_lvlh_m_s2, estimate.t_s - thrust.start_s
             # Simpson's rule over the step: the part that came at tau has moved on for h - tau
-            given = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
-            first, middle, last = given
+            pushes = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
+            first, middle, last = pushes
             moved = moved + h / 6 * (first + 4 * middle + last)
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T

@@ -1,4 +1,4 @@
-"""Pictures of a data set as a network is trained on them: reduced, with their poses, turned and exposed by chance."""
+"""Training samples from a data set: its pictures reduced, and turned, exposed and made noisy at random."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-# Pixels of a kept picture for one of the network's, each way: a turned one is averaged from more.
+# Pixels of a stored picture per pixel of the network's, each way: turning averages over them.
 FINER = 2
 
-# Every so-manieth frame is held out.
+# One of ten frames is held out.
 HELD_OUT = 10
 
 # Fewer pictures teach nothing.
 LEAST_PICTURES = 20
 
-# How far the camera is turned across the boresight [halves of the view], and how often such a turn is tried.
+# Largest tilt of the camera [halves of the view], and draws until one keeps the target in view.
 TILT, TRIES = 0.35, 8
 
-# Exposure and noise of a sample: standard deviation of the logarithm, and largest deviation [full scale].
+# Standard deviation of a sample's log exposure; largest standard deviation of its noise [full scale].
 EXPOSED, NOISE = 0.3, 0.03
 
 
@@ -52,8 +52,14 @@ class LabelledPictures:
 
     Parameters
     ----------
-    camera : the network's. signal : (N, FINER h, FINER w) square root of the share of full scale, 255 for one.
-    q_wxyz : (N, 4) attitude in the camera. t_m : (N, 3) position in the camera.
+    camera : NetworkCamera
+        Camera of the network.
+    signal : (N, FINER h, FINER w) array
+        Square root of the share of full scale, uint8, 255 for one.
+    q_wxyz : (N, 4) array
+        Attitudes of the target in the camera.
+    t_m : (N, 3) array
+        Positions of the target in the camera.
     """
 
     camera: NetworkCamera
@@ -64,9 +70,9 @@ class LabelledPictures:
     def __len__(self) -> int:
         return len(self.signal)
 
-    def chosen(self, which: FloatArray) -> LabelledPictures:
-        """Some of them, by a mask (N,)."""
-        return LabelledPictures(self.camera, self.signal[which], self.q_wxyz[which], self.t_m[which])
+    def subset(self, mask: FloatArray) -> LabelledPictures:
+        """Return those for which a mask (N,) is true."""
+        return LabelledPictures(self.camera, self.signal[mask], self.q_wxyz[mask], self.t_m[mask])
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +81,14 @@ class Samples:
 
     Parameters
     ----------
-    pictures : (B, h, w) standardised. q_wxyz : (B, 4) attitude against the line of sight.
-    place : (B, 2) x and y over z in halves of the view. log_range : (B,) logarithm of the range [m].
+    pictures : (B, h, w) array
+        Standardised pictures.
+    q_wxyz : (B, 4) array
+        Attitudes relative to the line of sight.
+    place : (B, 2) array
+        x and y over z, in halves of the view.
+    log_range : (B,) array
+        Logarithms of the range [m].
     """
 
     pictures: Float32Array
@@ -87,7 +99,19 @@ class Samples:
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """What a data set is for a network: which craft, and pictures to learn from and to be judged by."""
+    """A data set split into pictures to learn from and pictures to be judged by.
+
+    Parameters
+    ----------
+    target : tuple of str
+        Name and hash of the craft.
+    camera : CameraIntrinsics
+        Camera of the data set.
+    learned, held_out : LabelledPictures
+        The two parts.
+    held_out_frames : tuple of int
+        Numbers of the held-out frames.
+    """
 
     target: tuple[str, str]
     camera: CameraIntrinsics
@@ -99,11 +123,16 @@ class TrainingSet:
 def read_training_set(
     folder: Path, width_px: int, progress: Callable[[int, int], None] = lambda _done, _of: None
 ) -> TrainingSet:
-    """A data set's feasible frames, every tenth of its frames held out.
+    """Read a data set's feasible frames, and hold out every tenth of its frames.
 
     Parameters
     ----------
-    width_px : of the network's pictures.
+    folder : Path
+        The data set.
+    width_px : int
+        Width of the network's pictures.
+    progress : callable
+        Receives the number of frames read, and of all.
 
     Raises
     ------
@@ -137,14 +166,14 @@ def read_training_set(
     return TrainingSet(
         (card.target.name, card.target.sha256),
         camera,
-        whole.chosen(~held),
-        whole.chosen(held),
+        whole.subset(~held),
+        whole.subset(held),
         tuple(k for k, out in zip(frames, held, strict=True) if out),
     )
 
 
 def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> Samples:
-    """Random pictures, each as the camera would have taken it turned another way, exposed and noisy by chance."""
+    """Return random pictures, each as a camera in another attitude takes it, with random exposure and noise."""
     which = rng.integers(len(pictures), size=size)
     small = pictures.camera
     out = np.empty((size, small.height_px, small.width_px), np.float32)
@@ -162,29 +191,29 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
 
 
 def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
-    """Pictures (B, h, w) with the labels that their poses give."""
+    """Return pictures (B, h, w) with the labels that follow from their poses."""
     away = np.linalg.norm(t_m, axis=1)
     back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
-    seen = quat_multiply(back, q_wxyz)
-    return Samples(standardised(signal), seen, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
+    relative = quat_multiply(back, q_wxyz)
+    return Samples(standardised(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
 
 
 def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(3, 3) from the camera's axes to those of one turned by chance that still has the target in view."""
+    """Return a random rotation (3, 3) of the camera that keeps the target in view."""
     for _ in range(TRIES):
         x, y = TILT * rng.uniform(-1, 1, 2) * camera.half_view
         roll = rng.uniform(0, 2 * np.pi)
         R = matrix_from_quat(quat_from_rotvec(np.array([0.0, 0.0, roll]))) @ matrix_from_quat(
             quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
         )
-        seen = R @ t_m
-        if seen[2] > 0 and np.all(np.abs(seen[:2] / seen[2]) < 0.85 * camera.half_view):
+        turned = R @ t_m
+        if turned[2] > 0 and np.all(np.abs(turned[:2] / turned[2]) < 0.85 * camera.half_view):
             return R
     return np.eye(3)
 
 
 def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32Array:
-    """(h, w) float32 what a camera turned by R sees of a finer picture; beyond it its edge goes on."""
+    """Return the (h, w) float32 picture of a camera turned by R; beyond the finer picture its edge goes on."""
     fine = camera.enlarged(FINER)
     K, L = _matrix(camera), _matrix(fine)
     # from the turned picture's pixels to those of the finer one, averaged over what each covers
@@ -193,18 +222,18 @@ def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32A
     shift = np.eye(3)
     shift[:2, 2] = -0.5 * (FINER - 1)
     M = shift @ L @ R.T @ np.linalg.inv(K)
-    seen = cv2.warpPerspective(
+    picture = cv2.warpPerspective(
         soft,
         M,
         (camera.width_px, camera.height_px),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return np.sqrt(seen)
+    return np.sqrt(picture)
 
 
 def _matrix(camera: NetworkCamera) -> FloatArray:
-    """(3, 3) to pixels."""
+    """Return the intrinsic matrix (3, 3)."""
     return np.array(
         [
             [camera.f_px, 0.0, 0.5 * (camera.width_px - 1)],

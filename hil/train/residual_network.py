@@ -1,140 +1,88 @@
-"""A small residual network: one picture in, place and classes of attitude out.
-
-The place is read from all of the picture's cells, which say where; the attitude, which is against the line of sight and
-alike wherever the craft is, from the largest value of each channel. So a view is learned at one place for all.
-
-References
-----------
-He et al. (2016), Deep residual learning for image recognition, CVPR; Proenca & Gao (2020), Deep learning for spacecraft
-pose estimation from photorealistic rendering, ICRA.
-"""
+"""The residual network in PyTorch; a board runs its weights in NumPy."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval, fuse_linear_bn_eval
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from torch import Tensor
 
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.hil.board.net.residual_network import Architecture
+    from flyaround.simulator.runtime.arrays import Float32Array
 
-
-@dataclass(frozen=True)
-class Convolution:
-    """One convolution with its normalisation; padded so that a stride of one keeps the size."""
-
-    name: str
-    inputs: int
-    outputs: int
-    side: int
-    stride: int
-
-    @property
-    def padding(self) -> int:
-        """Pixels added on each side."""
-        return self.side // 2
-
-    def size(self, width: int, height: int) -> tuple[int, int]:
-        """Of what comes out."""
-        a = 2 * self.padding - self.side
-        return (width + a) // self.stride + 1, (height + a) // self.stride + 1
+# Added to a variance before it divides.
+EPSILON = 1e-4
 
 
-@dataclass(frozen=True)
-class ResidualBlock:
-    """Two convolutions whose result is added to what came in, itself or, where sizes differ, convolved."""
-
-    first: Convolution
-    second: Convolution
-    shortcut: Convolution | None
-
-
-@dataclass(frozen=True)
-class Architecture:
-    """Sizes of a network.
+class ResidualNetwork(nn.Module):  # type: ignore[misc]
+    """Return place (B, 3) and logits of attitudes (B, K) of standardised pictures (B, h, w).
 
     Parameters
     ----------
-    stem : channels after the first convolution. stages : channels of each stage, of which all but the first halve the
-        picture. blocks : of each stage. squeezed : channels for the place. hidden : numbers before a head.
+    architecture : Architecture
+        Its sizes.
+    width_px, height_px : int
+        Size of the pictures.
+    classes : int
+        Number K of attitudes.
+
+    References
+    ----------
+    He et al. (2015), Delving deep into rectifiers, ICCV (first weights); Ioffe & Szegedy (2015), Batch normalization,
+    ICML; Goyal et al. (2017), Accurate, large minibatch SGD, arXiv:1706.02677 (blocks that begin as the identity).
     """
 
-    stem: int
-    stages: tuple[int, ...]
-    blocks: int
-    squeezed: int
-    hidden: int
+    def __init__(self, architecture: Architecture, width_px: int, height_px: int, classes: int) -> None:
+        super().__init__()
+        self.architecture = architecture
+        self.layers = nn.ModuleDict()
+        for name, (shape, stride) in architecture.layers(width_px, height_px, classes).items():
+            outputs, inputs = shape[:2]
+            if name in {"place", "attitude"}:
+                self.layers[name] = layer = nn.Linear(inputs, outputs)
+                nn.init.normal_(layer.weight, std=np.sqrt(0.01 / inputs))
+                nn.init.zeros_(layer.bias)
+                continue
+            # a momentum of one: the running statistics are the last batch's, which the training averages itself
+            if len(shape) == 2:
+                layer = nn.Linear(inputs, outputs, bias=False)
+                norm: nn.Module = nn.BatchNorm1d(outputs, EPSILON, momentum=1.0)
+            else:
+                layer = nn.Conv2d(inputs, outputs, shape[2], stride, shape[2] // 2, bias=False)
+                norm = nn.BatchNorm2d(outputs, EPSILON, momentum=1.0)
+            nn.init.kaiming_normal_(layer.weight)
+            if name.endswith("_second"):
+                nn.init.zeros_(norm.weight)
+            self.layers[name] = nn.Sequential(layer, norm)
 
-    @property
-    def first(self) -> Convolution:
-        """The first convolution, after which the largest of three by three pixels is taken at every other one."""
-        return Convolution("stem", 1, self.stem, 7, 2)
+    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
+        """Return place and logits."""
 
-    def residual_blocks(self) -> Iterator[ResidualBlock]:
-        """In order."""
-        last = self.stem
-        for s, channels in enumerate(self.stages):
-            for b in range(self.blocks):
-                stride = 2 if b == 0 and s > 0 else 1
-                name = f"stage{s}.{b}"
-                same = stride == 1 and last == channels
-                yield ResidualBlock(
-                    Convolution(f"{name}.first", last, channels, 3, stride),
-                    Convolution(f"{name}.second", channels, channels, 3, 1),
-                    None if same else Convolution(f"{name}.shortcut", last, channels, 1, stride),
-                )
-                last = channels
+        def rectified(name: str, x: Tensor) -> Tensor:
+            return torch.relu(self.layers[name](x))
 
-    @property
-    def squeeze(self) -> Convolution:
-        """The last convolution, to fewer channels."""
-        return Convolution("squeeze", self.stages[-1], self.squeezed, 1, 1)
+        x = functional.max_pool2d(rectified("stem", pictures[:, None]), 3, stride=2, padding=1)
+        for name, *_ in self.architecture.residual_blocks():
+            y, shortcut = self.layers[f"{name}_second"](rectified(f"{name}_first", x)), f"{name}_shortcut"
+            x = torch.relu(y + (self.layers[shortcut](x) if shortcut in self.layers else x))
+        place = rectified("place_hidden", rectified("squeeze", x).flatten(1))
+        attitude = rectified("attitude_hidden", x.amax(dim=(2, 3)))
+        return self.layers["place"](place), self.layers["attitude"](attitude)
 
-    def convolutions(self) -> Iterator[Convolution]:
-        """All of them, in order."""
-        yield self.first
-        for block in self.residual_blocks():
-            yield from (c for c in (block.first, block.second, block.shortcut) if c is not None)
-        yield self.squeeze
-
-    def features(self, width: int, height: int) -> int:
-        """Numbers that the place is read from."""
-        size = self.first.size(width, height)
-        size = ((size[0] - 1) // 2 + 1, (size[1] - 1) // 2 + 1)
-        for block in self.residual_blocks():
-            size = block.first.size(*size)
-        return self.squeezed * size[0] * size[1]
-
-    def start(self, width: int, height: int, classes: int, seed: int) -> dict[str, FloatArray]:
-        """Random weights for pictures of a size."""
-        from flyaround.hil.train.layers import start_layer  # noqa: PLC0415 - sizes are asked for without PyTorch, too
-
-        rng = np.random.default_rng(seed)
-        weights: dict[str, FloatArray] = {}
-        for c in self.convolutions():
-            fan = c.inputs * c.side**2
-            start_layer(
-                weights, rng, c.name, (c.outputs, c.inputs, c.side, c.side), inputs=fan, outputs=c.outputs
-            )
-        for block in self.residual_blocks():
-            # each block begins as what it is added to (Goyal et al. 2017)
-            weights[f"{block.second.name}_scale"][:] = 0.0
-        for head, fan, outputs in (
-            ("place", self.features(width, height), 3),
-            ("attitude", self.stages[-1], classes),
-        ):
-            hidden = f"{head}.hidden"
-            start_layer(weights, rng, hidden, (fan, self.hidden), inputs=fan, outputs=self.hidden)
-            weights[head] = rng.normal(0, np.sqrt(0.01 / self.hidden), (self.hidden, outputs))
-            weights[f"{head}_bias"] = np.zeros(outputs)
+    def folded(self) -> dict[str, Float32Array]:
+        """Return the weights ``NAME`` and ``NAME_bias`` of each layer, normalisations folded in."""
+        weights = {}
+        for name, layer in copy.deepcopy(self).cpu().double().eval().layers.items():
+            if isinstance(layer, nn.Sequential):
+                fuse = fuse_conv_bn_eval if isinstance(layer[0], nn.Conv2d) else fuse_linear_bn_eval
+                layer = fuse(*layer)  # noqa: PLW2901 - the same layer
+            weights[name] = layer.weight.detach().numpy().astype(np.float32)
+            weights[f"{name}_bias"] = layer.bias.detach().numpy().astype(np.float32)
         return weights
-
-
-ARCHITECTURES = {
-    "small": Architecture(stem=16, stages=(24, 48, 128), blocks=1, squeezed=16, hidden=256),
-    # He et al.'s of 18 layers
-    "resnet18": Architecture(stem=64, stages=(64, 128, 256, 512), blocks=2, squeezed=32, hidden=512),
-}

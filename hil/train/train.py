@@ -1,27 +1,29 @@
-"""From a data set to a network's file, and how well it does on the frames that were held out."""
+"""Training of a network on a data set, and its errors on the frames that were held out."""
 
 from __future__ import annotations
 
+import copy
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 import torch
+from torch.nn import functional
 
 from flyaround.hil.board.net.attitude_classes import class_attitudes, class_step_rad
 from flyaround.hil.board.net.network_estimator import NetworkEstimator
-from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+from flyaround.hil.board.net.network_file import SIDE_PX, HeldOutErrors, NetworkFile
+from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.evaluate.pose_errors import frame_record
-from flyaround.hil.train.attitude_loss import cross_entropy, robust, soft_classes
-from flyaround.hil.train.fitting import Budget, fit
-from flyaround.hil.train.forward import folded, forward
-from flyaround.hil.train.layers import trainable
-from flyaround.hil.train.onnx_file import onnx_bytes, sheet
+from flyaround.hil.train.fitting import Budget
 from flyaround.hil.train.pictures import LabelledPictures, Samples, TrainingSet, read_training_set, sample
-from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.hil.train.residual_network import ResidualNetwork
 from flyaround.simulator.dataset.formats.native import frame_paths, read_png
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
@@ -31,10 +33,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from flyaround.hil.board.net.residual_network import Architecture
     from flyaround.hil.evaluate.pose_errors import FrameScore
-    from flyaround.hil.train.layers import Tree
-    from flyaround.hil.train.residual_network import Architecture
-    from flyaround.simulator.runtime.arrays import FloatArray
+    from flyaround.simulator.runtime.arrays import Float32Array, FloatArray
 
     Report = Callable[[float, str], None]
 
@@ -47,17 +48,30 @@ WIDTH_STEPS = 0.65
 # Error of the place from which it counts linearly [halves of the view, units of log range], and its weight.
 PLACE_LINEAR_FROM, PLACE_WEIGHT = 0.05, 0.5
 
-# What the errors of held-out pictures are told as, at least.
+# Least error that a network's sheet states.
 LEAST_ERROR = 1e-4
+
+RATE, DECAY, LARGEST_GRADIENT = 2e-3, 1e-2, 5.0
+
+# Steps in which the rate rises; share of the weights' running mean that each step keeps; reports of a training.
+WARM_UP, KEEP, REPORTS = 200, 0.998, 10
 
 
 class TrainingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """How a network does on the frames of its data set that were held out, through OpenCV, as a board runs it.
+    """Errors of a network, run as a board runs it, on the frames of its data set that were held out.
 
     Parameters
     ----------
-    n_learned, n_held_out : frames. steps : of training. mean_*, median_* : errors of all held-out frames.
-    mean_predictor : the same of one pose for all, the mean of the truths.
+    network, target : str
+        Name of its file, and the craft.
+    n_learned, n_held_out : int
+        Numbers of frames.
+    mean_E_T_m, median_E_T_m, mean_E_R_deg, median_E_R_deg : float
+        Errors over all held-out frames.
+    accepted : float
+        Share of the held-out frames that it accepts.
+    mean_predictor : MeanPredictor
+        Errors of one pose for all frames, the mean of the true ones.
     """
 
     network: str
@@ -86,118 +100,205 @@ def train_network(
     report: Report = lambda _done, _text: None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> TrainingReport:
-    """Train on a data set, write the file, and judge it on the frames that were held out.
+    """Train on a data set, judge the network on the frames that were held out, and write its file.
 
     Parameters
     ----------
-    output : the file, ``.onnx``. architecture : of ``ARCHITECTURES``. width_px : of the network's pictures.
-    classes : attitudes that it tells apart. device : as PyTorch calls it. report : given share done and a line of text.
+    folder : Path
+        The data set.
+    output : Path
+        The file, ``.npz``.
+    architecture : str
+        One of ``ARCHITECTURES``.
+    width_px : int
+        Width of the network's pictures.
+    classes : int
+        Attitudes that it tells apart.
+    budget : Budget, optional
+        How long to train; default: six minutes.
+    seed : int
+        Seed of the first weights and the samples.
+    device : str
+        Device, as PyTorch calls it.
+    threads : int
+        Threads of the processor.
+    report : callable
+        Receives the share done and a line of text.
+    progress : callable
+        Receives the number of pictures read, and of all.
 
     Raises
     ------
     UserError
-        If the folder is no data set, has too few frames, or the file cannot be written.
+        If the folder is no data set, has too few frames or pictures of an unusable shape, the training diverges, or the
+        file cannot be written.
     """
     if not torch.cuda.is_available() and device.startswith("cuda"):
         raise UserError(f"--device {device}: PyTorch finds no such device here; leave it out")
     torch.set_num_threads(threads)
-    known = read_training_set(folder, width_px, progress)
-    network = ARCHITECTURES[architecture]
-    log_range = np.log(np.linalg.norm(known.learned.t_m, axis=1))
-    scale = float(log_range.mean()), max(float(log_range.std()), 1e-2)
-    told = PoseTraining(network, known.learned, classes, scale, seed, device)
-    means = told.run(budget or Budget(), lambda done, text, _: report(done, text))
-    layers = folded(network, means)
-
-    def written(errors: HeldOutErrors) -> NetworkFile:
-        about = sheet(
-            known.target,
-            known.learned.camera,
-            classes,
-            scale,
-            errors,
-            {
-                "dataset": folder.name,
-                "frames": len(known.learned),
-                "architecture": architecture,
-                "seed": seed,
-            },
+    data = read_training_set(folder, width_px, progress)
+    camera = data.learned.camera
+    if not SIDE_PX[0] <= camera.height_px <= SIDE_PX[1]:
+        raise UserError(
+            f"a network takes pictures of {SIDE_PX[0]} to {SIDE_PX[1]} px each way, and these have {width_px} x "
+            f"{camera.height_px}; choose another --width"
         )
-        write_atomic(output, onnx_bytes(network, layers, about))
-        return NetworkFile.read(output)
-
-    # judged once to know its errors, which then stand in its sheet
-    records = _judged(written(HeldOutErrors(1.0, 1.0, 1.0)), folder, known)
-    written(_errors([r for r in records if r.accepted] or records))
+    log_range = np.log(np.linalg.norm(data.learned.t_m, axis=1))
+    scale = float(log_range.mean()), max(float(log_range.std()), 1e-2)
+    training = PoseTraining(ARCHITECTURES[architecture], data.learned, classes, scale, seed, device)
+    weights = training.run(budget or Budget(), report)
+    if not all(np.isfinite(w).all() for w in weights.values()):
+        raise UserError(
+            "the training diverged: weights are not finite; choose another --seed, or capture more"
+        )
+    file = NetworkFile(
+        name=output.name,
+        target=data.target[0],
+        sha256=data.target[1],
+        camera=camera,
+        classes=classes,
+        log_range_mean=scale[0],
+        log_range_scale=scale[1],
+        errors=HeldOutErrors(1.0, 1.0, 1.0),
+        architecture=architecture,
+        weights=weights,
+    )
+    records = _judged(file, folder, data)
+    file = replace(file, errors=_errors([r for r in records if r.accepted] or records))
+    write_atomic(output, file.to_bytes({"dataset": folder.name, "frames": len(data.learned), "seed": seed}))
     E_T, E_R = (np.array([getattr(r, name) for r in records], float) for name in ("E_T_m", "E_R_deg"))
     return TrainingReport(
         network=output.name,
-        target=known.target[0],
-        n_learned=len(known.learned),
+        target=data.target[0],
+        n_learned=len(data.learned),
         n_held_out=len(records),
         mean_E_T_m=float(E_T.mean()),
         median_E_T_m=float(np.median(E_T)),
         mean_E_R_deg=float(E_R.mean()),
         median_E_R_deg=float(np.median(E_R)),
         accepted=float(np.mean([r.accepted for r in records])),
-        mean_predictor=mean_predictor(known.held_out.q_wxyz, known.held_out.t_m),
+        mean_predictor=mean_predictor(data.held_out.q_wxyz, data.held_out.t_m),
     )
 
 
 class PoseTraining:
-    """One network's training.
+    """Training of one network: AdamW, a falling rate, and the running mean of the weights.
 
     Parameters
     ----------
-    scale : mean and scale of the logarithm of the range.
+    architecture : Architecture
+        Sizes of the network.
+    pictures : LabelledPictures
+        Pictures to learn from.
+    classes : int
+        Attitudes that the network tells apart.
+    scale : tuple of float
+        Mean and scale of the logarithm of the range.
+    seed : int
+        Seed of the first weights and the samples.
+    device : str
+        Device, as PyTorch calls it.
+
+    References
+    ----------
+    Loshchilov & Hutter (2019), Decoupled weight decay regularization, ICLR; Polyak & Juditsky (1992), Acceleration of
+    stochastic approximation by averaging, SIAM J. Control Optim. 30(4).
     """
 
     def __init__(
         self,
-        network: Architecture,
+        architecture: Architecture,
         pictures: LabelledPictures,
         classes: int,
         scale: tuple[float, float],
         seed: int,
         device: str,
     ) -> None:
-        self._network, self._pictures, self._scale, self._device = network, pictures, scale, device
+        self._pictures, self._scale, self._device = pictures, scale, device
         self._rng = np.random.default_rng([seed, 1])
         self._grid = class_attitudes(classes)
         self._width_rad = WIDTH_STEPS * class_step_rad(classes)
+        torch.manual_seed(seed)
         camera = pictures.camera
-        self._weights = trainable(network.start(camera.width_px, camera.height_px, classes, seed))
-        if device != "cpu":
-            self._weights = {k: w.detach().to(device).requires_grad_() for k, w in self._weights.items()}
+        self.network = ResidualNetwork(architecture, camera.width_px, camera.height_px, classes).to(device)
 
-    def run(self, budget: Budget, report: Callable[[float, str, Tree], None]) -> Tree:
-        """Running means of weights and statistics."""
-        return fit(self._weights, self._draw, self._step, budget, report)
+    def run(self, budget: Budget, report: Report) -> dict[str, Float32Array]:
+        """Train, and return the weights that a board runs.
+
+        Parameters
+        ----------
+        budget : Budget
+            How long to train.
+        report : callable
+            Receives the share done and a line of text, ten times in all.
+        """
+        parameters = list(self.network.parameters())
+        adam = torch.optim.AdamW(
+            [
+                {"params": [w for w in parameters if w.ndim > 1], "weight_decay": DECAY},
+                {"params": [w for w in parameters if w.ndim == 1], "weight_decay": 0.0},
+            ],
+            betas=(0.9, 0.99),
+        )
+        mean = copy.deepcopy(self.network)
+        began, count, done, reported = time.monotonic(), 0, 0.0, 0.0
+        losses = np.zeros(2)
+        with ThreadPoolExecutor(1) as pool:
+            ahead = pool.submit(self._draw)
+            while done < 1:
+                batch = ahead.result()
+                ahead = pool.submit(self._draw)
+                done = min(budget.done(began, count + 1), 1.0)
+                count += 1
+                for group in adam.param_groups:
+                    group["lr"] = RATE * min(1.0, count / WARM_UP) * 0.5 * (1 + np.cos(np.pi * done)) + 1e-5
+                attitude, place = self._losses(batch)
+                adam.zero_grad()
+                (attitude + PLACE_WEIGHT * place).backward()
+                torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
+                adam.step()
+                # early steps count for little in the mean
+                keep = min(KEEP, count / (count + 20)) if count > 1 else 0.0
+                with torch.no_grad():
+                    for m, w in zip(
+                        mean.state_dict().values(), self.network.state_dict().values(), strict=True
+                    ):
+                        if m.is_floating_point():
+                            m.lerp_(w, 1 - keep)
+                losses = 0.98 * losses + 0.02 * np.array([attitude.item(), place.item()])
+                if done - reported > 1 / REPORTS or done >= 1:
+                    reported = done
+                    text = " ".join(f"{x:.3f}" for x in losses / (1 - 0.98**count))
+                    report(done, f"{count} steps, loss {text}")
+        return mean.folded()
 
     def _draw(self) -> Samples:
         return sample(self._pictures, self._rng, BATCH)
 
-    def _step(self, batch: Samples, _count: int) -> tuple[torch.Tensor, FloatArray, Tree]:
-        place, logits, seen = forward(
-            self._network, self._weights, None, torch.from_numpy(batch.pictures).to(self._device)
-        )
-        wanted = soft_classes(batch.q_wxyz, self._grid, self._width_rad).to(self._device)
-        attitude = cross_entropy(logits, wanted)
+    def _losses(self, batch: Samples) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the losses of the attitudes and of the places of a batch."""
+        place, logits = self.network(torch.from_numpy(batch.pictures).to(self._device))
+        target = _soft_classes(batch.q_wxyz, self._grid, self._width_rad).to(self._device)
         mean, spread = self._scale
         numbers = np.concatenate([batch.place, (batch.log_range[:, None] - mean) / spread], axis=1)
-        off = robust(
-            place - torch.tensor(numbers, dtype=torch.float32, device=self._device), PLACE_LINEAR_FROM
-        )
-        where = off.sum(dim=1).mean()
-        return attitude + PLACE_WEIGHT * where, np.array([attitude.item(), where.item()]), seen
+        numbers = torch.tensor(numbers, dtype=torch.float32, device=self._device)
+        off = functional.smooth_l1_loss(place, numbers, beta=PLACE_LINEAR_FROM, reduction="none")
+        return functional.cross_entropy(logits, target), off.sum(dim=1).mean() / PLACE_LINEAR_FROM
 
 
-def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameScore]:
-    """The held-out frames' records, by the estimator itself."""
-    estimator = NetworkEstimator(file, board_model(load_target(known.target[0])), known.camera)
+def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:
+    """Return (B, N) probabilities of attitude classes (N, 4), Gaussian in the angle to the true attitudes (B, 4)."""
+    angle = 2 * np.arccos(np.minimum(np.abs(q_wxyz.astype(np.float32) @ grid.T.astype(np.float32)), 1.0))
+    density = np.exp(-0.5 * (angle / np.float32(width_rad)) ** 2) + np.float32(1e-9)
+    return torch.from_numpy(density / density.sum(axis=1, keepdims=True))
+
+
+def _judged(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameScore]:
+    """Return the scores of the estimator itself on the held-out frames."""
+    estimator = NetworkEstimator(file, board_model(load_target(data.target[0])), data.camera)
     records = []
-    for k, q, t in zip(known.held_out_frames, known.held_out.q_wxyz, known.held_out.t_m, strict=True):
-        image = grey(read_png(frame_paths(folder, k).image), known.camera.encoding)
+    for k, q, t in zip(data.held_out_frames, data.held_out.q_wxyz, data.held_out.t_m, strict=True):
+        image = grey(read_png(frame_paths(folder, k).image), data.camera.encoding)
         result = estimator.estimate(image)
         records.append(
             frame_record(
@@ -212,7 +313,7 @@ def _judged(file: NetworkFile, folder: Path, known: TrainingSet) -> list[FrameSc
 
 
 def _errors(records: list[FrameScore]) -> HeldOutErrors:
-    """RMS about each axis, across and along the line of sight over the range; a wrong one in twenty left out."""
+    """Return the RMS errors, the largest twentieth left out."""
     turns = np.array([r.turn_camera_deg for r in records])
     shifts = np.array([r.shift_camera_m for r in records]) / np.array([r.range_m for r in records])[:, None]
 

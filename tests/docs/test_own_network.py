@@ -30,6 +30,6 @@ def test_own_network(tmp_path):
     assert printed.count("mean predictor") == 2
     assert "2 frames sent" in printed
     metrics = json.loads((tmp_path / "report" / "metrics.json").read_text())
-    assert list(metrics["by_method"]) == ["net:tango.onnx"]
+    assert list(metrics["by_method"]) == ["net:tango.npz"]
     assert metrics["mean_predictor"]["n"] == metrics["n_feasible"]
     assert (tmp_path / "ledger" / "report.html").exists() or (tmp_path / "ledger" / "summary.json").exists()

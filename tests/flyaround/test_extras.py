@@ -31,7 +31,7 @@ COMMANDS = [
     ("logs", (*HOST, "--mcap", "run.mcap")),
     ("logs", (*HOST, "--live", "0")),
     ("logs", (*HOST, "--ccsds", "run.ccsds")),
-    ("train", ("train", "data", "-o", "network.onnx")),
+    ("train", ("train", "data", "-o", "network.npz")),
     ("ray", (*CAPTURE, "d", "--ray", "auto")),
     ("stores", (*CAPTURE, "s3://bucket/set")),
     ("stores", (*CAPTURE, "memory://set")),

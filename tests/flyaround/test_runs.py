@@ -45,7 +45,7 @@ PLACED = {"fly", "capture", "convert", "train", "hil campaign", "hil delay-map"}
 
 
 def words_of(command, *words):
-    place = ["-o", "out/x.onnx"] if command in PLACED else []
+    place = ["-o", "out/x.npz"] if command in PLACED else []
     return [*command.split(), *words, *place]
 
 

@@ -7,51 +7,52 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flyaround.hil.board.net.network_camera import NetworkCamera
-from flyaround.hil.board.net.network_file import HeldOutErrors
-from flyaround.hil.train.onnx_file import onnx_bytes, sheet
-from flyaround.hil.train.residual_network import Architecture
+from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+from flyaround.hil.board.net.residual_network import ARCHITECTURES
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-TINY = Architecture(stem=4, stages=(4, 8), blocks=1, squeezed=4, hidden=8)
 CAMERA = NetworkCamera(48, 30, 75.0)
 CLASSES = 64
 
 
-def layers(seed: int = 0, camera: NetworkCamera = CAMERA) -> dict[str, np.ndarray]:
-    """Random weights and shifts of each layer, by name."""
+def random_weights(seed: int = 0) -> dict[str, np.ndarray]:
+    """Return random weights of each layer, by name."""
     rng = np.random.default_rng(seed)
     out = {}
-    for c in TINY.convolutions():
-        out[c.name] = rng.normal(0, 0.3, (c.outputs, c.inputs, c.side, c.side))
-        out[f"{c.name}_bias"] = rng.normal(0, 0.1, c.outputs)
-    features = TINY.features(camera.width_px, camera.height_px)
-    for name, inputs, outputs in (
-        ("place.hidden", features, 8),
-        ("attitude.hidden", TINY.stages[-1], 8),
-        ("place", 8, 3),
-        ("attitude", 8, CLASSES),
-    ):
-        out[name] = rng.normal(0, 0.3, (inputs, outputs))
-        out[f"{name}_bias"] = rng.normal(0, 0.1, outputs)
+    for name, (shape, _) in ARCHITECTURES["small"].layers(CAMERA.width_px, CAMERA.height_px, CLASSES).items():
+        # nearly equal logits: no attitude is likely
+        sigma = 0.01 if name == "attitude" else np.sqrt(2 / np.prod(shape[1:]))
+        out[name] = rng.normal(0, sigma, shape).astype(np.float32)
+        out[f"{name}_bias"] = rng.normal(0, 0.01, shape[0]).astype(np.float32)
     return out
 
 
 def network_bytes(
     target: tuple[str, str] = ("tango", ""), weights: dict[str, np.ndarray] | None = None
 ) -> bytes:
-    """The file."""
-    about = sheet(target, CAMERA, CLASSES, (1.5, 0.3), HeldOutErrors(0.1, 0.01, 0.05), {})
-    return onnx_bytes(TINY, layers() if weights is None else weights, about)
+    """Return the file."""
+    return NetworkFile(
+        name="net.npz",
+        target=target[0],
+        sha256=target[1],
+        camera=CAMERA,
+        classes=CLASSES,
+        log_range_mean=1.5,
+        log_range_scale=0.3,
+        errors=HeldOutErrors(0.1, 0.01, 0.05),
+        architecture="small",
+        weights=random_weights() if weights is None else weights,
+    ).to_bytes({})
 
 
 def write_network(path: Path, target: tuple[str, str] = ("tango", ""), *, sure: int | None = None) -> Path:
     """Write one; ``sure``: a class that it is always sure of, at five metres on the boresight."""
-    weights = layers()
+    weights = random_weights()
     if sure is not None:
-        weights["attitude"][:], weights["place"][:], weights["place_bias"][:] = 0.0, 0.0, 0.0
-        weights["attitude_bias"][:] = 0.0
+        for name in ("attitude", "attitude_bias", "place", "place_bias"):
+            weights[name][:] = 0.0
         weights["attitude_bias"][sure] = 12.0
     path.write_bytes(network_bytes(target, weights))
     return path

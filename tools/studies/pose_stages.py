@@ -168,7 +168,7 @@ def stage_row(
         background=frame.background,
         likely=frame.likely,
     )
-    drawn = support(q, t, target.samples, target.occ, field, target.camera, target.spacing_m).drawn
+    drawn = support(target, q, t, field).drawn
     source = Source(region, field)
     stays, true_score = _refined(search.image, source, q, t)
     _, e_t, E_R = frame_errors(q, t, stays.q, stays.t)

@@ -24,7 +24,7 @@ class Faces:
     ----------
     corners : (T, 4, 3) convex plane faces, the last corner twice where there are three [m].
     normals : (T, 3) outward. offset : (T,) plane n.x = offset.
-    group : (T,) index of material and direction: one brightness. groups : how many. material : (T,).
+    group : (T,) index of material and direction: one brightness. groups : number of groups. material : (T,).
     plane : (N, 4) of each node of the tree, zero at leaves. children : (N, 2) in front of and behind it, -1 none.
     members : per node its faces; node 0 is the root.
     """

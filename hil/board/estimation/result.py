@@ -43,7 +43,7 @@ class PoseResult:
     confidence : 0..1. stages_ms : time of each stage in order. counts : number of results of each stage.
     evidence : data of the decision, of a type of the method; None if it keeps none.
     covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
-    method : its name.
+    method : name of the method.
     """
 
     accepted: bool
@@ -71,8 +71,8 @@ def alternatives(
     """Return the best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
     out: List[Alternative] = []
     for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
-        taken = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
-        if all(differs(rq, rt, aq, at) for aq, at in taken):
+        distinct = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]
+        if all(differs(rq, rt, aq, at) for aq, at in distinct):
             out.append(Alternative(rq, rt, score))
         if len(out) >= keep:
             break

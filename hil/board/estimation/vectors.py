@@ -28,6 +28,15 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+def sphere_directions(count: int) -> Array:
+    """Return the nearly even directions (count, 3) of a Fibonacci lattice."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    phi = np.pi * (1 + np.sqrt(5.0)) * k
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
 def swing(direction: Array) -> Array:
     """Return the (3, 3) shortest rotation from the boresight to a unit vector (3,)."""
     x, y, z = direction.tolist()

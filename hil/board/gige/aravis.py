@@ -115,9 +115,9 @@ class Aravis:
         error = c_void_p()
         result = function(*arguments, byref(error))
         if error.value:
-            said = ctypes.cast(error, POINTER(_Error)).contents.message or b"it does not say why"
+            message = ctypes.cast(error, POINTER(_Error)).contents.message or b"it does not say why"
             self._functions["g_error_free"](error)
-            raise AravisError(" ".join(said.decode("utf-8", "replace").split()))
+            raise AravisError(" ".join(message.decode("utf-8", "replace").split()))
         return result
 
     def sensor_size(self, camera: int) -> Tuple[int, int]:
@@ -152,8 +152,8 @@ def load_aravis() -> Aravis:
 
 
 def _load() -> ctypes.CDLL:
-    found = ctypes.util.find_library("aravis-0.8")
-    for name in (*NAMES, *([found] if found else [])):
+    path = ctypes.util.find_library("aravis-0.8")
+    for name in (*NAMES, *([path] if path else [])):
         try:
             return ctypes.CDLL(name)
         except OSError:

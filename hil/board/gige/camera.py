@@ -35,10 +35,10 @@ class CameraSettings:
 
     Parameters
     ----------
-    exposure_us, gain_db, rate_hz : in the camera's own limits.
+    exposure_us, gain_db, rate_hz : settings within the camera's limits.
     roi_px : x, y, width, height of the part that is read.
-    pixel_format : by its GenICam name, such as Mono8.
-    packet_bytes : of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
+    pixel_format : GenICam name of the pixel format, such as Mono8.
+    packet_bytes : size of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
     software_trigger : an image for each trigger, else the camera runs freely.
     packet_socket : read the stream by a packet socket, which holds more, where this program may (root).
     """
@@ -121,12 +121,12 @@ class GigeCamera:
     @property
     def name(self) -> str:
         """Manufacturer and model."""
-        said = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
-        return " ".join((text or b"").decode("utf-8", "replace") for text in said).strip()
+        parts = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
+        return " ".join((text or b"").decode("utf-8", "replace") for text in parts).strip()
 
     @property
     def roi_px(self) -> Tuple[int, int, int, int]:
-        """, y, width and height of the part of the detector that is read.
+        """X, y, width and height of the part of the detector that is read.
 
         Raises
         ------
@@ -212,9 +212,9 @@ class GigeCamera:
         """Return the newest complete frame, once; None after ``timeout_s``."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None, timeout_s)
-            taken, self._newest = self._newest, None
+            buffer, self._newest = self._newest, None
             skipped, self._arrived = self._arrived - 1, 0
-            return None if taken is None else replace(taken, skipped=skipped)
+            return None if buffer is None else replace(buffer, skipped=skipped)
 
     def stop(self) -> None:
         """Stop the stream, if any."""
@@ -265,8 +265,8 @@ class GigeCamera:
                 try:
                     set_it(value)
                 except AravisError as error:
-                    said = f"--{name.replace('_', '-')} {value}"
-                    raise LinkError(f"camera {self._address} refuses {said}: {error}") from error
+                    option = f"--{name.replace('_', '-')} {value}"
+                    raise LinkError(f"camera {self._address} refuses {option}: {error}") from error
         if wanted.software_trigger:
             self._do("set_trigger", b"Software")
         else:
@@ -378,7 +378,7 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
 
     Parameters
     ----------
-    code : of the pixel format naming convention.
+    code : code of the pixel format naming convention.
     """
     if code not in GREY or width_px < 1 or height_px < 1:
         return None

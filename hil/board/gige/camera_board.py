@@ -232,10 +232,10 @@ def check_size(camera: Dict[str, Any], sensor_px: Tuple[int, int], address: str)
     LinkError
         If they are of another.
     """
-    said = (camera.get("width_px"), camera.get("height_px"))
-    if said != sensor_px:
+    size = (camera.get("width_px"), camera.get("height_px"))
+    if size != sensor_px:
         raise LinkError(
-            f"the intrinsics are of {said[0]} x {said[1]} pixels and the camera {address} has"
+            f"the intrinsics are of {size[0]} x {size[1]} pixels and the camera {address} has"
             f" {sensor_px[0]} x {sensor_px[1]}: give those of its whole detector, unbinned; --roi is taken care of"
         )
 

@@ -53,20 +53,20 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Confidences between which a pose in the light of lamps is held against near leans, accepted or not.
+# Confidences between which a pose in the light of lamps is compared with tilts of it.
 LIKELY, CLEAR = 0.1, 0.99
 
-# Regions looked at by the learned proposal, and places it hands on with a texture behind and with nothing.
+# Most regions that the network sees, and places that it proposes before a texture and before empty space.
 ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
 
-# Logit of there being a craft from which its edges are not searched: what the picture cannot settle, they cannot.
+# Logit of a craft being there from which only its region is searched by edges.
 SURE = 2.0
 
 # Log-likelihood by which the network must prefer another pose for one to be dropped: right ones are at most 2.7 behind
 # the likeliest (dev-lightbox, dev-sunlamp: 130 frames).
 DENIED = 5.0
 
-# Regions searched at most with a texture behind and with nothing.
+# Most regions searched by edges before a texture and before empty space.
 REGIONS, EMPTY_REGIONS = 2, 3
 
 
@@ -102,19 +102,19 @@ def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
 def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
     """Propose poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
-    # what the learned proposal is sure of is where it is: there edges find the attitudes that it does not
+    # where the network is sure of a craft, edges may still find attitudes that it does not propose
     sure = [place.source for place in places if place.craft > SURE]
-    some = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    regions = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
     frame.count("searched", 1)
-    found = []
-    for region in some:
+    searched = []
+    for region in regions:
         edges = region_edges(target, frame, region)
         if edges is not None:
             templates = template_poses(target, frame, edges)
-            found.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
+            searched.append((edges, templates, group_poses(target, image.setup.figures, frame, edges)))
     frame.mark("edge_search")
     hypotheses: List[Hypothesis] = []
-    for edges, *poses in found:
+    for edges, *poses in searched:
         q, t = (np.concatenate(parts) for parts in zip(*poses))  # noqa: B905 - Python 3.9 has no strict=
         hypotheses += refine_by_edges(target, frame, edges, q, t)
     frame.mark("edge_alignment")
@@ -235,7 +235,7 @@ def _prior(proposals: Proposals) -> Optional[Prior]:
 
 
 def _evidence(choice: Choice) -> Evidence:
-    """The evidence with what is known of the target's confidences."""
+    """Return the evidence with the network's part, and whether confidence was fitted on the target."""
     image, best = choice.image, choice.selection.best
     learned, places = image.setup.learned, choice.proposals.places
     return replace(
@@ -262,7 +262,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
     pose = selection.best.pose
     if setup.has_faces:
-        # the last steps of the pose; what it was chosen by stays as it is
+        # the last steps change the pose, not the evidence by which it was selected
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
@@ -273,17 +273,21 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
-    # not by what they explain: the rounds were judged on different cuts of the image
+    # not by their scores: the rounds were scored on different patches of the image
     return result if first is None or result.confidence > first.confidence else first
 
 
 class PoseEstimator(Estimator):
-    """Estimates the target's pose from single images; keeps nothing between them.
+    """Estimator of the target's pose from single images; keeps nothing between them.
 
     Parameters
     ----------
-    model : the target. camera : the intrinsics of every image.
-    accept_at : confidence at which a pose is accepted.
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        Intrinsics of every image.
+    accept_at : float
+        Confidence at which a pose is accepted.
 
     Raises
     ------
@@ -315,7 +319,7 @@ class PoseEstimator(Estimator):
         """Return the pose in one image, without knowing any other."""
         image = prepare(self.setup, frame)
         first, result = _round(propose_learned(image), None)
-        # edges besides would double the time: of 211 frames they set 8 right, and had a wrong pose accepted
+        # edges as well would double the time for hardly more right poses
         if image.setup.learned is not None and result is not None and not result.accepted:
             _, result = _round(propose_again(first, image.setup.learned), result)
         if result is None:

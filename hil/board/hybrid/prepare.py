@@ -1,4 +1,4 @@
-"""What an image says before any target is looked for: noise, weak gradients, regions, background and black level."""
+"""Preparation of an image: noise, weak gradients, regions, background and black level."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
 
-# Least noise: quantisation of a scale of 255 [its steps], and half as much again is not told from it.
+# Least noise [steps of a scale of 255]: half of the quantisation noise.
 LEAST_NOISE, SCALE = 0.15, 255.0
 
-# Noise of means over many pixels from which it is not that of single ones, over what theirs would be.
+# Ratio of the noise by means over many pixels to that by single ones from which noise counts as smoothed.
 CORRELATED = 1.4
 
-# Least black level before a texture, over the noise: its dark parts are above zero as well.
+# Least black level before a texture [noise]: its dark parts are above zero as well.
 FLOOR_OFFSET = 3.0
 
 # Share of the frame's tiles with edges above which the background is not empty space.
 BUSY = 0.25
 
-# The least diagonal of a region [px].
+# Least diagonal of a region [px].
 SMALLEST_PX = 24.0
 
 
@@ -48,7 +48,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     frame.mark("weak_gradients")
     regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < BUSY:
-        # reduced pixels are whole numbers as well
+        # reduced pixels are integers as well
         frame.background = whole_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
     regime = Regime.of(frame.black, trained=setup.learned is not None)
@@ -81,7 +81,7 @@ def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
 
 
 def _black_level(frame: Observation, reduced: Array, busy: float, *, smoothed: bool) -> float:
-    """Return what the camera adds to light, 0 where nothing says that it does."""
+    """Return the black level, 0 if the image shows none."""
     noise = frame.noise / REDUCTION
     if not smoothed and frame.clipped:
         # noise is cut off at zero: nothing is added

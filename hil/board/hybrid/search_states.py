@@ -24,7 +24,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class SearchSetup:
-    """What is known before any image comes.
+    """Inputs that are the same for every image.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class PreparedImage:
     Parameters
     ----------
     setup : SearchSetup
-        What was known before.
+        Inputs that are the same for every image.
     frame : Observation
         The image with its noise, black level and background.
     reduced : (h, w) array
@@ -72,7 +72,7 @@ class PreparedImage:
     regions : list of Region
         Where the target may be, the most likely first.
     regime : Regime
-        Its light, which every later stage is handed.
+        Its light.
     smoothed : bool
         True if a filter or a file has hidden noise.
     """
@@ -96,7 +96,7 @@ class Proposals:
     hypotheses : list of Hypothesis
         Poses that the image may show.
     places : list of LearnedProposal
-        What the learned proposal says of the regions.
+        Proposals of the network for the regions.
     thorough : bool
         True if an earlier round did not settle it: look at more.
     """

@@ -1,4 +1,4 @@
-"""The network's own camera: what it is shown of a picture that any camera took, lens and size taken out."""
+"""The network's own camera, a pinhole, and the resampling of any camera's pictures to it."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ class NetworkCamera:
 
     @staticmethod
     def like(camera: CameraIntrinsics, width_px: int) -> NetworkCamera:
-        """With another camera's field of view, so many pixels wide."""
+        """Return one with another camera's field of view, ``width_px`` wide."""
         height_px = max(round(width_px * camera.height_px / camera.width_px), 1)
         return NetworkCamera(width_px, height_px, camera.fx_px * width_px / camera.width_px)
 
     def enlarged(self, times: int) -> NetworkCamera:
-        """The same view in more pixels."""
+        """Return the same view in more pixels."""
         return NetworkCamera(times * self.width_px, times * self.height_px, times * self.f_px)
 
     @property
     def half_view(self) -> Array:
-        """(2,) tangents of half the angle of view, across and down."""
+        """Tangents (2,) of half the angle of view, across and down."""
         return np.array([self.width_px, self.height_px]) / (2 * self.f_px)
 
     def rays(self) -> Array:
-        """(h, w, 2) x and y over z of each pixel."""
+        """Return x and y over z of each pixel (h, w, 2)."""
         x = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) / self.f_px
         y = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) / self.f_px
         return np.stack(np.meshgrid(x, y), axis=-1)
@@ -49,12 +49,14 @@ class NetworkCamera:
 
 @dataclass(frozen=True, eq=False)
 class PictureReducer:
-    """From pictures of one camera to those of the network's.
+    """Resampling of one camera's pictures to the network's.
 
     Parameters
     ----------
-    reduced : width and height that a picture is averaged to first.
-    at : (h, w, 2) float32 where each pixel is looked up.
+    reduced : tuple of int
+        Width and height that a picture is averaged to first.
+    at : (h, w, 2) array
+        Float32 position in the averaged picture of each pixel.
     """
 
     reduced: Tuple[int, int]
@@ -62,7 +64,7 @@ class PictureReducer:
 
     @staticmethod
     def prepare(seen: NetworkCamera, camera: CameraIntrinsics) -> PictureReducer:
-        """For pictures of ``camera``."""
+        """Return the resampling for pictures of ``camera``."""
         share = min(seen.f_px / (0.5 * (camera.fx_px + camera.fy_px)), 1.0)
         width, height = (max(round(share * n), 1) for n in (camera.width_px, camera.height_px))
         rays = seen.rays()
@@ -71,23 +73,24 @@ class PictureReducer:
         return PictureReducer((width, height), ((pixels + 0.5) * scale - 0.5).astype(np.float32))
 
     def __call__(self, image: Array) -> Array:
-        """(h, w) float32 square root of the share of full scale; beyond the picture its edge goes on.
+        """Return the square root of the share of full scale, (h, w) float32; beyond the picture its edge goes on.
 
         Parameters
         ----------
-        image : (H, W) uint8 or uint16; the latter's full scale is its brightest pixel.
+        image : (H, W) array
+            Uint8 or uint16; the latter's full scale is its brightest pixel.
         """
         full = 255.0 if image.dtype == np.uint8 else max(float(image.max()), 1.0)
         # means of bytes would be rounded to bytes, of which dark pictures have few
         small = area_mean(image.astype(np.float32), *self.reduced)
-        seen = cv2.remap(
+        resampled = cv2.remap(
             small, self.at[..., 0], self.at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
-        return np.sqrt(np.maximum(seen, 0.0) / np.float32(full))
+        return np.sqrt(np.maximum(resampled, 0.0) / np.float32(full))
 
 
 def standardised(pictures: Array) -> Array:
-    """(..., h, w) float32 pictures with mean zero and standard deviation one, each for itself."""
+    """Return pictures (..., h, w), float32, each with mean zero and standard deviation one."""
     mean = pictures.mean(axis=(-2, -1), keepdims=True)
     spread = pictures.std(axis=(-2, -1), keepdims=True)
     return np.asarray((pictures - mean) / np.maximum(spread, LEAST_CONTRAST), np.float32)

@@ -1,4 +1,4 @@
-"""The pose by one look of a network at the whole picture: place and range regressed, attitude classified.
+"""Pose from a network that sees the whole picture: place and range regressed, attitude classified.
 
 References
 ----------
@@ -20,7 +20,7 @@ from flyaround.hil.board.estimation.record import StageRecord
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.estimation.vectors import swing
-from flyaround.hil.board.net.attitude_classes import mean_attitude, shares
+from flyaround.hil.board.net.attitude_classes import mean_attitude, softmax
 from flyaround.hil.board.net.network_camera import PictureReducer, standardised
 from flyaround.hil.board.net.network_file import NetworkFile
 
@@ -28,24 +28,27 @@ Array = np.ndarray
 
 logger = logging.getLogger(__name__)
 
-# A pose is accepted where the attitude's neighbourhood holds this share of what is likely.
+# Least probability of the attitude's neighbourhood at which a pose is accepted.
 ACCEPT_AT = 0.5
 
-# Largest range that an answer may have over the mean of the training's [log].
+# Largest scaled logarithm of the range.
 MOST_LOG = 7.0
 
 
 class NetworkEstimator(Estimator):
-    """A network's answer, picture by picture.
+    """Estimator that asks a trained network, picture by picture.
 
     Parameters
     ----------
-    network : as read from its file. model, camera : as of `Estimator`.
+    network : NetworkFile
+        The network.
+    model, camera
+        See `Estimator`.
 
     Raises
     ------
     BoardModelError
-        If it was trained on another craft, or OpenCV cannot run it.
+        If it was trained on another craft.
     """
 
     def __init__(self, network: NetworkFile, model: BoardModel, camera: CameraIntrinsics) -> None:
@@ -59,47 +62,43 @@ class NetworkEstimator(Estimator):
             logger.info("network %s was trained on another version of %s", network.name, model.name)
         self.method = f"net:{network.name}"
         self.network = network
-        self._net = network.open()
         self._reduce = PictureReducer.prepare(network.camera, camera)
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
         picture = standardised(self._reduce(frame.image))
         frame.mark("reduce")
-        place, attitude = self.network.run(self._net, picture)
+        place, attitude = self.network.run(picture)
         frame.mark("network")
         if not (np.isfinite(place).all() and np.isfinite(attitude).all()):
             return self._declined(frame, "the network's answer is not finite")
         t, direction = placed(place, self.network)
-        likely = shares(attitude)
-        seen, held = mean_attitude(likely)
-        q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), seen))
-        frame.keep("attitude shares", likely)
+        probability = softmax(attitude)
+        relative, confidence = mean_attitude(probability)
+        q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), relative))
+        frame.keep("attitude shares", probability)
         frame.mark("pose")
+        reason = "" if confidence >= ACCEPT_AT else "several attitudes are as likely"
+        times, counts, covariance = frame.stages_ms, frame.counts, self._covariance(t)
         return PoseResult(
-            held >= ACCEPT_AT,
-            "" if held >= ACCEPT_AT else "several attitudes are as likely",
-            q,
-            t,
-            held,
-            frame.stages_ms,
-            frame.counts,
-            covariance=self._covariance(t),
-            method=self.method,
+            not reason, reason, q, t, confidence, times, counts, covariance=covariance, method=self.method
         )
 
     def _covariance(self, t: Array) -> Array:
-        """(6, 6) of turn [rad] and shift [m], camera axes: the errors of held-out pictures at this range."""
+        """Return the (6, 6) covariance of turn [rad] and shift [m], camera axes, from the held-out errors."""
         e, away = self.network.errors, float(np.linalg.norm(t))
         across, along = (e.across_share * away) ** 2, (e.along_share * away) ** 2
         return np.diag([e.turn_rad**2] * 3 + [across, across, along])
 
 
 def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
-    """Position (3,) of the model's origin in the camera [m], and the unit vector to it, of the network's three numbers.
+    """Return the position (3,) of the model's origin in the camera [m], and the unit vector to it.
 
     Parameters
     ----------
-    place : (3,) x and y over z in halves of the view, and the logarithm of the range in units of the sheet.
+    place : (3,) array
+        Output of the network: x and y over z in halves of the view, and the scaled logarithm of the range.
+    network : NetworkFile
+        The network.
     """
     ray = np.append(place[:2] * network.camera.half_view, 1.0)
     direction = ray / np.linalg.norm(ray)
@@ -110,5 +109,5 @@ def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
 
 
 def _craft(name: str) -> str:
-    """A target's name without its level of detail."""
+    """Return a target's name without its level of detail."""
     return name.split("@", maxsplit=1)[0]

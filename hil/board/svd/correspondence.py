@@ -21,6 +21,9 @@ Pairs = Tuple[Array, Array]
 # Pairs of groups solved at most: the search must end.
 BUDGET = 6000
 
+# Least number of points of each solver.
+LEAST_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
+
 # Share of the budget of each combination, the most telling first.
 ORDER = (
     ("closed_tetrad", True),
@@ -41,14 +44,14 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET
     The published search joins a polygon with an antenna where it finds one, for six points that do not lie in
     one plane; each combination gets an even share of what is left of the budget, picked evenly.
     """
-    left = budget
+    remaining = budget
     for k, (kind, with_antenna) in enumerate(ORDER):
-        share = left // (len(ORDER) - k)
+        share = remaining // (len(ORDER) - k)
         pairs = _pairs(image, model, kind, with_antenna=with_antenna)
         total = pairs.shape[0]
-        chosen = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
-        left -= len(chosen)
-        i, m, a, b = chosen.T
+        subset = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
+        remaining -= len(subset)
+        i, m, a, b = subset.T
         points, target = image.of(kind)[i], model.of(kind)[m]
         if with_antenna:
             points = np.concatenate([points, image.of("antenna")[a]], axis=1)
@@ -75,7 +78,7 @@ def solve_all(
     spoil the figure; inliers are counted afterwards for all poses together.
     """
     rng = np.random.default_rng(2018)
-    needed = _needed(config.solver)
+    needed = LEAST_POINTS[config.solver]
     rays = PointGroups(
         {
             kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)
@@ -107,13 +110,8 @@ def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
     solve = point_solver(solver)
     turns: List[Array] = []
     shifts: List[Array] = []
-    for figure, seen in zip(target, points):  # noqa: B905 - Python 3.9 has no strict=
-        turn, shift = solve(figure, seen)
+    for figure, image_points in zip(target, points):  # noqa: B905 - Python 3.9 has no strict=
+        turn, shift = solve(figure, image_points)
         turns += turn
         shifts += shift
     return from_rotvecs(turns, shifts)
-
-
-def _needed(solver: str) -> int:
-    """Return the least number of points of a solver."""
-    return {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}[solver]

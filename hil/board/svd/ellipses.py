@@ -85,7 +85,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
     i, j = i[pick], j[pick]
     a, b, votes = _minor_axes(sample, i, j)
     distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
-    found: List[EllipseFit] = []
+    ellipses: List[EllipseFit] = []
     for k in np.argsort(-votes)[:60]:
         if votes[k] < 8:
             break
@@ -95,12 +95,13 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
             float(centre[0]), float(centre[1]), float(a[k]), float(b[k]), float(np.arctan2(d[1], d[0])), 0.0
         )
         fit = _refit(start, points, distance)
-        if fit is None or fit.share < 0.5 or any(_same(fit, other) for other in found):
+        if fit is None or fit.share < 0.5 or any(_same(fit, other) for other in ellipses):
             continue
-        found.append(fit)
-    found.sort(key=lambda e: -e.share * e.a)
+        ellipses.append(fit)
+    ellipses.sort(key=lambda e: -e.share * e.a)
     return tuple(
-        EllipseFit(e.u + origin[0], e.v + origin[1], e.a, e.b, e.angle_rad, e.share) for e in found[:ELLIPSES]
+        EllipseFit(e.u + origin[0], e.v + origin[1], e.a, e.b, e.angle_rad, e.share)
+        for e in ellipses[:ELLIPSES]
     )
 
 

@@ -121,7 +121,7 @@ def wge_edges(image: Array, strong: Array) -> Array:
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
     """Return (N, 4) segments x0 y0 x1 y1 of the probabilistic Hough transform, 1 px and 0.5 deg."""
     votes = int(max(12, 0.6 * min_length_px))
-    found = cv2.HoughLinesP(
+    lines = cv2.HoughLinesP(
         mask.astype(np.uint8) * 255,
         1.0,
         np.radians(0.5),
@@ -130,7 +130,7 @@ def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
         maxLineGap=float(max(1.0, max_gap_px)),
     )
     # OpenCV 4 returns (N, 1, 4), OpenCV 5 (N, 4), both None when there is nothing
-    return np.zeros((0, 4)) if found is None else np.asarray(found, float).reshape(-1, 4)
+    return np.zeros((0, 4)) if lines is None else np.asarray(lines, float).reshape(-1, 4)
 
 
 def drop_specks(mask: Array, smallest: int) -> Array:
@@ -150,12 +150,17 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     return out
 
 
+def stretched(image: Array) -> Optional[Array]:
+    """Return an image stretched to uint8, its brightest half per cent clipped; None if it is constant."""
+    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
+    return np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8) if high > low else None
+
+
 def lsd_lines(image: Array, shortest_px: float) -> Array:
     """Return (N, 4) sub-pixel segments of OpenCV's line segment detector; none if OpenCV was built without it."""
-    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
-    if high <= low:
+    scaled = stretched(image)
+    if scaled is None:
         return np.zeros((0, 4))
-    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
     try:
         found = cv2.createLineSegmentDetector().detect(scaled)[0]
     except (cv2.error, AttributeError):
@@ -208,19 +213,19 @@ def find_streams(
     sobel = sobel_edges(crop, sobel_threshold(image))
     if config.least_component:
         sobel = drop_specks(sobel, int(max(4, config.least_component * diagonal)))
-    found: Dict[str, Array] = {}
+    streams: Dict[str, Array] = {}
     if "wge" in config.streams:
         edges = wge_edges(crop, wge.strong[rows, cols])
-        found["wge"] = hough(edges, WGE_LENGTH * diagonal, WGE_GAP * diagonal) + shift
+        streams["wge"] = hough(edges, WGE_LENGTH * diagonal, WGE_GAP * diagonal) + shift
     if "sh" in config.streams:
-        found["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
+        streams["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
     if "lsd" in config.streams:
-        found["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
-    grown = grown_region(region, _together(found), config.roi_growth, image.shape)
-    found = {name: lines[_inside(lines, grown)] for name, lines in found.items()}
+        streams["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
+    grown = grown_region(region, _together(streams), config.roi_growth, image.shape)
+    streams = {name: lines[_inside(lines, grown)] for name, lines in streams.items()}
     merged = {
         name: merge_segments(s, diagonal, keep=LINES) if name in config.merge_each or name == "lsd" else s
-        for name, s in found.items()
+        for name, s in streams.items()
     }
     lines = merge_segments(_together(merged), diagonal, keep=LINES)
     corners = np.zeros((0, 2))
@@ -230,8 +235,8 @@ def find_streams(
             np.ascontiguousarray(image[rows, cols]), (float(cols.start), float(rows.start))
         )
     ellipses = hough_ellipses(sobel, origin, diagonal) if "ellipse" in config.streams else ()
-    own = {name: s for name, s in merged.items() if s is not found[name]}
-    return Streams(lines, found, corners, ellipses, sobel, grown, own)
+    own = {name: s for name, s in merged.items() if s is not streams[name]}
+    return Streams(lines, streams, corners, ellipses, sobel, grown, own)
 
 
 def _together(found: Dict[str, Array]) -> Array:

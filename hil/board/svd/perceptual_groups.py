@@ -14,8 +14,6 @@ import numpy as np
 
 Array = np.ndarray
 
-KINDS = ("closed_tetrad", "open_tetrad", "open_triad", "proximity_pair", "parallel_pair", "antenna")
-
 # Groups of each kind kept of a picture, the largest.
 LARGEST = {
     "closed_tetrad": 12,

@@ -153,17 +153,17 @@ class PublishedEstimator(Estimator):
         """Return the best few, distinct ones, by reprojection error (2018) or by inliers (RANSAC, thesis)."""
         error, inliers = reprojection(q, t, self.corners, self.camera, image)
         key = error / image.cap_px - (inliers if self.config.ransac else 0.0)
-        chosen: List[int] = []
+        indices: List[int] = []
         for k in np.argsort(key, kind="stable")[:RANKED_POSES]:
             if all(
                 quat.angle_rad(q[c], q[k]) > DISTINCT_RAD
                 or np.linalg.norm(t[c] - t[k]) > DISTINCT_SHARE * t[k, 2]
-                for c in chosen
+                for c in indices
             ):
-                chosen.append(int(k))
-            if len(chosen) >= self.config.top:
+                indices.append(int(k))
+            if len(indices) >= self.config.top:
                 break
-        return q[chosen], t[chosen]
+        return q[indices], t[indices]
 
     def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[ScoredPose]:
         """Return each pose after Gauss-Newton; poses that drifted away are dropped."""
@@ -214,7 +214,7 @@ def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
     points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]
     same = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
-    kept = np.zeros(len(points), bool)
+    isolated = np.zeros(len(points), bool)
     for k in range(len(points)):
-        kept[k] = not (same[k] & kept).any()
-    return np.asarray(points[kept])
+        isolated[k] = not (same[k] & isolated).any()
+    return np.asarray(points[isolated])

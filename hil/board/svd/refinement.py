@@ -53,24 +53,24 @@ def model_corners(model: BoardModel, join_m: float = 0.01) -> ModelCorners:
     edges = [e for e in model.wireframe if np.linalg.norm(e.b_m - e.a_m) > least or e.radius_m > 0]
     edges = edges or list(model.wireframe)
     points = np.array([p for e in edges for p in (e.a_m, e.b_m)])
-    kept: List[int] = []
+    indices: List[int] = []
     member = np.zeros(len(points), int)
     for k, p in enumerate(points):
-        near = [n for n, c in enumerate(kept) if np.abs(points[c] - p).max() < join_m]
+        near = [n for n, c in enumerate(indices) if np.abs(points[c] - p).max() < join_m]
         if near:
             member[k] = near[0]
         else:
-            member[k] = len(kept)
-            kept.append(k)
+            member[k] = len(indices)
+            indices.append(k)
     faces = [
         np.concatenate([np.zeros((0, 3)), *(edges[e // 2].normals for e in np.flatnonzero(member == n))])
-        for n in range(len(kept))
+        for n in range(len(indices))
     ]
     most = max(1, max((len(f) for f in faces), default=1))
-    normals = np.zeros((len(kept), most, 3))
+    normals = np.zeros((len(indices), most, 3))
     for n, f in enumerate(faces):
         normals[n, : len(f)] = f
-    return ModelCorners(points[kept], normals, np.array([len(f) == 0 for f in faces]))
+    return ModelCorners(points[indices], normals, np.array([len(f) == 0 for f in faces]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +117,10 @@ def corner_map(points: Array, region: Region) -> CornerMap:
     low = np.floor(np.array([region.x0, region.y0]) - margin)
     high = np.array([region.x1, region.y1]) + margin
     # farther from all corners distances do not count; those of a 5 x 5 mask fall short by 2 % at most
-    held = np.clip(points, low, high)
+    clipped = np.clip(points, low, high)
     reach = 1.05 * cap_px + 2.0
-    low = np.maximum(low, np.floor(held.min(axis=0) - reach))
-    high = np.minimum(high, held.max(axis=0) + reach)
+    low = np.maximum(low, np.floor(clipped.min(axis=0) - reach))
+    high = np.minimum(high, clipped.max(axis=0) + reach)
     w, h = (high - low).astype(int) + 1
     zero = np.full((h, w), 255, np.uint8)
     at = np.clip(np.rint(points - low).astype(int), 0, [w - 1, h - 1])
@@ -173,11 +173,11 @@ def reprojection(
     for low in range(0, len(q), BATCH):
         part = slice(low, low + BATCH)
         R = quat.matrix(q[part])
-        seen = visible_corners(corners, R, t[part])
+        visible = visible_corners(corners, R, t[part])
         pixels = camera.pixels(np.einsum("bij,cj->bci", R, corners.points_m) + t[part, None])
-        placed = np.where(seen[..., None], pixels, 1e6).astype(np.float32)
+        placed = np.where(visible[..., None], pixels, 1e6).astype(np.float32)
         # visible ones first: what no pose of the batch has is not looked at
-        first = np.argsort(~seen, axis=1, kind="stable")[:, : int(seen.sum(axis=1).max(initial=0))]
+        first = np.argsort(~visible, axis=1, kind="stable")[:, : int(visible.sum(axis=1).max(initial=0))]
         placed = np.take_along_axis(placed, first[..., None], axis=1)
         gap = np.full((len(R), to.shape[1]), np.float32(image.cap_px**2))
         u, v = np.empty_like(gap), np.empty_like(gap)
@@ -223,7 +223,7 @@ def refine_on_corners(
     rms = np.ones(len(q))
     for k in range(10):
         R = quat.matrix(q)
-        seen = visible_corners(corners, R, t)
+        visible = visible_corners(corners, R, t)
         arm = np.einsum("bij,cj->bci", R, corners.points_m)
         P = arm + t[:, None]
         z = np.maximum(P[..., 2], 1e-2)
@@ -231,7 +231,7 @@ def refine_on_corners(
         d, nearest = image.lookup(pixels)
         gate = image.cap_px * (1.0 if k < 4 else 0.5)
         r = image.points[nearest] - pixels
-        w = (_mutual(r, nearest, seen) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
+        w = (_mutual(r, nearest, visible) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
         # d(pixel)/d(point) of the pinhole; the lens bends it by less than the gate
         gu = np.stack([camera.fx_px / z, np.zeros_like(z), -camera.fx_px * P[..., 0] / z**2], axis=-1)
         gv = np.stack([np.zeros_like(z), camera.fy_px / z, -camera.fy_px * P[..., 1] / z**2], axis=-1)

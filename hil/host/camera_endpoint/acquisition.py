@@ -170,12 +170,12 @@ class Acquisition:
 
     def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
         """Send the image whose exposure is over to the controller, if it named a port."""
-        taken, due, read_out_s = self._exposed, self._due, self.read_out_s
-        if taken is None or due is None or read_out_s is None or now_s < read_out_s:
+        picture, due, read_out_s = self._exposed, self._due, self.read_out_s
+        if picture is None or due is None or read_out_s is None or now_s < read_out_s:
             return
         self._exposed = self._due = None
-        if not self._send(taken, due, to):
-            self._tell_unsent(taken)
+        if not self._send(picture, due, to):
+            self._tell_unsent(picture)
 
     def _tell_unsent(self, taken: FrameTaken) -> None:
         if self.answers is not None:

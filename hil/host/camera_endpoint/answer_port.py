@@ -115,12 +115,12 @@ class AnswerPort:
 
     def close(self) -> bool:
         """Say goodbye and drop images without an answer; return True if a board was connected."""
-        met = self._board.link is not None
+        connected = self._board.link is not None
         self._in_flight.lose(STOPPED)
         self._pending.turn_away(STOPPED)
         self._board.end(STOPPED, goodbye=True)
         self._listener.close()
-        return met
+        return connected
 
     def _accept(self) -> Any:  # noqa: ANN401 - a link and its HELLO, or None
         transport = self._listener.accept(0.0)

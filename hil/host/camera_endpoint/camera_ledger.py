@@ -27,7 +27,7 @@ class CameraLedger:
     Parameters
     ----------
     folder : output folder; None for no files. link : address for answers of boards.
-    flown : what the record of the run says of it.
+    flown : scenario and command for the record of the run.
 
     Raises
     ------

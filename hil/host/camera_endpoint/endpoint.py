@@ -300,9 +300,7 @@ class CameraEndpoint:
             0,
             int.from_bytes(socket.inet_aton(peer[0]), "big"),
         }:
-            raise RefusedError(
-                Status.INVALID_PARAMETER
-            )  # pictures go to who asked for them, to no third machine
+            raise RefusedError(Status.INVALID_PARAMETER)  # pictures go to the controller alone
         self._written(self._registers.write_register(address, value))
 
     def _written(self, place: Place) -> None:

@@ -51,7 +51,7 @@ class RefusedError(Exception):
 
     Parameters
     ----------
-    status : the acknowledgement's. index : which of several accesses failed.
+    status : the acknowledgement's. index : number of the access that failed.
     """
 
     def __init__(self, status: Status, index: int = 0) -> None:

@@ -85,8 +85,8 @@ class Block:
 
     Parameters
     ----------
-    block_id : 1 to 65535. timestamp_ns : start of the exposure. data : its pixels.
-    packet_bytes : of each packet, headers of IP and UDP included.
+    block_id : 1 to 65535. timestamp_ns : start of the exposure. data : pixels of the frame.
+    packet_bytes : size of each packet, headers of IP and UDP included.
     """
 
     block_id: int

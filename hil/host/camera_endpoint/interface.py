@@ -42,10 +42,10 @@ def find_interface(name: str, address: str | None = None) -> Interface:
     names = [known for _, known in socket.if_nameindex()]
     if name not in names:
         raise UserError(f"there is no network interface '{name}'; this machine has {', '.join(names)}")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
 
         def ask(what: int) -> bytes:
-            return fcntl.ioctl(asked.fileno(), what, struct.pack("256s", name.encode()))[16:24]
+            return fcntl.ioctl(probe.fileno(), what, struct.pack("256s", name.encode()))[16:24]
 
         try:
             first = socket.inet_ntoa(ask(_ADDRESS)[4:8])

@@ -89,7 +89,7 @@ class LoopedPictures:
 
     Parameters
     ----------
-    images : (H, W) each. bits : of their numbers. exposure_s : they were taken with.
+    images : (H, W) each. bits : bits of a pixel. exposure_s : they were taken with.
     black_dn : number of a pixel that no light falls on.
     scenes : their scenes, one each; empty if unknown.
     """

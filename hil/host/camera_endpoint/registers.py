@@ -100,7 +100,7 @@ class CameraTerms:
 
     Parameters
     ----------
-    bits : of the detector's numbers. exposure_us, rate_hz : before a controller changes them.
+    bits : bits of a pixel of the detector. exposure_us, rate_hz : before a controller changes them.
     scenario, target : names.
     """
 
@@ -118,7 +118,7 @@ class Registers:
 
     Parameters
     ----------
-    source_port : that the stream is sent from.
+    source_port : port that the stream is sent from.
     xml, xml_name : the description that is served, and the file name it is given.
     """
 
@@ -131,7 +131,7 @@ class Registers:
         self._xml = xml + bytes(-len(xml) % 4)
         self._blocks = [(start, bytearray(size)) for start, size in _BLOCKS]
         mac = interface.mac
-        known = {
+        values = {
             Place.VERSION: 1 << 16,
             Place.DEVICE_MODE: 0x80000001,
             Place.MAC_HIGH: int.from_bytes(mac[:2], "big"),
@@ -154,7 +154,7 @@ class Registers:
             Place.PIXEL_FORMAT: int(self.formats[0]),
             Place.ACQUISITION_FRAME_COUNT: 1,
         }
-        for place, value in known.items():
+        for place, value in values.items():
             self[place] = value
         self._set_number(Place.ACQUISITION_FRAME_RATE, terms.rate_hz)
         self._set_number(Place.EXPOSURE_TIME, min(max(terms.exposure_us, EXPOSURE_US[0]), EXPOSURE_US[1]))

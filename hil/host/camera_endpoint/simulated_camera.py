@@ -102,12 +102,12 @@ def run_camera(
 def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
     """Pass an image on; the renderer may die and be restarted."""
     start_s = time.monotonic()
-    taken = pictures.take(wanted)
-    while taken is None:
-        taken = pictures.take(wanted)
-    if ledger is not None and taken.scene is not None:
-        ledger.drawn(wanted.request_id, taken.scene, 1e3 * (time.monotonic() - start_s))
-    pipe.send(FrameTaken(wanted.request_id, taken.image))
+    picture = pictures.take(wanted)
+    while picture is None:
+        picture = pictures.take(wanted)
+    if ledger is not None and picture.scene is not None:
+        ledger.drawn(wanted.request_id, picture.scene, 1e3 * (time.monotonic() - start_s))
+    pipe.send(FrameTaken(wanted.request_id, picture.image))
 
 
 def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:

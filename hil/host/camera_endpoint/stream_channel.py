@@ -29,11 +29,12 @@ RESENT_PER_PACKET = 2
 
 
 class StreamChannel:
-    """Sends blocks to one receiver.
+    """Stream of blocks to one receiver.
 
     Parameters
     ----------
-    sock : to send from. loss_share : packets that are left out, to try a receiver's requests. seed : which ones.
+    sock : socket to send from. loss_share : share of packets that are left out, to test a receiver's requests.
+    seed : seed of their choice.
     """
 
     def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
@@ -132,8 +133,8 @@ class StreamChannel:
         if block is self._block:  # packets not sent yet are still to come
             last = min(last, self._number - 1)
         spent = self._resent.get(request.block_id, 0)
-        left = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
-        for number in range(request.first, min(last, request.first + left - 1) + 1):
+        budget = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
+        for number in range(request.first, min(last, request.first + budget - 1) + 1):
             self._send(block.packet(number, RESENT), to)
             self.packets_resent += 1
             self._allowance -= 1

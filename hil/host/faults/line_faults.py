@@ -16,7 +16,7 @@ from flyaround.hil.link.clock import now_ns
 from flyaround.hil.link.errors import LinkClosed, PacketError
 from flyaround.hil.link.framing.length_prefix import LengthFraming
 from flyaround.hil.link.packets.frame_messages import FrameHeader, PoseMessage
-from flyaround.hil.link.packets.messages import TimeSyncReply, decode_message
+from flyaround.hil.link.packets.messages import ABOUT_A_FRAME, TimeSyncReply, decode_message, frame_id_of
 from flyaround.hil.link.packets.packet import HEADER, Packet, PacketType
 from flyaround.hil.link.transports.base import StreamTransport
 from flyaround.simulator.scenario.faults import (
@@ -41,7 +41,6 @@ HOLD_S = 0.05
 """Time that a packet to be swapped waits for the next one."""
 IDLE_S = 0.05
 _FRAME_ID = struct.Struct("<I")
-_OF_FRAMES = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
 
 
 class FaultJournal:
@@ -187,7 +186,7 @@ class _Pump:
                 self._journal.t_s = FrameHeader.decode(packet.payload[: FrameHeader.LAYOUT.size]).t_s
         every = (*self._faults.line, *self._journal.added)
         acting = [(k, f) for k, f in enumerate(every) if self._acts(f)]
-        frame_id = _frame_id(packet)
+        frame_id = frame_id_of(packet)
         copies, damaged, swapped = 1, False, False
         due_ns = at_ns
         for k, fault in acting:
@@ -212,7 +211,7 @@ class _Pump:
                 self._journal.note(frame_id, fault.name)
             elif isinstance(fault, ClockDrift):
                 packet = self._drifted(packet, fault.ppm)
-            elif packet.type in _OF_FRAMES and rng.random() < fault.chance:
+            elif packet.type in ABOUT_A_FRAME and rng.random() < fault.chance:
                 self._journal.note(frame_id, fault.name)
                 if isinstance(fault, Drop):
                     return
@@ -242,7 +241,7 @@ class _Pump:
         index = 0
         if packet.type is PacketType.FRAME_CHUNK:
             index = 1 + int(_FRAME_ID.unpack_from(packet.payload, 4)[0])
-        frame_id = _frame_id(packet)
+        frame_id = frame_id_of(packet)
         key = (
             self._faults.seed,
             k,
@@ -280,9 +279,3 @@ class _Pump:
                 self._sink.send_damaged(packet, DAMAGE_AT + len(packet.payload) // 2, 0x10)
             else:
                 self._sink.send_packet(packet)
-
-
-def _frame_id(packet: Packet) -> int | None:
-    if packet.type not in _OF_FRAMES or len(packet.payload) < _FRAME_ID.size:
-        return None
-    return int(_FRAME_ID.unpack_from(packet.payload)[0])

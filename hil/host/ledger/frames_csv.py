@@ -60,7 +60,7 @@ COLUMNS = (
 
 
 class LedgerWriter:
-    """Appends rows to ``frames.csv``; each is complete and flushed before ``add`` returns.
+    """Writer of ``frames.csv``; each row is complete and flushed before ``add`` returns.
 
     Raises
     ------
@@ -106,9 +106,9 @@ class LedgerWriter:
         line = memoryview(text.getvalue().encode())
         try:
             # nearly always one write; a second one after a short write says why it was short
-            left = line
-            while left:
-                left = left[self._file.write(left) or 0 :]
+            remaining = line
+            while remaining:
+                remaining = remaining[self._file.write(remaining) or 0 :]
         except OSError as error:
             self._broken = True
             with contextlib.suppress(OSError):

@@ -126,8 +126,8 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
 
 def run_terms(flown: FlownRecord | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - its fields
     """Return the terms of a run of this process, from the plan and the other fields of ``RunTerms``."""
-    known = {} if flown is None else msgspec.structs.asdict(flown)
-    return RunTerms(versions=Versions.here(), **known, **terms)
+    record = {} if flown is None else msgspec.structs.asdict(flown)
+    return RunTerms(versions=Versions.here(), **record, **terms)
 
 
 def terms_without_board(flown: FlownRecord, faults: Faults, started_utc: str) -> RunTerms:

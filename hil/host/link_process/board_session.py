@@ -67,18 +67,18 @@ SYNC_EVERY_NS = 250_000_000
 SYNC_EARLY_NS = 200_000_000
 # delay before a silent board is asked for its newest frame, and the interval of repetitions
 ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
-# round trips that are remembered: an hour and more; a longer one is another board's doing
+# number of stored round trips, for more than an hour; a longer trip belongs to another board
 MAX_TRIPS, MAX_TRIP_NS = 20_000, 10**12
 # a board answers clock requests once its estimator is ready; no frame is sent before
 SYNC_PATIENCE_NS = 60_000_000_000
-# a board that sends without end is listened to this long at a time: frames, loggers and the run get their turn
+# longest time of listening to a board that sends without end, before frames, loggers and the run get their turn
 DRAIN_NS = 20_000_000
-# mistakes of a run that are logged one by one; the summary counts them all
+# most mistakes of a run that are logged; the summary counts them all
 MAX_LOGGED = 20
 
 
 class BoardSession:
-    """Board of the host: none, or one in session; another may follow it.
+    """Session of the host with a board, if there is one; another may follow it.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ class BoardSession:
             self.leave(f"the board ended the session: {message.reason}")
 
     def _greet(self, hello: Hello, link: Link) -> None:
-        assert self.terms is not None  # noqa: S101 - nobody is let in before the terms
+        assert self.terms is not None  # noqa: S101 - no board is admitted before the terms
         terms = replace(self.terms.ack, chunk_bytes=link.transport.chunk_bytes)
         if self._config.mode == "realtime":
             # the newest frame waits at the host, where a newer one can replace it

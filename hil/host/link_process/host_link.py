@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
-# time-out for the last message of a link process that was told to end, or of an interrupted run
+# time-out for the last message of a link process after Close, or of an interrupted run
 QUICK_TIMEOUT_S = 2.0
 # a board that said HELLO has this long to make its estimator; the link process waits no longer either
 READY_TIMEOUT_S = 65.0
@@ -61,7 +61,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
     Parameters
     ----------
-    channels : what the images' shape has beyond rows and columns: nothing, or (3,).
+    channels : shape of the images beyond rows and columns: empty, or (3,).
 
     Raises
     ------
@@ -81,7 +81,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
 
 class HostLink:
-    """Starts the link process and talks to it; a context manager.
+    """Handle of the link process, which it starts; a context manager.
 
     Raises
     ------
@@ -180,19 +180,19 @@ class HostLink:
 
     def results(self) -> list[FrameRecord]:
         """Return the outcomes since the last call."""
-        taken = list(self._results)
+        results = list(self._results)
         self._results.clear()
-        return taken
+        return results
 
     def wait_for_board(self, timeout_s: float) -> bool:
         """Return True if a board is ready; it must connect within ``timeout_s``, its estimator may take longer."""
         deadline = time.monotonic() + timeout_s
         while self.board is None:
             until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
-            left = until - time.monotonic()
-            if left <= 0:
+            left_s = until - time.monotonic()
+            if left_s <= 0:
                 return False
-            self.pump(min(left, 0.5))
+            self.pump(min(left_s, 0.5))
         return True
 
     def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:

@@ -148,7 +148,7 @@ class FramesInFlight:
 
     def damaged(self, frame_id: int, reason: str, cause: str = "corrupt") -> bool:
         """Record that the board cannot use this frame, and release it alone; return False if not in flight."""
-        self.misses = 0  # late or not, it speaks of it
+        self.misses = 0  # late or not, the board has processed it
         flying = frame_id in self._flying
         if flying:
             self._drop(frame_id, cause, reason)

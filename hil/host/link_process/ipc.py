@@ -43,7 +43,7 @@ class LinkConfig:
     max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
     faults : those of the line are put between the board and the link.
     adds_faults : True if more of the line may come during the run.
-    utc_minus_monotonic_ns : of this machine's clocks, read once for a run.
+    utc_minus_monotonic_ns : difference of this machine's clocks, read once for a run.
     key : key that boards and truth loggers must prove to have; None for no authentication.
     """
 
@@ -89,7 +89,7 @@ class FrameJob:
         With the time at which the camera hands the image over, on the monotonic clock that all processes of this
         machine share.
     bits : int
-        Of the detector's numbers.
+        Bits of a pixel of the detector.
     truth : dict, optional
         Truth record for the truth endpoint or, inline, for the board.
     camera_frame : int

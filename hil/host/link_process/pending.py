@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.hil.link.transports.base import Transport
 
 HELLO_WAIT_NS = 10_000_000_000
-# a board and its restarts are one or two; beyond, who was silent longest makes room: a board speaks at once
+# most pending connections; beyond, the oldest is closed, because a board says HELLO at once
 MAX_PENDING = 8
 # packets that are no HELLO before a connection is given up
 MAX_OTHERS = 64

@@ -124,8 +124,8 @@ class LinkServer:
             sources.append(self._board.link.transport)
         sources += self._pending.transports
         # a serial port is listener and line in one; a TCP listener stays open to turn others away
-        taken = self._board.link is not None or len(self._pending) > 0
-        if self._board.terms is not None and not (self._serial and taken):
+        occupied = self._board.link is not None or len(self._pending) > 0
+        if self._board.terms is not None and not (self._serial and occupied):
             sources.append(self._listener)
         if self._truth is not None:
             sources.append(self._truth)
@@ -146,8 +146,8 @@ class LinkServer:
             times.append(self._board.next_sync_ns)
         if self._truth is not None and self._truth.lagging:
             times.append(now_ns() + 20_000_000)
-        left = (min(times) - now_ns()) * 1e-9 if times else 1.0
-        return min(1.0, max(0.0, left))
+        left_s = (min(times) - now_ns()) * 1e-9 if times else 1.0
+        return min(1.0, max(0.0, left_s))
 
     # --- the run's side ---------------------------------------------------------------------
 

@@ -45,14 +45,14 @@ FRAME_TIMING_DEFINITION = ros_definition(
 
 def frame_timing(row: FrameRecord) -> dict[str, Any]:
     """Return the flyaround_msgs/FrameTiming of a ledger's row; unknown values are NaN."""
-    known = {name: getattr(row, name) for name in DURATIONS}
+    durations = {name: getattr(row, name) for name in DURATIONS}
     return {
         "header": header(row.epoch_utc),
         "frame_id": row.frame_id,
         "outcome": row.outcome,
         "reason": row.reason,
         "confidence": _or_nan(row.confidence),
-        **{name: _or_nan(value) for name, value in known.items()},
+        **{name: _or_nan(value) for name, value in durations.items()},
         "stage_names": list(row.stages_ms),
         "stage_ms": [float(ms) for ms in row.stages_ms.values()],
         "position_error_m": _or_nan(row.E_T_m),
@@ -127,7 +127,7 @@ class _FileToWrite:
 
 
 class RosLog:
-    """Writes frames, truth, answers and timing; times are those of the scenario, in UTC.
+    """Recorder of frames, truth, answers and timing; times are those of the scenario, in UTC.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ def cds_time(epoch_utc: str) -> bytes:
 
 
 class SpacePacketSink:
-    """Writes packets to a file, or sends each as a datagram.
+    """Sink of packets: a file, or datagrams.
 
     Parameters
     ----------

@@ -71,9 +71,9 @@ class _Client:
         if self.handshake is not None:
             self._hear_proof(data, self.handshake)
             return False
-        found = MAGIC in self.heard + data
+        is_link_packet = MAGIC in self.heard + data
         self.heard = (self.heard + data)[-len(MAGIC) + 1 :]
-        return found
+        return is_link_packet
 
     def _hear_proof(self, data: bytes, handshake: HostHandshake) -> None:
         self.framing.feed(data)
@@ -98,7 +98,7 @@ class _Client:
 
 
 class TruthEndpoint:
-    """Listens on TCP and sends TRUTH packets to the clients connected before them.
+    """TCP server that sends TRUTH packets to the clients connected before them.
 
     At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
     ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.

@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 
 
 class TruthLogger:
-    """Listens in a thread until the host says goodbye or ``stop`` is called.
+    """Logger of truth packets in a thread, until the host says goodbye or ``stop`` is called.
 
     Each line of the file is ``{"frame_id": ..., "truth": {...}}``.
 
@@ -28,7 +28,7 @@ class TruthLogger:
     ----------
     url : the truth endpoint; it may open later than ``start``.
     path : the JSONL file, overwritten.
-    key : that the host asks for; None where it asks for none.
+    key : key of the host; None if it has none.
     """
 
     def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:

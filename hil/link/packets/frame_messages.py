@@ -50,7 +50,7 @@ class FrameHeader:
 
     Parameters
     ----------
-    bits : of a detector's number: right-aligned where the pixel format has room for more.
+    bits : bits of a pixel of the detector, right-aligned where the pixel format has room for more.
     epoch_utc : mid-exposure, ISO 8601, at most 40 characters.
     t_s : seconds from the scenario's start, mid-exposure.
     host_send_ns : the host's monotonic clock when it began to send.
@@ -61,7 +61,7 @@ class FrameHeader:
     exposure_start_ns, exposure_end_ns : UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0
         where unknown.
     sun_camera : unit vector to the Sun in the camera frame; None where the host does not send it.
-    transfer : of the pixels' numbers.
+    transfer : transfer function of the pixels.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER

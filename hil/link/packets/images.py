@@ -53,7 +53,7 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
 
     Parameters
     ----------
-    encodings, pixel_formats : what this side offered, as in its HELLO.
+    encodings, pixel_formats : offer of this side in its HELLO.
 
     Raises
     ------
@@ -94,9 +94,11 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
         If its size, depth, pixel format, encoding or number of chunks is another, or more bytes are announced than
         its pixels can take up.
     """
-    said, wanted = _described(header), _described(terms)
-    if said != wanted:
-        raise ProtocolMistake(f"frame {header.frame_id} has {said}, agreed were {wanted}", header.frame_id)
+    described, expected = _described(header), _described(terms)
+    if described != expected:
+        raise ProtocolMistake(
+            f"frame {header.frame_id} has {described}, agreed were {expected}", header.frame_id
+        )
     if header.encoding not in (terms.encoding, Encoding.RAW):
         raise ProtocolMistake(f"frame {header.frame_id} has an encoding that was not agreed", header.frame_id)
     most = most_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
@@ -182,13 +184,13 @@ def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
 
 
 class FrameAssembler:
-    """Reassembles frames from headers and chunks, and names the frames that were lost.
+    """Assembler of frames from headers and chunks, which also names the frames that were lost.
 
     ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
 
     Parameters
     ----------
-    terms : what the handshake settled; frames of another size or kind are refused before memory is taken for
+    terms : terms of the handshake; frames of another size or kind are refused before memory is taken for
         them. None takes any within ``MAX_FRAME_BYTES``.
     """
 

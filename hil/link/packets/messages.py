@@ -73,7 +73,7 @@ _BY_TYPE: Dict[PacketType, Any] = {kind.TYPE: kind for kind in get_args(Message)
 
 
 # payloads about one frame begin with its id
-_ABOUT_A_FRAME = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
+ABOUT_A_FRAME = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
 _FRAME_ID = struct.Struct("<I")
 
 
@@ -92,11 +92,12 @@ def decode_message(packet: Packet) -> Message:
     try:
         message: Message = _BY_TYPE[packet.type].decode(packet.payload)
     except PacketError as error:
-        raise ProtocolMistake(str(error), _frame_id(packet)) from error
+        raise ProtocolMistake(str(error), frame_id_of(packet)) from error
     return message
 
 
-def _frame_id(packet: Packet) -> Optional[int]:
-    if packet.type not in _ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
+def frame_id_of(packet: Packet) -> Optional[int]:
+    """Return the number of the frame that a packet is about; None if it is about none."""
+    if packet.type not in ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
         return None
     return int(_FRAME_ID.unpack_from(packet.payload)[0])

@@ -48,7 +48,7 @@ class Packet:
     Parameters
     ----------
     type : type of the payload.
-    payload : its bytes.
+    payload : bytes of the payload.
     session_id : chosen by the host; 0 before the handshake is complete.
     sequence : counts the sender's packets, modulo 2**32.
     version : protocol version of the sender.

@@ -29,8 +29,8 @@ def fits(image: Image, pixel_format: PixelFormat) -> bool:
     channels = 1 if image.ndim == 2 else image.shape[2] if image.ndim == 3 else 0
     if channels != pixel_format.channels or image.dtype.kind != "u" or image.dtype.itemsize > 2:
         return False
-    held = 8 * image.dtype.itemsize <= pixel_format.depth_bits
-    return held or not image.size or int(image.max()) < 1 << pixel_format.depth_bits
+    holds = 8 * image.dtype.itemsize <= pixel_format.depth_bits
+    return holds or not image.size or int(image.max()) < 1 << pixel_format.depth_bits
 
 
 def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
@@ -47,8 +47,8 @@ def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
         )
     if pixel_format is PixelFormat.Mono12p:
         return _pack_twelve(image)
-    wanted = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
-    return np.ascontiguousarray(image, dtype=wanted).tobytes()
+    dtype = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
+    return np.ascontiguousarray(image, dtype=dtype).tobytes()
 
 
 def unpack_pixels(

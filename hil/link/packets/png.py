@@ -63,7 +63,7 @@ def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels
         If the file is damaged, of another size or kind, interlaced, or has rows of another filter.
     """
     step = channels * dtype.itemsize
-    wanted = (width_px, height_px, 8 * dtype.itemsize, _RGB if channels == 3 else _GREY, 0, 0, 0)
+    expected = (width_px, height_px, 8 * dtype.itemsize, _RGB if channels == 3 else _GREY, 0, 0, 0)
     packed: List[Bytes] = []
     head = None
     for kind, body in _chunks(memoryview(data)):
@@ -73,8 +73,8 @@ def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels
             packed.append(body)
         elif kind == b"IEND":
             break
-    if head != wanted:
-        raise PacketError(f"a PNG says {head} where {wanted} was agreed")
+    if head != expected:
+        raise PacketError(f"a PNG says {head} where {expected} was agreed")
     size = height_px * (1 + width_px * step)
     inflate = zlib.decompressobj()
     try:

@@ -97,11 +97,12 @@ class HelloAck:
     Parameters
     ----------
     camera : the project's camera JSON object (CAMERA.json).
-    width_px, height_px, bits, pixel_format : of the images; ``bits`` of the detector's numbers, as the format holds
+    width_px, height_px, bits, pixel_format : layout of the images; ``bits`` of the detector's pixels, as the format
+    holds
         them or fewer.
     encoding : the compression chosen from what the board offered.
     window : frames that may be on their way or in work at once (credits).
-    target_name, target_sha256 : what the host flies; an empty hash is not checked.
+    target_name, target_sha256 : target of the host; an empty hash is not checked.
     takes_fields : True if optional fields are agreed: of FRAME_HEADER and of POSE.
     """
 
@@ -214,8 +215,8 @@ class TimeSyncReply:
     @classmethod
     def decode(cls, data: bytes) -> TimeSyncReply:
         """Return the message of a payload."""
-        asked, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
-        return cls(asked, received, sent, newest if tells else None)
+        asked_ns, received, sent, newest, tells = unpack_fixed(cls.LAYOUT, data, "TIME_SYNC_REPLY")
+        return cls(asked_ns, received, sent, newest if tells else None)
 
 
 @dataclass(frozen=True)

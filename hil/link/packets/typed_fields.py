@@ -66,9 +66,9 @@ def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict
             raise PacketError(f"field {tag} of a {name} has {len(data) - at} bytes left, expected {size}")
         if tag in values:
             raise PacketError(f"field {tag} of a {name} comes twice: send it once")
-        wanted = {int(k): n for k, n in known.items()}.get(tag, size)
-        if size != wanted:
-            raise PacketError(f"field {tag} of a {name} has {size} bytes, expected {wanted}")
+        expected = {int(k): n for k, n in known.items()}.get(tag, size)
+        if size != expected:
+            raise PacketError(f"field {tag} of a {name} has {size} bytes, expected {expected}")
         values[tag] = data[at : at + size]
         at += size
     return {tag: value for tag, value in values.items() if tag in set(known)}

@@ -85,7 +85,7 @@ class StreamTransport(ABC):
         self._framing = framing
         self._closed = False
 
-    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - most streams ask nobody
+    def be_patient(self, silence_s: float) -> None:  # noqa: B027 - optional
         """Set the time without a sign of life after which the other side is considered gone."""
 
     def send_packet(self, packet: Packet) -> None:
@@ -109,11 +109,11 @@ class StreamTransport(ABC):
                 return packet
             if self._closed:
                 raise LinkClosed(f"{self.name} is closed")
-            left = deadline - time.monotonic()
-            data = self._read(max(0.0, left))
+            left_s = deadline - time.monotonic()
+            data = self._read(max(0.0, left_s))
             if data:
                 self._framing.feed(data)
-            if left <= 0:
+            if left_s <= 0:
                 # also while bytes keep coming: endless garbage must not block the caller
                 return self._framing.next_packet()
 

@@ -114,7 +114,7 @@ class _SharedPort:
 
 
 class SerialListener:
-    """Waits for the first byte on a serial port."""
+    """Listener for the first byte on a serial port."""
 
     def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
         self._port = SerialTransport(device, baud, rtscts=rtscts)

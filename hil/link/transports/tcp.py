@@ -139,21 +139,21 @@ def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
     """
     deadline = time.monotonic() + timeout_s
     while True:
-        left = deadline - time.monotonic()
+        left_s = deadline - time.monotonic()
         try:
-            sock = socket.create_connection((host, port), timeout=max(0.1, left))
+            sock = socket.create_connection((host, port), timeout=max(0.1, left_s))
         except socket.gaierror as error:
             raise LinkError(
                 f"host name {host!r} is unknown: check the link URL tcp://{host}:{port}"
             ) from error
         except OSError as error:
-            if left <= 0:
+            if left_s <= 0:
                 reason = error.strerror or "no answer"
                 raise LinkError(
                     f"nobody listens on tcp://{host}:{port} ({reason}, tried for {timeout_s:g} s):"
                     " start the other side first, or check host and port"
                 ) from error
-            time.sleep(min(0.1, max(0.0, left)))
+            time.sleep(min(0.1, max(0.0, left_s)))
         else:
             return TcpTransport(sock, f"tcp://{host}:{port}")
 

@@ -57,14 +57,14 @@ def url_options(url: str) -> Dict[str, int]:
 
 
 def _options(url: str, scheme: str, query: str) -> Dict[str, int]:
-    known = OPTIONS.get(scheme, ())
-    given = parse_qs(query, keep_blank_values=True)
-    for name in given:
-        if scheme in OPTIONS and name not in known:
+    allowed = OPTIONS.get(scheme, ())
+    options = parse_qs(query, keep_blank_values=True)
+    for name in options:
+        if scheme in OPTIONS and name not in allowed:
             raise LinkError(
-                f"link URL {url!r} has an unknown option {name!r}: {scheme} knows {', '.join(known) or 'none'}"
+                f"link URL {url!r} has an unknown option {name!r}: {scheme} knows {', '.join(allowed) or 'none'}"
             )
-    return {name: int(values[-1]) for name, values in given.items() if name in known}
+    return {name: int(values[-1]) for name, values in options.items() if name in allowed}
 
 
 def connect(url: str, timeout_s: float = 10.0) -> Transport:

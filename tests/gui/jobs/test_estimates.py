@@ -233,7 +233,7 @@ def test_the_estimators_themselves_answer_with_their_stages(session: FlightSessi
             )
             assert estimates.newest is not None
             found[method] = estimates.newest
-        estimates.choose("net:no-such-file.onnx")
+        estimates.choose("net:no-such-file.npz")
         until(lambda: not estimates.on, lambda: estimates.update(picture))
         (told,) = estimates.take_troubles()
         assert "no-such-file" in told

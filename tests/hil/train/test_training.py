@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
+from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.network_camera import NetworkCamera
+from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
+from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.evaluate.mean_predictor import mean_predictor
-from flyaround.hil.train.pictures import FINER, LabelledPictures, labelled, sample
-from flyaround.hil.train.residual_network import ARCHITECTURES
+from flyaround.hil.train.pictures import FINER, LabelledPictures, TrainingSet, labelled, sample
+from flyaround.simulator.errors import UserError
 
 SMALL = NetworkCamera(64, 40, 100.0)
 
@@ -73,43 +76,47 @@ def test_the_mean_predictor_errs_as_random_rotations_do():
     assert mean_predictor(q[:1], t[:1]).mean_E_R_deg == pytest.approx(0.0, abs=1e-5)
 
 
-def test_sizes_are_counted_as_they_come_out():
+@pytest.mark.parametrize(("architecture", "size"), [("small", (64, 40)), ("resnet18", (50, 37))])
+def test_the_board_computes_what_was_trained(architecture, size, tmp_path):
     torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from flyaround.hil.train.forward import forward
-    from flyaround.hil.train.layers import trainable
+    from flyaround.hil.train.residual_network import ResidualNetwork
 
-    for network in ARCHITECTURES.values():
-        weights = trainable(network.start(50, 37, 64, 0))
-        place, logits, _ = forward(network, weights, None, torch.zeros(2, 37, 50))
-        assert (tuple(place.shape), tuple(logits.shape)) == ((2, 3), (2, 64))
-
-
-def test_the_board_computes_what_was_trained(tmp_path):
-    torch = pytest.importorskip("torch", reason="the extra 'train'")
-    from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
-    from flyaround.hil.train.forward import folded, forward
-    from flyaround.hil.train.layers import trainable
-    from flyaround.hil.train.onnx_file import onnx_bytes, sheet
-
+    torch.manual_seed(1)
     rng = np.random.default_rng(3)
-    network = ARCHITECTURES["small"]
-    weights = trainable(network.start(64, 40, 128, 1))
-    for value in weights.values():
-        if value.ndim == 1:
-            value.data.add_(torch.from_numpy(rng.normal(0, 0.2, tuple(value.shape)).astype(np.float32)))
-    pictures = torch.from_numpy(rng.normal(size=(8, 40, 64)).astype(np.float32))
-    _, _, seen = forward(network, weights, None, pictures)
-    place, logits, _ = forward(network, weights, seen, pictures)
-    about = sheet(("tango", ""), SMALL, 128, (1.0, 0.5), HeldOutErrors(0.1, 0.1, 0.1), {})
-    path = tmp_path / "net.onnx"
-    path.write_bytes(onnx_bytes(network, folded(network, weights | seen), about))
-    file = NetworkFile.read(path)
-    net = file.open()
-    for k in range(8):
-        got = file.run(net, pictures[k].numpy())
-        for mine, theirs in zip(got, (place[k], logits[k]), strict=True):
+    network = ResidualNetwork(ARCHITECTURES[architecture], *size, 128)
+    with torch.no_grad():
+        for value in network.parameters():
+            if value.ndim == 1:
+                value.add_(torch.from_numpy(rng.normal(0, 0.2, tuple(value.shape)).astype(np.float32)))
+    pictures = torch.from_numpy(rng.normal(size=(4, *size[::-1])).astype(np.float32))
+    network(pictures)
+    place, logits = network.eval()(pictures)
+    camera = NetworkCamera(*size, 100.0)
+    errors = HeldOutErrors(0.1, 0.1, 0.1)
+    made = NetworkFile("", "tango", "", camera, 128, 1.0, 0.5, errors, architecture, network.folded())
+    (tmp_path / "net.npz").write_bytes(made.to_bytes({}))
+    file = NetworkFile.read(tmp_path / "net.npz")
+    for k in range(4):
+        for mine, theirs in zip(file.run(pictures[k].numpy()), (place[k], logits[k]), strict=True):
             wanted = theirs.detach().numpy()
             np.testing.assert_allclose(mine, wanted, atol=1e-4 * np.abs(wanted).max())
+
+
+def test_the_same_seed_gives_the_same_weights():
+    torch = pytest.importorskip("torch", reason="the extra 'train'")
+    from flyaround.hil.train.fitting import Budget
+    from flyaround.hil.train.train import PoseTraining
+
+    torch.set_num_threads(1)
+    pictures, _ = spots(10, np.random.default_rng(4))
+
+    def trained(seed):
+        training = PoseTraining(ARCHITECTURES["small"], pictures, 128, (1.0, 0.5), seed, "cpu")
+        return training.run(Budget(steps=2), lambda _done, _text: None)
+
+    first, again, other = trained(0), trained(0), trained(1)
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["stem"], other["stem"])
 
 
 def test_a_network_learns_where_three_lights_are():
@@ -125,7 +132,7 @@ def test_a_network_learns_where_three_lights_are():
     scale = (float(log_range.mean()), float(log_range.std()))
     lines = []
     training = PoseTraining(ARCHITECTURES["small"], pictures, 128, scale, 0, "cpu")
-    training.run(Budget(steps=40), lambda done, text, _means: lines.append((done, text)))
+    training.run(Budget(steps=40), lambda done, text: lines.append((done, text)))
     numbers = [[float(x) for x in text.split("loss ")[1].split()] for _, text in lines]
     assert lines[-1][0] == 1.0
     # the place first; attitudes take longer; these are running means of losses
@@ -133,15 +140,29 @@ def test_a_network_learns_where_three_lights_are():
     assert numbers[-1][0] < numbers[0][0]
 
 
+def test_pictures_of_an_unusable_shape_are_refused_before_training(monkeypatch, tmp_path):
+    pytest.importorskip("torch", reason="the extra 'train'")
+    from flyaround.hil.train import train
+
+    low = NetworkCamera(64, 8, 100.0)
+    pictures = LabelledPictures(low, np.zeros((2, 16, 128), np.uint8), np.ones((2, 4)), np.ones((2, 3)))
+    data = TrainingSet(
+        ("tango", ""), CameraIntrinsics(640, 80, 1e3, 1e3, 319.5, 39.5), pictures, pictures, (0, 1)
+    )
+    monkeypatch.setattr(train, "read_training_set", lambda *_: data)
+    with pytest.raises(UserError, match="64 x 8"):
+        train.train_network(tmp_path, tmp_path / "a.npz", width_px=64)
+
+
 def test_a_mistake_of_train_is_one_sentence(tmp_path, capsys):
     from flyaround.__main__ import run
 
     for words, says in (
-        (["train", str(tmp_path), "-o", str(tmp_path / "a.pt")], ".onnx"),
-        (["train", str(tmp_path), "-o", str(tmp_path / "no" / "a.onnx")], "folder"),
-        (["train", str(tmp_path), "-o", str(tmp_path / "a.onnx"), "--network", "huge"], "resnet18"),
+        (["train", str(tmp_path), "-o", str(tmp_path / "a.pt")], ".npz"),
+        (["train", str(tmp_path), "-o", str(tmp_path / "no" / "a.npz")], "folder"),
+        (["train", str(tmp_path), "-o", str(tmp_path / "a.npz"), "--network", "huge"], "resnet18"),
         # no data set, or no PyTorch
-        (["train", str(tmp_path), "-o", str(tmp_path / "a.onnx")], ""),
+        (["train", str(tmp_path), "-o", str(tmp_path / "a.npz")], ""),
     ):
         assert run(words) == 2
         error = capsys.readouterr().err

@@ -1,1 +1,1 @@
-"""Pictures of what each stage found, for people; never needed by an estimate."""
+"""Pictures of each stage's results, for people; an estimate never needs them."""

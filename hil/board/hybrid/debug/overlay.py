@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
 
 Array = np.ndarray
 
-# Points along an edge that are asked whether something hides them.
+# Points along an edge that are tested for occlusion.
 STEPS = 24
 
 
@@ -43,18 +43,18 @@ def draw_wireframe(
         across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
             X = along + r * across
-            seen = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+            visible = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
             P = X @ R.T + t
-            seen &= P[:, 2] > 0.1
+            visible &= P[:, 2] > 0.1
             uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
             for k in range(STEPS - 1):
-                if seen[k] and seen[k + 1]:
+                if visible[k] and visible[k + 1]:
                     a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
                     cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)
 
 
 def grey(values: Array, top: float) -> Array:
-    """(h, w, 3) BGR of values 0..top."""
+    """Return values 0..top as a BGR image (h, w, 3)."""
     flat = np.clip(np.asarray(values, np.float32) * (255.0 / max(top, 1e-9)), 0, 255).astype(np.uint8)
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_GRAY2BGR), np.uint8)
 
@@ -69,7 +69,7 @@ def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, w
 
 
 def label(canvas: Array, text: str) -> None:
-    """A caption in the upper left corner."""
+    """Draw a caption in the upper left corner."""
     # the outline is the text itself moved: letters of another weight have another width in OpenCV 5
     for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
         colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)

@@ -1,4 +1,4 @@
-"""One picture for each stage of an estimate, as on the thesis's slides: gradient to camera in map coordinates."""
+"""One picture for each stage of an estimate, from the gradient to the camera in map coordinates."""
 
 from __future__ import annotations
 
@@ -42,11 +42,22 @@ def write_stage_pictures(
     model: BoardModel,
     camera: CameraIntrinsics,
 ) -> List[str]:
-    """Write the pictures of every stage that ran; their file names, in order.
+    """Write the pictures of every stage that ran, and return their file names in order.
 
     Parameters
     ----------
-    image : (H, W) that was estimated. trace : what ``estimate`` was given to fill.
+    folder : path
+        Folder of the pictures.
+    image : (H, W) array
+        The image.
+    trace : Trace
+        Trace that ``estimate`` filled.
+    result : PoseResult
+        Its result.
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        Intrinsics.
 
     Raises
     ------
@@ -66,7 +77,7 @@ def write_stage_pictures(
 def stage_pictures(
     image: Array, trace: Trace, result: PoseResult, model: BoardModel, camera: CameraIntrinsics
 ) -> Dict[str, Array]:
-    """(HEIGHT, WIDTH, 3) BGR pictures by stage."""
+    """Return pictures (HEIGHT, WIDTH, 3), BGR, by stage."""
     out: Dict[str, Array] = {}
     top = max(float(np.percentile(image, 99.9)), 1.0)
     wge = trace.get("image_gradient") or trace.get("wge")
@@ -109,7 +120,7 @@ def stage_pictures(
 
 
 def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[str, Array]:
-    """Weak gradient elimination: the gradient, its histogram, what is left of it and of the image."""
+    """Return pictures of weak gradient elimination: gradient, histogram, strong part, filtered image."""
     out: Dict[str, Array] = {}
     strong = wge.strong.astype(np.uint8)
     out["gradient"] = _whole(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
@@ -122,7 +133,7 @@ def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[s
 
 
 def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # noqa: ANN401 - Regions, or None
-    """Regions of interest, the first one green; ``grown`` : of a published method, blue."""
+    """Return a picture of the regions, the first one green, ``grown`` of a published method blue."""
     canvas = grey(image, top)
     for k, r in enumerate(regions):
         a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
@@ -133,7 +144,7 @@ def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # no
 
 
 def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: float) -> Array:
-    """Perceptual groups, a colour for each kind."""
+    """Return a picture of the perceptual groups, a colour for each kind."""
     canvas = back.copy() // 2
     for kind, points in groups.items():
         for figure in points:
@@ -146,7 +157,7 @@ def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: 
 
 
 def histogram(wge: WeakGradientElimination) -> Array:
-    """The gradient's histogram, logarithmic, with the fitted exponential and the threshold."""
+    """Return a picture of the gradient's logarithmic histogram, with the fitted exponential and the threshold."""
     canvas = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     x0, y0, x1, y1 = 60, 40, WIDTH - 30, HEIGHT - 50
     counts = np.maximum(wge.counts, 0.5)
@@ -179,7 +190,7 @@ def histogram(wge: WeakGradientElimination) -> Array:
 
 
 def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -> Array:  # noqa: ANN401 - poses
-    """The model's wireframe with the camera where the pose puts it, seen from aside."""
+    """Return a side view of the model's wireframe with the camera at its pose."""
     canvas = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     R, t = quat.matrix(np.asarray(q, float)), np.asarray(t, float)
     at = -R.T @ t
@@ -228,7 +239,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
 
 
 def _whole(picture: Array, text: str) -> Array:
-    """A picture of the whole frame, fitted."""
+    """Return a picture of the whole frame, scaled to fit."""
     h, w = picture.shape[:2]
     scale = min(WIDTH / w, HEIGHT / h)
     size = (max(1, round(w * scale)), max(1, round(h * scale)))
@@ -240,7 +251,7 @@ def _whole(picture: Array, text: str) -> Array:
 
 
 def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 - list of Region
-    """Corner and scale of a view that holds the first region."""
+    """Return corner and scale of a view that holds the first region."""
     h, w = image.shape
     x0, y0, x1, y1 = (-0.5, -0.5, w - 0.5, h - 0.5)
     if regions:
@@ -264,7 +275,7 @@ def _view(image: Array, top: float, corner: Array, scale: float) -> Array:
 
 
 def _streams(trace: Trace) -> Dict[str, Array]:
-    """Segments of each stream and the merged ones, full-resolution pixels."""
+    """Return the segments of each stream and the merged ones [image px]."""
     published = trace.get("published_streams")
     if published is not None:
         names = {"wge": "WGE stream", "sh": "S&H stream", "lsd": "LSD stream"}
@@ -284,7 +295,7 @@ def _streams(trace: Trace) -> Dict[str, Array]:
 
 
 def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str, Array]:
-    """Corners and ellipses, where the method looks for them."""
+    """Return pictures of corners and ellipses, if the method detects them."""
     published = trace.get("published_streams")
     out: Dict[str, Array] = {}
     if published is not None and len(published.corners):

@@ -1,4 +1,4 @@
-"""Pictures of the stages that use the whole target: the learned proposal, and the synthetic view of the pose."""
+"""Pictures of the network's proposal and of the synthetic view of the pose."""
 
 from __future__ import annotations
 
@@ -32,11 +32,22 @@ def learned_proposal_picture(
     camera: CameraIntrinsics,
     size: Tuple[int, int],
 ) -> Array:
-    """(H, W, 3) what the network is shown of one place, and the five attitudes it thinks likeliest.
+    """Return a picture (H, W, 3) of the network's input at one place, and the five most likely attitudes.
 
     Parameters
     ----------
-    noise : standard deviation of ``image``. size : (width, height) of the picture made.
+    image : (H, W) array
+        The image.
+    proposal : LearnedProposal
+        The network's proposal for the place.
+    noise : float
+        Standard deviation of the image noise.
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        Intrinsics.
+    size : tuple of int
+        Width and height of the picture.
     """
     side = min(size[0] // 3, size[1] // 2)
     shown = network_inputs(image, noise, camera, [proposal.crop])[0, 0]
@@ -58,7 +69,7 @@ def learned_proposal_picture(
 
 
 def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
-    """(H, W, 3) the picture, the craft drawn without and with its shadows, and what is left of each in noise."""
+    """Return a picture (H, W, 3) of the image, the synthetic views without and with shadows, and their residuals."""
     top = max(float(np.percentile(drawn.picture, 99.8)), 1.0)
     best = drawn.plain if drawn.shadowed is None else drawn.shadowed
     named = [
@@ -79,7 +90,7 @@ def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
 
 
 def _left(residual: Array, noise: float) -> Array:
-    """Red where the picture is brighter than the drawing, blue where it is darker."""
+    """Return residuals as colours: red where the image is brighter than the view, blue where it is darker."""
     r = np.clip(residual / max(SIGMAS * noise, 1e-9), -1, 1)
     white = np.full((*r.shape, 3), 255.0)
     white[..., 0] -= 255 * np.clip(r, 0, 1)
@@ -89,7 +100,7 @@ def _left(residual: Array, noise: float) -> Array:
 
 
 def _compass(sun: Optional[Array], shape: Tuple[int, ...]) -> Array:
-    """A ball lit from where the Sun was found."""
+    """Return a picture of a ball lit from the Sun's direction."""
     h, w = shape[:2]
     r = 0.35 * min(h, w)
     x, y = np.meshgrid((np.arange(w) - 0.5 * (w - 1)) / r, (np.arange(h) - 0.5 * (h - 1)) / r)

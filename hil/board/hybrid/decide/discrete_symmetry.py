@@ -1,4 +1,4 @@
-"""Check of discrete symmetries: an end against its near-symmetries on a finer image; small parts tell them apart."""
+"""Check of discrete symmetries: a refined pose against its near-symmetries, by small parts on a finer image."""
 
 from __future__ import annotations
 
@@ -17,41 +17,41 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
 from flyaround.hil.board.hybrid.model.many_groups import blurred
-from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.final import refine_to_end
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun, sharpen_shadows
 
 Array = np.ndarray
 
-# Longest side of the picture they are compared on [px], and of the target's picture from the Sun.
+# Longest side of the patch that they are compared on [px], and side of the shadow map [px].
 TWINS_PX, SUN_PX = 350, 480
 
-# Pixels speak in which two drawings differ by so many sigma; what the drawing itself is wrong by, share of the light;
-# on pictures blurred so [px].
+# Least difference of two drawings at a pixel that counts [sigma]; error of a drawing [share of the light]; blurs [px].
 DIFFERENT, WRONG_BY, BLURS = 3.0, 0.3, (1.0, 2.0)
 
-# What speaks for an end and against another, as logarithms of a likelihood: so much for a whole score, a preference of
-# one, and each unit of what the learned proposal says, which is never surer than this. A logistic fit on 185 pairs of
-# ends of Soyuz, Tianzhou and Chang'e-6 (seed 9310): score, preference and proposal are right in 70, 85 and 66 % alone.
-# On the half of the frames that it was not fitted on they are right in 89 % together; a finer picture's score and the
-# squares of what is left over, asked before, in 84 %.
+# Log-likelihood ratio of two poses per unit of score, of preference and of the network's log-likelihood, which counts
+# at most this much. A logistic fit on pairs of poses of Soyuz, Tianzhou and Chang'e-6 (seed 9310).
 SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, SUREST_PRIOR = 12.0, 2.5, 1.4, 4.0
 
-# What of that is as good as a margin of a whole score: a lead of 2.5 is what is asked for. Half of the pairs that were
-# not fitted on have it, one in 44 of these wrong; 41 % had the three that were asked for before, one in 16 wrong.
+# Score margin per unit of log-likelihood ratio: acceptance needs a ratio of 2.5 (held-out half of the same pairs).
 MARGIN_OF_LIKELIHOOD = 1.0 / 25.0
 
-# The learned proposal's logarithm of the likelihood of an attitude q at a place t, see LearnedProposer.log_likelihood.
+# Log-likelihood of an attitude q at a position t by the network, see LearnedProposer.log_likelihood.
 Prior = Callable[[Array, Array], float]
 
 
 @dataclass(frozen=True, eq=False)
 class TurnedEnd:
-    """An end, or one turned by a near-symmetry.
+    """A refined pose, or one of its near-symmetries.
 
     Parameters
     ----------
-    drawn : it on the finer picture. log_prior : logarithm of its likelihood by the learned proposal, else zero.
+    end : Hypothesis
+        The pose.
+    drawn : LitView
+        It on the finer patch.
+    log_prior : float
+        Its log-likelihood by the network, zero without one.
     """
 
     end: Hypothesis
@@ -62,11 +62,22 @@ class TurnedEnd:
 def check_discrete_symmetry(
     target: PreparedTarget, frame: Observation, selection: Selection, prior: Optional[Prior] = None
 ) -> Selection:
-    """A selection again beside its end turned by each near-symmetry of the target, all refined to their ends.
+    """Compare a selection with its pose turned by each near-symmetry, all refined, and return the most likely one.
 
-    Three witnesses are heard. The score of either end. The pixels of a finer picture in which two drawings differ: of a
-    target of 15 m a dish and a few sensors, a hundredth of the score. And the learned proposal, which has seen every
-    such part in every light.
+    The evidence is the score of each pose; the pixels of a finer patch in which the drawings differ, which show a dish
+    or a few sensors that make up a hundredth of the score; and the network, which was trained on such parts in any
+    light.
+
+    Parameters
+    ----------
+    target : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    selection : Selection
+        The selection to check.
+    prior : callable, optional
+        Log-likelihood of a pose by the network.
     """
     symmetries = target.model.symmetry_wxyz
     end, patch = selection.best, selection.close
@@ -80,12 +91,12 @@ def check_discrete_symmetry(
     leads = _leads(twins, finer)
     k = int(leads.argmax())
     best, clear = twins[k].end, float(leads[k])
-    # what is one of these was judged here
+    # near-symmetries of the best were compared here
     turned = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in turned)]
     new = select(target, patch, others, [best])
     behind = clear * max(best.score, 0.0) * MARGIN_OF_LIKELIHOOD
-    # ends of before, of another turn about the axis say, are answers still
+    # poses refined before, at another turn about the axis for example, are still rivals
     rivals = [
         best.score - e.score
         for e in selection.ends
@@ -98,7 +109,7 @@ def check_discrete_symmetry(
 
 
 def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
-    """(N,) by how much each end is likelier than the likeliest other one [log]; two at least."""
+    """Return the log-likelihood ratio (N,) of each pose to the most likely other one, of at least two."""
     most = max([1e-6, *(w.end.score for w in twins)])
     alone = [
         SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -SUREST_PRIOR) for w in twins
@@ -112,10 +123,10 @@ def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
 
 
 def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
-    """How clearly a picture is the one drawing and not the other, -1 to 1: by the pixels in which they differ.
+    """Return how clearly the image shows one drawing rather than another, -1 to 1, by the pixels in which they differ.
 
-    It is how far from the middle of the two the picture lies along what they differ by, as a matched filter finds it:
-    what both leave unexplained, most of what is left over, says nothing.
+    A matched filter: position of the image between the two drawings along their difference. What both leave
+    unexplained cancels.
     """
     a, b = (patch.response.of(blurred(d.shading.picture, OPTICS_PX / patch.factor))[0] for d in (best, other))
     out = []
@@ -131,14 +142,14 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
 
 
 def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
-    """The box that holds the target at every end."""
+    """Return the box that holds the target at every pose."""
     boxes = np.array([target_box(target, e.q, e.t) for e in ends])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     return int(x0), int(y0), int(x1), int(y1)
 
 
 def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
-    """An end drawn on a finer patch with sharp shadows."""
-    q, t, faces = end.q, end.t, faces_of(target)
-    view = sharpen_shadows(target, faces, patch, q, t, search_sun(target, faces, patch, q, t), SUN_PX)
+    """Return a pose drawn on a finer patch with sharp shadows."""
+    q, t = end.q, end.t
+    view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SUN_PX)
     return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

@@ -1,4 +1,4 @@
-"""Check of near minima: a doubtful selection against the tilts of its pose."""
+"""Check of near minima: a doubtful selection against poses tilted from it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from flyaround.hil.board.hybrid.refine.close import refine_symmetries, refine_ti
 from flyaround.hil.board.hybrid.refine.final import refine_to_end
 from flyaround.hil.board.hybrid.refine.parallel import Pruning
 
-# Blur of each step of the tilts, who goes on with it, and how far from the end another pose must be [rad].
+# Blur of each step of the tilts [px], its pruning, and least angle between two distinct poses [rad].
 CHECK_BLURS, CHECK_PRUNINGS = (
     (2.0, 2.0, 1.2, 0.6),
     (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(0.5, 0.05), Pruning(0.6, 0.07)),
 )
 CHECK_RAD = float(np.radians(3.0))
 
-# The same in the light of lamps, and how far these lean: a craft that is not quite the model has more minima, and
-# nearer ones. Of ten pictures of a mock-up two stood 6 deg off where 5 deg on the score was a fifth higher.
+# Least angle in the light of lamps [rad], and tilts there [rad]: a mock-up that differs from its model has more minima,
+# and nearer ones.
 LAMPS_RAD, LAMPS_LEAN_RAD = float(np.radians(1.5)), float(np.radians(5.0))
 
-# None of these is dropped on its way, for scores jump; so many of them are refined to their ends, with this share of
-# its score.
+# Rounds of refinement there; no pruning, for scores jump; most tilts that are refined, and their least share of the
+# score.
 LAMPS_ROUNDS = 2
 LAMPS_BLURS, LAMPS_PRUNINGS, LAMPS_ENDS, LAMPS_LEAD = (1.2, 0.6), (Pruning(-9.0, 0.0),) * 2, 2, 0.7
 
@@ -38,15 +38,24 @@ def check_near_minima(
     *,
     symmetries: bool = True,
 ) -> Selection:
-    """A selection again beside poses tilted to every side of its end, the best of them refined to its end.
+    """Compare a selection with poses tilted from it to every side, the best of them refined, and return the better one.
 
-    What is nearly flat has near minima of its tilt, 5 to 17 deg apart, and edges and likeness agree with each: on 300
-    development frames four of six wrong poses that were accepted lay in one, and the right one explained more.
+    A nearly flat target has local minima of its tilt, 5 to 17 deg apart. Edges and likeness agree with each of them;
+    the right one explains more of the image.
 
     Parameters
     ----------
-    symmetries : ask its near-symmetries as well. Not where ``check_discrete_symmetry`` has judged them by more than
-        this score, which is a coarse image's and would bring back what that has refused.
+    target : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    regime : Regime
+        Its light.
+    selection : Selection
+        The selection to check.
+    symmetries : bool
+        Compare with near-symmetries as well. False after ``check_discrete_symmetry``, whose finer evidence the score of
+        this coarse image would overrule.
     """
     end, patch = selection.best, selection.close
     if regime is Regime.LAMPS:
@@ -56,8 +65,7 @@ def check_near_minima(
     ranked.sort(key=lambda h: -h.score)
     frame.count("judged", len(ranked))
     best = ranked[0]
-    # what came back to where it leant from says nothing new, and what is on its way is no rival: of 250 poses that
-    # these made look doubtful 19 were declined, all of them right
+    # a tilt that returned to the selected pose adds nothing, and one that has not converged is no rival
     if quat.angle_rad(best.q, end.q) <= CHECK_RAD or best.score <= FINAL_LEAD * end.score:
         return selection
     ends = [*selection.ends, refine_to_end(target, frame, patch, best)]
@@ -65,7 +73,7 @@ def check_near_minima(
 
 
 def _check_near_by(target: PreparedTarget, frame: Observation, selection: Selection) -> Selection:
-    """The same in the light of lamps."""
+    """Return the better selection in the light of lamps."""
     end, patch = selection.best, selection.close
     ranked = refine_tilts(target, patch, end, LAMPS_BLURS, LAMPS_PRUNINGS, LAMPS_LEAN_RAD)
     frame.count("judged", len(ranked))

@@ -1,4 +1,4 @@
-"""A region of the image, reduced, with its noise and scale: what a drawn target is compared with."""
+"""A reduced region of the image with its noise and scale, for comparison with the drawn target."""
 
 from __future__ import annotations
 
@@ -14,23 +14,39 @@ from flyaround.hil.board.hybrid.geometry.response import Response
 
 Array = np.ndarray
 
-# Blur that leaves of a texture what it would be without the craft: share of the region's longer side.
+# Blur that removes the craft from a textured background [share of the region's longer side].
 TEXTURE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
 class ImagePatch:
-    """A region of the picture, reduced, for comparison with the drawn craft.
+    """A reduced region of the image, for comparison with the drawn craft.
 
     Parameters
     ----------
-    gray : (h, w) float32. sigma : its noise. x0, y0 : the region's corner, picture pixels.
-    factor : picture pixels per pixel of it. fine : drawn pixels per pixel of it, each way.
-    full : where its scale ends. plain : what it would be without the craft, (h, w) or one level; None for itself
-        under a wide blur, see ``background``.
-    tall : rows' picture pixels over columns': a region is no whole number of equal pixels both ways, and to take
-        it for one moves the range by a thousandth.
-    sun : (3,) unit vector to the Sun, camera axes; None where shadows have to tell it.
+    gray : (h, w) array
+        Pixels, float32.
+    sigma : float
+        Standard deviation of their noise.
+    x0, y0 : float
+        Corner of the region [image px].
+    factor : float
+        Image pixels per patch pixel.
+    fine : int
+        Drawn pixels per patch pixel, each way.
+    full : float
+        Full scale.
+    plain : float or (h, w) array, optional
+        The background without the craft; None for the region under a wide blur, see ``background``.
+    tall : float
+        Height over width of a patch pixel [image px]: patch pixels are not quite square, and ignoring that would move
+        the range by a thousandth.
+    clipped : float
+        Standard deviation of noise that is cut off at zero, 0 where none is.
+    exact : bool
+        True for a patch that compares a few refined poses.
+    sun : (3,) array, optional
+        Unit vector to the Sun, camera axes; None if shadows must show it.
     """
 
     gray: Array
@@ -48,19 +64,19 @@ class ImagePatch:
 
     @cached_property
     def textured(self) -> bool:
-        """Whether what lies behind the craft has no one level."""
+        """True if the background has more than one level."""
         return self.plain is None or np.ndim(self.plain) > 0
 
     @cached_property
     def background(self) -> Union[float, Array]:
-        """What it would be without the craft, made when asked for: most that is aligned on a texture never is."""
+        """Level of the background, or its image (h, w). Computed on first use: most patches never need it."""
         if self.plain is None:
             return cv2.GaussianBlur(self.gray, (0, 0), TEXTURE * max(self.gray.shape))
         return self.plain
 
     @cached_property
     def response(self) -> Response:
-        """What the picture shows of a brightness."""
+        """Mean pixel value as a function of brightness."""
         return Response(self.clipped, self.full)
 
     @cached_property
@@ -73,7 +89,7 @@ class ImagePatch:
         return {}
 
     def blurred(self, sigma_px: float) -> Array:
-        """(h, w) the region through a Gaussian, kept for the next pose; hardly any blur is none."""
+        """Return the region (h, w) through a Gaussian, cached for the next pose; up to 0.2 px there is no blur."""
         if sigma_px <= 0.2:
             return self.gray
         if sigma_px not in self._blurred:
@@ -81,7 +97,7 @@ class ImagePatch:
         return self._blurred[sigma_px]
 
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
-        """Normalised coordinates of the drawn pixels' columns and rows; the patch shows a pinhole's picture."""
+        """Return the normalised pinhole coordinates of the drawn pixels' columns and rows."""
         h, w = self.gray.shape
         across, down = self.scale
         u = ((np.arange(w * self.fine) + 0.5) / across - 0.5 + self.x0 - camera.cx_px) / camera.fx_px

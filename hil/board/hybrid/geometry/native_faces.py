@@ -1,4 +1,4 @@
-"""Faces of the target as the library takes them."""
+"""Faces of the target in the layout of the native library."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _structure(faces: Faces) -> Structure:
 
 
 def _one_parent(children: Array) -> Array:
-    """(N, 2) int64 with each child under the first node that names it: a file may name one twice."""
+    """Return (N, 2) int64 children, each under the first node that names it: a file may name one twice."""
     out = contiguous(children, "int64").copy()
     taken = set()
     for entry in range(out.size):

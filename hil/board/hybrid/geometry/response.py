@@ -1,4 +1,4 @@
-"""What a picture shows on average of a brightness: noise is cut off where the scale ends."""
+"""Mean pixel value of a brightness, with noise that is cut off at both ends of the scale."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 Array = np.ndarray
 
-# Where the tables end, and their steps for each standard deviation of the noise.
+# Extent of the tables [standard deviations of the noise], and steps per standard deviation.
 REACH, STEPS = 4, 64
 
 
@@ -19,20 +19,21 @@ REACH, STEPS = 4, 64
 class Response:
     """Mean of ``clip(x + n, 0, full)`` for normal noise n, as a function of x.
 
-    Noise cut off at zero lifts what is dark and leaves what is bright: an edge before empty space seems to lie
-    further in than it does. Without noise all that is left is the end of the scale.
+    Noise cut off at zero lifts dark pixels and leaves bright ones, which moves an edge before empty space inwards.
 
     Parameters
     ----------
-    sigma : standard deviation of the noise before it is cut off; 0 where the scale cuts nothing off.
-    full : where the scale ends.
+    sigma : float
+        Standard deviation of the noise before it is cut off; 0 if the scale cuts nothing off.
+    full : float
+        Full scale.
     """
 
     sigma: float
     full: float
 
     def of(self, x: Array) -> Tuple[Array, Optional[Array]]:
-        """Mean value at each brightness, and its derivative; None stands for one everywhere."""
+        """Return the mean at each brightness, and its derivative; None stands for one everywhere."""
         if self.sigma <= 0:
             return np.minimum(x, np.float32(self.full)), None
         lift, share = tables()
@@ -40,7 +41,7 @@ class Response:
         low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
         high = low - round(self.full * STEPS / self.sigma)
         mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
-        # nothing reaches the end of the scale on most pictures: both tables start with zero
+        # most pictures reach no full scale, and both tables start with zero
         if int(high.max(initial=0)) > 0:
             mean -= lift.take(high, mode="clip")
             slope -= share.take(high, mode="clip")
@@ -49,7 +50,7 @@ class Response:
         return mean, slope
 
     def brightness(self, mean: Array) -> Array:
-        """Brightness that has this mean; at most ``full``, and no further below zero than the noise reaches."""
+        """Return the brightness with this mean, at most ``full`` and no further below zero than the noise reaches."""
         if self.sigma <= 0:
             return mean
         x, below = (self.sigma * table for table in means())
@@ -59,20 +60,20 @@ class Response:
 
 
 def _mean(u: float) -> float:
-    """Mean of max(u + n, 0) for normal noise n of unit variance."""
+    """Return the mean of max(u + n, 0) for normal noise n of unit variance."""
     return 0.5 * u * (1.0 + erf(u / sqrt(2.0))) + exp(-0.5 * u * u) / sqrt(2.0 * pi)
 
 
 @lru_cache(maxsize=1)
 def means() -> Tuple[Array, Array]:
-    """Brightness u = -1 .. REACH and its mean where noise of unit variance is cut off below zero."""
+    """Return u = -1 .. REACH and the mean of max(u + n, 0) for normal noise n of unit variance."""
     u = np.linspace(-1.0, REACH, REACH * STEPS)
     return u, np.array([_mean(float(v)) for v in u])
 
 
 @lru_cache(maxsize=1)
 def tables() -> Tuple[Array, Array]:
-    """What cutting off below zero adds to max(u, 0), and the share above zero, for u = -REACH .. REACH."""
+    """Return the mean of max(u + n, 0) minus max(u, 0), and its derivative by u, for u = -REACH .. REACH."""
     u = np.linspace(-REACH, REACH, 2 * REACH * STEPS + 1)
     lift = np.array([_mean(float(v)) - max(float(v), 0.0) for v in u], np.float32)
     share = np.array([0.5 * (1.0 + erf(float(v) / sqrt(2.0))) for v in u], np.float32)

@@ -1,4 +1,4 @@
-"""A synthetic view: which face each pixel shows, and the radiometric gain that the image gives each group of faces."""
+"""A synthetic view: the face that each pixel shows, and the brightness of each group of faces, from the image."""
 
 from __future__ import annotations
 
@@ -12,16 +12,25 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """The drawn craft with the brightness that the picture gives it.
+    """The drawn craft with brightness from the image.
 
     Parameters
     ----------
-    seen : (H, W) face + 1 per drawn pixel. group : (H, W) brightness group + 1; where shadows are cast, groups
-        that are seen are numbered anew, and those in shadow follow those in light.
-    level : (G + 1,) brightness of each group, the background first.
-    picture : (h, w) what it looks like on the patch, not blurred.
-    centre : (h, w) group at a pixel's middle. area : (G + 1,) pixels well inside each group.
-    behind : (h, w) what the background differs from its level by; None where it is empty space.
+    seen : (H, W) array
+        Face + 1 per drawn pixel.
+    group : (H, W) array
+        Brightness group + 1 per drawn pixel. With shadows, visible groups are renumbered: those in light, then those in
+        shadow.
+    level : (G + 1,) array
+        Brightness of each group, the background first.
+    picture : (h, w) array
+        The view on the patch, not blurred.
+    centre : (h, w) array
+        Group at each patch pixel's centre.
+    area : (G + 1,) array
+        Pixels well inside each group.
+    behind : (h, w) array, optional
+        Background minus its level; None before empty space.
     """
 
     seen: Array
@@ -33,7 +42,7 @@ class Shading:
     behind: Optional[Array]
 
     def brightness(self, group: Array, cell: Array) -> Array:
-        """(N,) of groups (N,) at patch pixels ``cell`` (N,), flat indices."""
+        """Return the brightness (N,) of groups (N,) at patch pixels ``cell`` (N,), flat indices."""
         level = self.level.take(group, mode="clip")
         if self.behind is not None:
             empty = np.flatnonzero(group == 0)

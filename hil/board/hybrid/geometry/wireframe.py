@@ -1,4 +1,4 @@
-"""Points along the wireframe, where an edge of the image could be, the mesh that hides them, and their projection."""
+"""Sample points of the wireframe, the mesh that occludes them, and their projection."""
 
 from __future__ import annotations
 
@@ -16,16 +16,22 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class EdgeSamples:
-    """Evenly spaced points on the model's edges; round members give both sides of their outline.
+    """Evenly spaced points on the model's edges; round members have samples on both sides of their outline.
 
     Parameters
     ----------
-    points_m, tangents : (S, 3) position and unit direction, target frame.
-    radius_m : (S,) signed offset of the outline from a round member's axis; 0 on face edges.
-    normals : (S, 2, 3) outward normals of the adjacent faces, zero rows where there is none.
-    faces : (S,) number of adjacent faces (0: seen from everywhere, then 1 or 2).
-    edge : (S,) index of the wireframe edge.
-    native : the samples as the library takes them.
+    points_m, tangents : (S, 3) array
+        Positions [m] and unit directions, target frame.
+    radius_m : (S,) array
+        Signed offset of the outline from a round member's axis [m]; 0 on face edges.
+    normals : (S, 2, 3) array
+        Outward normals of the adjacent faces, zero where there is none.
+    faces : (S,) array
+        Number of adjacent faces; samples with none are visible from everywhere.
+    edge : (S,) array
+        Index of the wireframe edge.
+    native : Structure
+        The samples in the layout of the native library.
     """
 
     points_m: Array
@@ -52,7 +58,7 @@ class EdgeSamples:
         return len(self.points_m)
 
     def outline(self, idx: Array, C_m: Array) -> Tuple[Array, Array]:
-        """Positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.
+        """Return positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.
 
         A round member's outline lies where the view ray grazes it: off the axis, across the ray.
         """
@@ -85,12 +91,16 @@ class OccludingTriangles:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Samples on the picture.
+    """Projected samples.
 
     Parameters
     ----------
-    pixels : (B, M, 2). normals : (B, M, 2) unit, across the projected edge.
-    points_camera_m : (B, M, 3).
+    pixels : (B, M, 2) array
+        Positions [px].
+    normals : (B, M, 2) array
+        Unit normals of the projected edge.
+    points_camera_m : (B, M, 3) array
+        Positions in the camera [m].
     """
 
     pixels: Array
@@ -99,7 +109,7 @@ class Projection:
 
     @property
     def angle(self) -> Array:
-        """(B, M) direction of the normal, 0..pi."""
+        """Directions (B, M) of the normals, 0..pi."""
         return np.mod(np.arctan2(self.normals[..., 1], self.normals[..., 0]), np.pi)
 
 
@@ -123,7 +133,7 @@ def project(samples: EdgeSamples, camera: CameraIntrinsics, R: Array, t: Array, 
 
 
 def jacobian(pr: Projection, camera: CameraIntrinsics, t: Array) -> Array:
-    """d(n . pixel) by (rotation about the target's origin, translation), camera axes: (B, M, 6)."""
+    """Return the derivatives (B, M, 6) of n . pixel by rotation about the target's origin and translation."""
     P = pr.points_camera_m
     z = np.maximum(P[..., 2], 1e-3)
     gx = pr.normals[..., 0] * camera.fx_px / z

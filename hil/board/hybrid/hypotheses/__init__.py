@@ -1,4 +1,4 @@
-"""The one type of pose hypothesis, its support by edges, and when two are two answers.
+"""Pose hypotheses, their support by edges, and the criterion by which two of them are distinct.
 
 Nothing here makes or moves one.
 """

@@ -1,4 +1,4 @@
-"""The one type of pose hypothesis: its pose, where it comes from, its score, and the evidence for it."""
+"""Pose hypothesis: its pose, source and score, and the evidence for it."""
 
 from __future__ import annotations
 
@@ -15,38 +15,40 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Of hypotheses that have not been asked for their support by edges.
+# Support of hypotheses whose edges were not compared.
 UNASKED = Support(0.0, 0.0, 0.0, 0.0, np.zeros(0, int))
-
-
-def _unknown() -> Array:
-    return np.eye(6)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseFit:
-    """A pose and how well it is held.
+    """A pose and its covariance.
 
     Parameters
     ----------
-    q, t : (4,), (3,) camera from target. cost : mean robust residual in noise units.
-    covariance : (6, 6) of turn [rad] and shift [m], camera axes.
+    q, t : (4,), (3,) array
+        Camera from target.
+    cost : float
+        Mean robust residual, in units of the noise.
+    covariance : (6, 6) array
+        Covariance of rotation [rad] and translation [m], camera axes.
     """
 
     q: Array
     t: Array
     cost: float = 9.9
-    covariance: Array = field(default_factory=_unknown)
+    covariance: Array = field(default_factory=lambda: np.eye(6))
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeFit:
-    """How a pose fits the sub-pixel edges of the image.
+    """Fit of a pose to the sub-pixel edges of the image.
 
     Parameters
     ----------
-    found, tight : share of the visible samples with an edge, and with one very near.
-    rms_px : of the inliers' residuals.
+    found, tight : float
+        Share of the visible samples with an edge, and with one very near.
+    rms_px : float
+        RMS residual of the inliers.
     """
 
     found: float
@@ -56,12 +58,16 @@ class EdgeFit:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Where a hypothesis comes from.
+    """Origin of a hypothesis.
 
     Parameters
     ----------
-    region : the box of the image that proposed it; ``region.source`` names the rule. field : edges of its place.
-    log_prior : logarithm of its likelihood by the learned proposal over that of the best of its region, else zero.
+    region : Region
+        Box of the image that proposed it; ``region.source`` names the rule.
+    field : EdgeField
+        Edges there.
+    log_prior : float
+        Its log-likelihood ratio to the best of its region by the network, zero without one.
     """
 
     region: Region
@@ -75,14 +81,24 @@ class Hypothesis:
 
     Parameters
     ----------
-    pose : where it is. source : who proposed it.
-    score : what it is ranked by: its support by edges, and once the target was drawn there, the share of the image
-        that the drawing explains.
-    support : evidence of the edges; ``UNASKED`` where the learned proposal made it.
-    edge_fit : evidence of sub-pixel edges, where these were searched.
-    view : the target drawn there, until that is let go of. seen : (H, W) the faces that it shows, which are kept.
-    sun : casts the shadows of ``view``; None draws none.
-    start : where its refinement began, with the score it had there.
+    pose : PoseFit
+        The pose.
+    source : Source
+        Its origin.
+    score : float
+        Its support by edges or, once the target was drawn there, the share of the image that the drawing explains.
+    support : Support
+        Evidence of the edges; ``UNASKED`` of the network's hypotheses.
+    edge_fit : EdgeFit, optional
+        Evidence of sub-pixel edges, if these were searched.
+    view : Shading, optional
+        The target drawn there.
+    seen : (H, W) array, optional
+        Faces that the drawing shows, kept when ``view`` is dropped.
+    sun : ShadowMap, optional
+        Source of the shadows in ``view``; None if there are none.
+    start : Hypothesis, optional
+        Start of its refinement, with the score there.
     """
 
     pose: PoseFit
@@ -97,30 +113,30 @@ class Hypothesis:
 
     @property
     def q(self) -> Array:
-        """(4,) attitude, camera from target."""
+        """Attitude (4,), camera from target."""
         return self.pose.q
 
     @property
     def t(self) -> Array:
-        """(3,) position of the target, camera axes [m]."""
+        """Position (3,) of the target, camera axes [m]."""
         return self.pose.t
 
     @property
     def origin(self) -> Hypothesis:
-        """Where its refinement began; itself where there was none."""
+        """Start of its refinement; itself if it was not refined."""
         return self if self.start is None else self.start
 
     def at(self, q: Array, t: Array) -> Hypothesis:
-        """Another pose of the same source, its score and support by edges, not drawn yet."""
+        """Return another pose of the same source, with the same score and support by edges, not drawn yet."""
         return Hypothesis(PoseFit(q, t), self.source, self.score, self.support)
 
     def without_view(self, score: float) -> Hypothesis:
-        """The same with another score, its drawing let go of: only the faces it shows are kept."""
+        """Return the hypothesis with another score and without its drawing; only the faces it shows are kept."""
         seen = self.seen if self.view is None else self.view.seen
         return replace(self, score=score, view=None, seen=seen)
 
 
 def drawn(h: Hypothesis) -> Shading:
-    """The view of a hypothesis that was drawn."""
+    """Return the view of a hypothesis that was drawn."""
     assert h.view is not None  # noqa: S101 - the caller drew it
     return h.view

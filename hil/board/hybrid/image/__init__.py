@@ -1,1 +1,1 @@
-"""What one image alone says: noise, gradients, edges, line segments. Knows no target and no pose."""
+"""Measurements on one image: noise, gradients, edges, line segments. Knows no target and no pose."""

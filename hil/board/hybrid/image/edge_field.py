@@ -1,4 +1,4 @@
-"""Thin edges of a region of the picture, by direction, with the distance and way to the nearest one."""
+"""Thin edges of an image region, by orientation, with distance and position of the nearest one."""
 
 from __future__ import annotations
 
@@ -17,17 +17,22 @@ Array = np.ndarray
 
 CHANNELS = 8
 
-# Probability of the craft below which an edge is taken for texture.
+# Probability of the craft below which an edge counts as texture.
 LIKELY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
 class NearestEdges:
-    """Where the nearest edge of one direction is.
+    """Nearest-edge table of one orientation.
 
     Parameters
     ----------
-    distance : (h, w) float32 [field px]. label : (h, w) number of that edge; place : (N + 1, 2) its column and row.
+    distance : (h, w) array
+        Distance to the nearest edge, float32 [field px].
+    label : (h, w) array
+        Number of that edge.
+    place : (N + 1, 2) array
+        Column and row of each edge.
     """
 
     distance: Array
@@ -37,17 +42,27 @@ class NearestEdges:
 
 @dataclass(frozen=True, eq=False)
 class EdgeField:
-    """Directional nearest-edge tables of one region at one scale.
+    """Edges of one region at one scale, with nearest-edge tables by orientation.
 
     Parameters
     ----------
-    x0, y0 : the region's corner, full-resolution pixels; factor : full-resolution pixels per field pixel.
-    mask : (h, w) thin edges. gx, gy : (h, w) gradient.
-    strength : (h, w) gradient magnitude in units of its noise.
-    lit : (h, w) whether anything within two pixels is brighter than the empty background.
-    empty : whether the background is empty space.
-    core : (h, w) what is brighter than empty background less the rim that blur lit; none when
-        it is not empty.
+    x0, y0 : float
+        Corner of the region [image px].
+    factor : float
+        Image pixels per field pixel.
+    mask : (h, w) array
+        Thin edges.
+    gx, gy : (h, w) array
+        Gradient.
+    strength : (h, w) array
+        Gradient magnitude in units of its noise.
+    lit : (h, w) array
+        True if a pixel within two pixels is brighter than the empty background.
+    core : (h, w) array
+        Pixels brighter than the empty background, without the rim that blur lights; none if the background is not
+        empty.
+    empty : bool
+        True if the background is empty space.
     """
 
     x0: float
@@ -63,31 +78,31 @@ class EdgeField:
 
     @cached_property
     def direction(self) -> Array:
-        """(h, w) direction of the gradient, -pi..pi, towards the brighter side."""
+        """Direction (h, w) of the gradient, -pi..pi, towards the brighter side."""
         return np.arctan2(self.gy, self.gx)
 
     @cached_property
     def angle(self) -> Array:
-        """(h, w) the same without the side, 0..pi."""
+        """Orientation (h, w) of the gradient, 0..pi."""
         return np.mod(self.direction, np.pi).astype(np.float32)
 
     @cached_property
     def tables(self) -> Tuple[NearestEdges, ...]:
-        """Of each of K directions; made when asked for: of most places that are looked at nobody does."""
+        """Nearest-edge tables, one per orientation. Computed on first use; most regions never need them."""
         return nearest_edges(self.mask, self.angle)
 
     @cached_property
     def distance(self) -> Array:
-        """(K, h, w) float32 distance to the nearest edge of about that direction [field px]."""
+        """Distance (K, h, w) to the nearest edge of each orientation, float32 [field px]."""
         return np.stack([t.distance for t in self.tables])
 
     @cached_property
     def nearest(self) -> Array:
-        """(K, h, w, 2) float32 where that edge is [field px]."""
+        """Position (K, h, w, 2) of that edge, float32 [field px]."""
         return np.stack([np.take(t.place, t.label, axis=0) for t in self.tables])
 
     def nearest_at(self, flat: Array) -> Array:
-        """(N, 2) the same at few places, indices (N,) as ``lookup`` gives them."""
+        """Return the position (N, 2) of the nearest edge at the indices (N,) of ``lookup``."""
         channel, at = np.divmod(flat, self.mask.size)
         out = np.zeros((len(flat), 2), np.float32)
         for k, t in enumerate(self.tables):
@@ -96,9 +111,9 @@ class EdgeField:
         return out
 
     def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
-        """Distance (N,) and place (N, 2) of the nearest edge at few places, indices (N,) as ``lookup`` gives them.
+        """Return distance (N,) and position (N, 2) of the nearest edge at a few indices (N,) of ``lookup``.
 
-        As the tables have them but for the distance's approximation there, in a tenth of the time that they take.
+        Equal to the tables but for their approximate distance, and ten times faster than computing them.
         """
         channel, at = np.divmod(flat, self.mask.size)
         distance, place = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
@@ -111,7 +126,7 @@ class EdgeField:
             if not len(own) or not len(near):
                 continue
             away, down = here[own, :1] - near[:, 0], here[own, 1:] - near[:, 1]
-            # in place: as much memory again would take as long as the sums
+            # in place: allocating as much memory again would take as long as the sums
             away *= away
             down *= down
             away += down
@@ -125,15 +140,18 @@ class EdgeField:
         return self.mask.shape[1], self.mask.shape[0]
 
     def to_field(self, pixels: Array) -> Array:
-        """Field coordinates of full-resolution pixels (..., 2)."""
+        """Return the field coordinates of image pixels (..., 2)."""
         return (pixels - (self.x0, self.y0) + 0.5) / self.factor - 0.5
 
     def lookup(self, uv: Array, angle: Array) -> Tuple[Array, Array]:
-        """Flat indices into (K, h, w) tables, and whether the point lies in the field.
+        """Return flat indices into (K, h, w) tables, and True for points in the field.
 
         Parameters
         ----------
-        uv : (..., 2) field coordinates. angle : (...) direction of the model edge's normal, 0..pi.
+        uv : (..., 2) array
+            Field coordinates.
+        angle : (...) array
+            Orientation of the model edge's normal, 0..pi.
         """
         w, h = self.size
         x = np.rint(uv[..., 0])
@@ -147,14 +165,14 @@ class EdgeField:
 
 @lru_cache(maxsize=32)
 def gradient_noise(blur_px: float) -> float:
-    """Noise of one gradient component for white noise of unit variance, through the same filters."""
+    """Return the noise of a gradient component for white image noise of unit variance, through the same filters."""
     noise = np.random.default_rng(1).standard_normal((192, 192)).astype(np.float32)
     gx, _ = gradient(noise, blur_px)
     return float(np.std(gx[16:-16, 16:-16]))
 
 
 def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
-    """Gradient per pixel of a blurred float32 image, Scharr's kernels (nearly isotropic)."""
+    """Return the gradient per pixel of a blurred float32 image by Scharr's kernels, which are nearly isotropic."""
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px) if blur_px > 0 else image
     return (
         cv2.Scharr(blurred, cv2.CV_32F, 1, 0, scale=1 / 32),
@@ -163,7 +181,7 @@ def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
 
 
 def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) -> Tuple[Array, float]:
-    """A region reduced by area averaging (which averages noise too) to ``longest_px`` at most."""
+    """Return a region reduced by area averaging to ``longest_px`` at most, and the reduction."""
     crop = image[y0:y1, x0:x1]
     factor = max(1.0, max(crop.shape) / longest_px)
     if factor > 1.0:
@@ -173,7 +191,7 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
 
 
 def area_mean(picture: Array, width: int, height: int) -> Array:
-    """(height, width) float32 means of what each pixel covers, rounded where the picture's are whole numbers."""
+    """Return the image reduced by area averaging (height, width), float32; rounded if its pixels are integers."""
     smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
     if not (smaller and is_available() and library_reads(picture)):
         # the published methods need no library
@@ -185,7 +203,7 @@ def area_mean(picture: Array, width: int, height: int) -> Array:
 
 
 def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
-    """Canny's thinning and hysteresis with thresholds in units of the gradient's noise."""
+    """Return thin edges by Canny's method, thresholds in units of the gradient's noise, and the gradient magnitude."""
     magnitude = cv2.magnitude(gx, gy)
     top = max(float(magnitude.max()), 1e-9)
     scale = 8000.0 / top
@@ -209,13 +227,24 @@ def edge_field(
     background: float = -1.0,
     likely: Optional[Array] = None,
 ) -> EdgeField:
-    """Edge tables of ``box`` (x0, y0, x1, y1), reduced to ``longest_px``.
+    """Return the edges of a region, reduced to ``longest_px``.
 
     Parameters
     ----------
-    noise : standard deviation of the picture's noise, in the picture's units.
-    background : level of empty space; negative when the background is not empty (all counts as lit then).
-    likely : (h, w) map of the craft over the whole picture: edges far from it are texture.
+    image : (H, W) array
+        The image.
+    box : tuple of int
+        The region: x0, y0, x1, y1.
+    noise : float
+        Standard deviation of the image noise.
+    longest_px : int
+        Longest side of the reduced region.
+    high, low : float
+        Thresholds of the hysteresis, in units of the gradient's noise.
+    background : float
+        Level of empty space; negative if the background is not empty, and all pixels count as lit.
+    likely : (h, w) array, optional
+        Probability of the craft over the whole image: edges far from it count as texture.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
@@ -252,7 +281,7 @@ def edge_field(
 def _about(
     likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
 ) -> Array:
-    """Where in a field on ``box`` the craft may be, by a map of the whole picture."""
+    """Return a mask of the pixels of a field on ``box`` that may show the craft, by a map of the whole image."""
     near = cv2.dilate((likely > LIKELY).astype(np.uint8), np.ones((3, 3), np.uint8))
     (H, W), (h, w) = picture[:2], likely.shape
     x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
@@ -262,14 +291,14 @@ def _about(
 
 
 def _of_channel(theta: Array, k: int) -> Array:
-    """Which of the directions (N,) are about the ``k``-th of all."""
+    """Return True for orientations (N,) near the ``k``-th bin."""
     step = np.pi / CHANNELS
     off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
     return np.asarray(off < 1.2 * step)
 
 
 def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
-    """Distance and way to the nearest edge of each of K directions."""
+    """Return the nearest-edge table of each orientation."""
     h, w = mask.shape
     at = np.flatnonzero(mask)
     theta = angle.ravel()[at]

@@ -1,4 +1,4 @@
-"""Images, and regions of them, as the library reads them: in place."""
+"""Image regions that the native library reads in place."""
 
 from __future__ import annotations
 

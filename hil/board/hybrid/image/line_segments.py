@@ -1,4 +1,4 @@
-"""Streams of straight line segments found in a region: Hough on two edge images, and LSD."""
+"""Straight line segments of a region: Hough transforms of two edge images, and LSD."""
 
 from __future__ import annotations
 
@@ -7,39 +7,38 @@ import numpy as np
 
 from flyaround.hil.board.hybrid.native.interface import contiguous
 from flyaround.hil.board.hybrid.native.library import library
-from flyaround.hil.board.svd.line_streams import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough
+from flyaround.hil.board.svd.line_streams import SH_GAP, SH_LENGTH, WGE_GAP, WGE_LENGTH, hough, stretched
 from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
 
-# The line segment detector's own settings: what it reduces an image to, its blur [px of that], and the least gradient
-# that rounding to bytes cannot turn by its tolerance of directions.
+# Settings of the line segment detector (von Gioi et al. 2010): scale, blur [px of the scaled image], and least
+# gradient, which rounding to bytes cannot turn by the angular tolerance.
 REDUCED, SIGMA, LEAST = 0.8, 0.6, 2.0 / float(np.sin(np.radians(22.5)))
 
 
 def wge_stream(image: Array, diagonal_px: float) -> Array:
-    """Segments of what weak gradient elimination leaves of a region."""
+    """Return the segments of a region after weak gradient elimination."""
     strong = eliminate_weak_gradients(image, cdf=0.9).strong
     return hough(strong, WGE_LENGTH * diagonal_px, WGE_GAP * diagonal_px)
 
 
 def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
-    """Segments of the thin edges that are left without small components (the thesis's S&H stream)."""
+    """Return the segments of thin edges without small components (the thesis's S&H stream)."""
     return hough(mask, max(8.0, SH_LENGTH * diagonal_px), max(2.0, SH_GAP * diagonal_px))
 
 
 def lsd_stream(image: Array, shortest_px: float) -> Array:
     """Return sub-pixel segments by the line segment detector."""
-    low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
-    if high <= low:
+    scaled = stretched(image)
+    if scaled is None:
         return np.zeros((0, 4))
-    scaled = np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8)
     segments = _segments(_reduced(scaled)) / REDUCED
     return segments[np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest_px]
 
 
 def _reduced(picture: Array) -> Array:
-    """The image as the line segment detector reduces it."""
+    """Return the image scaled as in the line segment detector."""
     sigma = SIGMA / REDUCED
     taps = 1 + 2 * int(np.ceil(sigma * np.sqrt(6 * np.log(10.0))))
     smooth = cv2.GaussianBlur(picture, (taps, taps), sigma)
@@ -47,14 +46,14 @@ def _reduced(picture: Array) -> Array:
 
 
 def _segments(picture: Array) -> Array:
-    """(N, 4) ends of segments of a picture of bytes [px, half a pixel right and down of the places of pixels]."""
-    given = contiguous(picture, "uint8")
-    h, w = given.shape
+    """Return the end points (N, 4) of segments of a uint8 image [px, half a pixel right of and below pixel centres]."""
+    pixels = contiguous(picture, "uint8")
+    h, w = pixels.shape
     if min(h, w) < 2:
         return np.zeros((0, 4))
     # each has two pixels at least
     out = np.empty((h * w // 2, 4))
-    found = library().fly_line_segments(given, h, w, LEAST, len(out), out)
-    if found < 0:
+    count = library().fly_line_segments(pixels, h, w, LEAST, len(out), out)
+    if count < 0:
         raise MemoryError("no memory to find segments")
-    return out[:found].copy()
+    return out[:count].copy()

@@ -1,4 +1,4 @@
-"""Noise of a picture, measured on the picture itself."""
+"""Noise and black level of an image, measured on the image itself."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ Array = np.ndarray
 # Immerkaer's mask.
 IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
-# Side of the tiles of a reduced picture that are compared [px], and the share of them that is flat in any picture.
+# Side of the tiles of a reduced image [px], and the share of them that is flat in any image.
 FLAT_PX, FLATTEST = 16, 0.1
 
-# What the mask leaves of the deviation of zero-mean normal noise that is cut off at zero.
+# Response of the mask to zero-mean normal noise that is cut off at zero [share of that without the cut].
 HALVED = 0.58
 
-# Zeros among three by three pixels that are dark, what the mask leaves there, and the least share of such pixels.
+# Zeros among three by three pixels from which they count as dark, response of the mask there, least share of them.
 ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
 
-# Pixels well inside the scale that are enough to go by.
+# Least number of pixels well inside the scale.
 ENOUGH = 300
 
-# Share of a reduced picture that is as dark as noise makes it, and how far below the middle that is [sigma].
+# Quantile of a reduced image that is its darkest part, and its distance below the mean of that part [sigma].
 DARKEST, NOISE_LEFT = 0.01, 2.0
 
-# Share of a reduced picture that is a floor, and how far apart its darkest and brightest may be [sigma]; 1.05 by noise.
+# Quantile of a reduced image that bounds its floor, and largest spread of the floor [sigma]; noise alone gives 1.05.
 FLOOR, FLAT_SIGMA = 0.1, 3.0
 
-# Values up to this are counted.
+# Largest value for which the median is found by counting.
 SMALL = 1 << 14
 
 
 def noise_sigma(image: Array, full_scale: float) -> float:
-    """Standard deviation of the noise where the scale does not clip it, in the picture's units.
+    """Return the standard deviation of the noise where the scale does not clip it, in pixel values.
 
     Immerkaer's mask (1996, Fast noise variance estimation) removes planes and edges' first order; the
     median absolute value ignores what texture remains. Black space clips half of the noise, so pixels
@@ -57,14 +57,17 @@ def noise_sigma(image: Array, full_scale: float) -> float:
 
 
 def coarse_noise(reduced: Array, reduction: int) -> float:
-    """Standard deviation of white noise that would leave in a reduced picture what its flattest tenth shows.
+    """Return the standard deviation of white noise that explains the flattest tenth of a reduced image.
 
-    Noise that a demosaicing, a lossy file or a filter has smoothed hides from a mask of three pixels, while means over
-    many pixels carry all of it: pictures of a camera with 7 steps of it showed 1.7 to the mask, 8 to their means.
+    A mask of three pixels misses noise that demosaicing, lossy compression or a filter has smoothed; means over many
+    pixels keep all of it.
 
     Parameters
     ----------
-    reduced : (h, w) float32 means over ``reduction`` x ``reduction`` pixels.
+    reduced : (h, w) array
+        Means over ``reduction`` x ``reduction`` pixels, float32.
+    reduction : int
+        Side of the averaged squares [px].
     """
     h, w = (n // FLAT_PX * FLAT_PX for n in (reduced.shape[0] - 2, reduced.shape[1] - 2))
     if min(h, w) < FLAT_PX:
@@ -76,28 +79,34 @@ def coarse_noise(reduced: Array, reduction: int) -> float:
 
 
 def black_level(reduced: Array, noise: float) -> float:
-    """What a camera with an offset adds to light: the level about which the darkest of a reduced picture lies.
+    """Return the black level of a camera with an offset: the mean of the darkest part of a reduced image.
 
     Parameters
     ----------
-    noise : standard deviation of the reduced picture's.
+    reduced : (h, w) array
+        The reduced image.
+    noise : float
+        Standard deviation of its noise.
     """
     return float(np.quantile(reduced, DARKEST)) + NOISE_LEFT * noise
 
 
 def has_flat_floor(reduced: Array, noise: float) -> bool:
-    """Whether the darkest tenth of a reduced picture differs by its noise alone: a floor, and no landscape's shade.
+    """Return True if the darkest tenth of a reduced image differs by noise alone, unlike the shade of a landscape.
 
     Parameters
     ----------
-    noise : standard deviation of the reduced picture's.
+    reduced : (h, w) array
+        The reduced image.
+    noise : float
+        Standard deviation of its noise.
     """
     low, high = np.quantile(reduced, (DARKEST, FLOOR))
     return bool(high - low < FLAT_SIGMA * noise)
 
 
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
-    """Median of the mask, how many of its pixels lie well inside the scale, and the median over them."""
+    """Return the median of the mask, the number of pixels well inside the scale, and the median over them."""
     if image.dtype == np.uint8 and is_available() and library_reads(image):
         out = np.zeros(3)
         if library().fly_noise(*region(image), step, full_scale, out):
@@ -117,10 +126,9 @@ def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, flo
 
 
 def clipped_noise(image: Array) -> float:
-    """Standard deviation of the noise of darkness before it is cut off at zero; 0 where nothing is cut off.
+    """Return the standard deviation of the noise of dark pixels before it is cut off at zero; 0 if nothing is cut off.
 
-    A camera with an offset shows all of its noise: nothing there is zero. Of zero-mean noise half is: what is left
-    around such pixels tells how strong it was.
+    A camera with an offset has no zeros. Of zero-mean noise half is cut off; the pixels around zeros show its strength.
     """
     step = max(1, min(image.shape) // 100)
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
@@ -133,25 +141,25 @@ def clipped_noise(image: Array) -> float:
     if float(dark.mean()) < LEAST_DARK:
         return 0.0
     lap = _mask(_wider(a))[dark].astype(np.float32) / 6.0
-    # the numbers are whole: the middle fifth of them has a mean that is not
+    # of integers the mean of the middle fifth is finer than the median
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
     return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
 
 
 def _wider(a: Array) -> Array:
-    """Whole numbers with room for the mask: what it is divided by is left to the end."""
+    """Return integers wide enough for the mask, whose division is left to the end."""
     return a.astype(np.int16 if a.dtype == np.uint8 else np.int32)
 
 
 def _mask(a: Array) -> Array:
-    """(K, W - 2) size of Immerkaer's mask over strips (K, 3, W): six standard deviations of what is noise."""
+    """Return the absolute response (K, W - 2) of Immerkaer's mask over strips (K, 3, W): six sigma for noise."""
     col = a[:, 0] - 2 * a[:, 1] + a[:, 2]
     return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
 
 
 def whole_median(values: Array) -> float:
-    """Median of whole numbers from zero on: small ones are counted, which costs a fifth of sorting them."""
+    """Return the median of non-negative integers; small ones are counted, five times faster than sorting."""
     if int(values.max()) > SMALL:
         return float(np.median(values))
     below = np.cumsum(np.bincount(values.ravel()))

@@ -1,4 +1,4 @@
-"""One image on its way through the stages of ``hybrid``: its noise, its background, and the record of the stages."""
+"""An image in the stages of ``hybrid``: its noise, its background, and the record of the stages."""
 
 from __future__ import annotations
 
@@ -14,15 +14,31 @@ Array = np.ndarray
 
 
 class Observation(StageRecord):
-    """A picture with its noise and background, and the record of its stages.
+    """An image with its noise and background, and the record of its stages.
 
     Parameters
     ----------
-    image : (H, W). noise : standard deviation.
-    black : what the camera adds to light. background : level of empty space, negative when it is not empty.
-    likely : (h, w) map of the craft against a textured background, see saliency_map; None where it was not needed.
-    trace : receives what ``keep`` is given; None costs nothing. drawn : what poses were drawn as on each patch.
-    straight : the last part of it that was straightened, with its box.
+    image : (H, W) array
+        The image.
+    trace : Trace, optional
+        Receives what ``keep`` is given.
+    sun_camera : (3,) array, optional
+        Unit vector to the Sun, camera axes.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the noise.
+    black : float
+        Black level of the camera.
+    background : float
+        Level of empty space, negative if the background is not empty.
+    likely : (h, w) array, optional
+        Probability of the craft before a textured background, see ``saliency_map``.
+    drawn : dict
+        Drawings of poses by patch.
+    straight : tuple, optional
+        Last region that was undistorted, with its box.
     """
 
     def __init__(
@@ -33,9 +49,8 @@ class Observation(StageRecord):
         self.black = 0.0
         self.background = -1.0
         self.likely: Optional[Array] = None
-        # a second search begins with poses of the first: what was drawn for them, by patch
+        # a second round begins with poses of the first, which need not be drawn again
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
-        # what the lens bent, straightened: the last box and its pixels
         self.straight: Optional[Tuple[Any, Array]] = None
 
     @staticmethod
@@ -49,6 +64,6 @@ class Observation(StageRecord):
 
     @cached_property
     def clipped(self) -> float:
-        """Standard deviation of noise that is cut off at zero, 0 where none is."""
-        # a limb or a coast with zeros beside it is no noise
+        """Standard deviation of noise that is cut off at zero, 0 if none is."""
+        # a limb or a coast beside zeros is no noise
         return min(clipped_noise(self.image), 1.25 * self.noise)

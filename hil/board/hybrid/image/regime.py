@@ -1,4 +1,4 @@
-"""The light regime of an image, decided once from its statistics; every later stage is handed it."""
+"""The light regime of an image, decided once from its statistics."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import Enum
 
 
 class Regime(Enum):
-    """The light that an image was taken in: it chooses the network, the search settings and the confidence weights.
+    """Light that an image was taken in, which chooses search settings and confidence weights.
 
-    A camera in sunlight adds nothing to black space, and half of its noise is cut off at zero. ``LAMPS`` are those of
-    a laboratory, whose camera has a black level; images that a file or a filter has smoothed are like its images.
+    In ``SUNLIGHT`` black space has level zero, and half of the noise is cut off. ``LAMPS`` are those of a laboratory,
+    whose camera has a black level; images smoothed by compression or a filter resemble its images.
     """
 
     SUNLIGHT = "sunlight"

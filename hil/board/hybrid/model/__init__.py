@@ -1,4 +1,4 @@
-"""What is known of the target before an image comes, and how it looks from a pose: edges, faces, shadows.
+"""The prepared target and its synthetic views: edges, faces, shadows.
 
 Nothing here searches.
 """

@@ -1,4 +1,4 @@
-"""Brightness of the craft's faces, taken from the picture itself, and the picture drawn with it."""
+"""Brightness of the craft's faces, measured on the image, and the synthetic view with it."""
 
 from __future__ import annotations
 
@@ -18,27 +18,34 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
-# Blur of the optics [picture px], reach of the background's local brightness [patch px].
+# Blur of the optics [image px], blur of the background's local brightness [patch px].
 OPTICS_PX, LOCAL_PX = 1.0, 8.0
 
-# Largest faces that are looked at for saturation.
+# Number of the largest groups that are checked for saturation.
 SATURATED = 4
 
-# Brightness of a saturated face above the scale, in scales, that is tried.
+# Candidates for the brightness of a saturated face above full scale [full scales].
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
 def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
-    """Brightness of each face group from the picture, and the picture drawn with it.
+    """Measure the brightness of each face group on the image, and return the synthetic view with it.
 
     Parameters
     ----------
-    seen : drawn by ``draw_faces``. dark : (H, W) drawn pixels on which another face casts its shadow.
+    faces : Faces
+        Faces of the target.
+    seen : (H, W) array
+        Faces drawn by ``draw_faces``.
+    patch : ImagePatch
+        The image.
+    dark : (H, W) array, optional
+        True for drawn pixels in the shadow of another face.
     """
     h, w = patch.gray.shape
     group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, patch, dark)
     bright = (area >= 60) & (level > 0.97 * patch.full)
-    # hardly any picture has one
+    # saturated faces are rare
     for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
         if bright[k]:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
@@ -53,12 +60,17 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
 
 
 def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
-    """What the background differs from its level by (h, w), and the synthetic view with it, which takes its place.
+    """Return the background minus its level (h, w), and the synthetic view with it added.
 
     Parameters
     ----------
-    made : groups, levels, view, groups at middles, pixels well inside a group, the background's share of each pixel and
-        its mean. blur_px : of means of 4 x 4 pixels.
+    patch : ImagePatch
+        The image.
+    made : tuple of array
+        Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
+        and its mean.
+    blur_px : float
+        Blur, in units of 4 x 4 pixels.
     """
     if made[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
         return many_groups.with_background(patch, made, blur_px)
@@ -73,12 +85,12 @@ def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float)
 
 
 def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
-    """Groups of drawn pixels, their levels, and the synthetic view that they make.
+    """Return the groups of drawn pixels, their levels, and the synthetic view of them.
 
     Returns
     -------
-    Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
-    (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    Groups (H, W), their levels (n,), the view (h, w), groups at pixel centres (h, w), areas (n,), pixels well inside a
+    group (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
     """
     (h, w), f, count = patch.gray.shape, patch.fine, len(faces.corners)
     shape = h * f, w * f
@@ -115,7 +127,7 @@ def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array])
 
 
 def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
-    """How far a saturated face's true brightness lies above the scale: blur carries it over its border."""
+    """Return the excess of a saturated face's true brightness over full scale, which blur carries over its border."""
     optics = OPTICS_PX / patch.factor
     base, own = blurred(picture, optics), blurred(part, optics)
     ring = (own > 0.02) & (own < 0.98)

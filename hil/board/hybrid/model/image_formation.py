@@ -1,4 +1,4 @@
-"""Blur and response of the camera as the library takes them."""
+"""Blur and response of the camera in the layout of the native library."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.response import Response
 from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure
 
-# Widest blur that the library takes [px].
+# Largest reach of a blur in the library [px].
 WIDEST = 64
 
-# What is narrower is no blur [px].
+# Blurs narrower than this are left out [px].
 LEAST_BLUR_PX = 0.2
 
 

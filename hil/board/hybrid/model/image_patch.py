@@ -1,4 +1,4 @@
-"""Regions of the picture cut out for comparison with the drawn target, straightened where the lens bends."""
+"""Regions of the image cut out and undistorted for comparison with the drawn target."""
 
 from __future__ import annotations
 
@@ -20,19 +20,27 @@ Box = Tuple[int, int, int, int]
 # Drawn pixels per pixel of a patch, each way.
 FINE = 2
 
-# What is not drawn of a craft, as a share of the scale: where noise is quieter, it would speak against every pose.
+# Error of the synthetic view as a share of full scale: a lower bound of the noise, below which any pose would be
+# refused.
 UNDRAWN = 0.02
 
 
 def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
-    """A region of the picture as a pinhole camera would show it.
+    """Cut a region of the image as a pinhole camera would show it.
 
     Parameters
     ----------
-    box : x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
+    target : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    box : tuple of int
+        The region: x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
+    longest_px : int
+        Longest side of the patch.
     """
     if target.camera.distorted:
-        # one box is often wanted at two sizes
+        # one box is often cut at two sizes
         if frame.straight is None or frame.straight[0] != box:
             frame.straight = (box, straightened(frame.image, target.camera, box))
         gray, factor = shrink(frame.straight[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
@@ -60,12 +68,12 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     )
 
 
-# The lens bends smoothly: the place of every eighth pixel is enough, of some round the box too.
+# Distortion is smooth: it is computed at every eighth pixel, and in a margin about the box [px].
 EVERY_PX, ROUND_PX = 8, 16
 
 
 def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
-    """(h, w) what a pinhole would have seen in ``box``; black outside the picture."""
+    """Return the region (h, w) of a pinhole camera's image; black outside of the camera's."""
     w, h = box[2] - box[0], box[3] - box[1]
     x = box[0] + (np.arange(-EVERY_PX, w + ROUND_PX, EVERY_PX) - camera.cx_px)
     y = box[1] + (np.arange(-EVERY_PX, h + ROUND_PX, EVERY_PX) - camera.cy_px)
@@ -79,7 +87,7 @@ def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
 
 
 def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
-    """The box in the pinhole's pixels that holds a box of the picture."""
+    """Return the box in the pinhole's pixels that holds a box of the image."""
     if not camera.distorted:
         return box
     s = np.linspace(0.0, 1.0, 9)
@@ -88,14 +96,14 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
     rays = undistorted_rays(camera, np.array(rim))
     p = rays * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
     p = p[np.isfinite(p).all(axis=1)]
-    # a lens may show half the world: no more than about the picture is of use
+    # of a fisheye lens no more than about twice the image's size is of use
     far = np.array([camera.width_px, camera.height_px])
     low, high = np.clip(p.min(axis=0), -0.5 * far, 1.5 * far), np.clip(p.max(axis=0), -0.5 * far, 1.5 * far)
     return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))
 
 
 def target_box(target: PreparedTarget, q: Array, t: Array) -> Box:
-    """What of the pinhole's picture a pose covers, with a margin, in whole pixels."""
+    """Return the bounding box of the target at a pose, with a margin, in whole pixels of the pinhole's image."""
     camera = target.camera
     p = camera.pinhole.pixels(target.model.ends_m @ quat.matrix(q).T + t)
     (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)

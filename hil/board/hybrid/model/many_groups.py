@@ -1,7 +1,7 @@
-"""Brightness of a craft with more groups of faces in view than a byte numbers, in numpy.
+"""Brightness of a craft with more than 255 groups of faces in view, in NumPy.
 
-The library numbers groups by bytes; round craft with many materials have more. Where a byte is enough this gives the
-library's numbers to rounding, and is the reference that it is tested against.
+The native library numbers groups by bytes; round craft with many materials have more. For fewer groups this equals the
+library to rounding, and is the reference that it is tested against.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from flyaround.hil.board.hybrid.model.image_formation import LEAST_BLUR_PX, blur
 
 Array = np.ndarray
 
-# Labels that a byte holds.
+# Largest number of groups that a byte numbers.
 LABELS = 255
 
-# What a pixel beside a border counts for its face's brightness.
+# Weight of a pixel beside a border in its face's brightness.
 BESIDE = 0.05
 
-# Share of a pixel that is as good as none where brightness is found with the pose.
+# Least share of a pixel that counts when brightness is estimated with the pose.
 LITTLE = 2e-4
 
 
 def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
-    """Groups of drawn pixels, their levels, and the synthetic view that they make.
+    """Return the groups of drawn pixels, their levels, and the synthetic view of them.
 
     Returns
     -------
-    Groups (H, W), their levels (n,), the view (h, w), groups at middles (h, w), area (n,), pixels well inside a group
-    (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    Groups (H, W), their levels (n,), the view (h, w), groups at pixel centres (h, w), areas (n,), pixels well inside a
+    group (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
     """
     f, (h, w) = patch.fine, patch.gray.shape
     n = faces.groups + 1
@@ -46,7 +46,7 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) 
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
     solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
     solid &= (g[:, 0, :, -1] == centre) & (g[:, -1, :, 0] == centre)
-    # pixels beside a border show how far the pose is off, not how bright the face is
+    # pixels beside a border show the error of the pose, not the brightness of the face
     core = cv2.erode((solid & ~_borders(centre)).view(np.uint8), np.ones((3, 3), np.uint8)).view(bool)
     mean, area = _levels(centre, solid, core, patch, n)
     level = patch.response.brightness(mean)
@@ -60,12 +60,17 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) 
 
 
 def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
-    """What the background differs from its level by (h, w), and the synthetic view with it.
+    """Return the background minus its level (h, w), and the synthetic view with it added.
 
     Parameters
     ----------
-    made : groups, levels, view, groups at middles, pixels well inside a group, the background's share of each pixel and
-        its mean. blur_px : of means of 4 x 4 pixels.
+    patch : ImagePatch
+        The image.
+    made : tuple of array
+        Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
+        and its mean.
+    blur_px : float
+        Blur, in units of 4 x 4 pixels.
     """
     _, level, picture, centre, core, empty, ground = made
     shown = float(ground[0])
@@ -78,7 +83,7 @@ def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) 
 
 
 def look_up(table: Array, labels: Array) -> Array:
-    """float32 value of ``table`` (N,) at each label."""
+    """Return the value of ``table`` (N,) at each label, float32."""
     if labels.dtype != np.uint8:
         return np.asarray(np.take(table.astype(np.float32), labels, mode="clip"))
     whole = np.zeros(256, np.float32)
@@ -87,9 +92,9 @@ def look_up(table: Array, labels: Array) -> Array:
 
 
 def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
-    """Groups numbered anew, their parts in shadow after those in light, and how many there are.
+    """Return the visible groups renumbered, those in light before those in shadow, and their number.
 
-    Those that are not seen get no number: one byte is enough for what is, and bytes are the fastest to compare.
+    Invisible ones get no number, so that a byte usually suffices, which is fastest to compare.
     """
     if group.dtype == np.uint8:
         shadow = dark.view(np.uint8)
@@ -109,7 +114,7 @@ def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
 
 
 def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int) -> Tuple[Array, Array]:
-    """Brightness (n,) of each group, a mean without what lies far off it, and its pixels (n,) in ``core``."""
+    """Return the brightness (n,) of each group, a mean without outliers, and its number of pixels (n,) in ``core``."""
     where = np.flatnonzero(solid | (centre > 0))
     label = centre.ravel().take(where)
     # group by group: sums over stretches cost less than sums by label
@@ -137,12 +142,22 @@ def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int)
 
 
 def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, rows: Array, out: Array) -> int:
-    """Share of each pixel that the background and each of the ``most`` largest groups cover, blurred.
+    """Compute the blurred share of each pixel that the background and each of the largest groups cover.
 
     Parameters
     ----------
-    blur_px : standard deviation. rows : (N,) flat indices of the pixels that are asked for, ascending.
-    out : (most + 1 or more, N) float32, zero; receives the shares above ``LITTLE``.
+    shading : Shading
+        The synthetic view.
+    patch : ImagePatch
+        Its patch.
+    most : int
+        Number of groups.
+    blur_px : float
+        Standard deviation of the blur.
+    rows : (N,) array
+        Flat indices of the pixels, ascending.
+    out : (most + 1 or more, N) array
+        Float32 zeros; receives the shares above ``LITTLE``.
 
     Returns
     -------
@@ -150,11 +165,11 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
 
     Notes
     -----
-    Most groups are small: each is looked at within its own box.
+    Most groups are small: each is processed within its own box.
     """
     h, w = shading.centre.shape
     f = patch.fine
-    # thin ones too: their brightness is known least of all
+    # thin ones too: their brightness is the most uncertain
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
     order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
     chosen = np.concatenate([[0], order[count[order] > 3]])
@@ -162,7 +177,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
     slot[chosen] = np.arange(len(chosen))
     byte = shading.group.dtype == np.uint8
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
-    # one more than the blur reaches: what it mirrors at the box's edge is empty then
+    # one pixel more than the blur reaches, so that it mirrors empty pixels at the box's edge
     far = blur_reach(blur_px) + 1
     x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
     x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
@@ -191,11 +206,9 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
 
 
 def _boxes(slots: Array, n: int, f: int) -> Array:
-    """(4, n) first and last column and row of each of the labels 0 .. n - 1; the first beyond the last where none is.
+    """Return the bounding boxes (4, n) of the labels 0 .. n - 1: x0, y0, x1, y1 [patch px of ``f`` x ``f`` drawn ones].
 
-    They are counted in patch pixels of ``f`` x ``f`` drawn ones.
-
-    All at once: a label is a bit, and a row or column holds the bits of what is in it.
+    An absent label has x0 > x1. All are found at once: a label is a bit, and a row or column is the union of its bits.
     """
     kind = np.uint32 if n <= 32 else np.uint64
     place = np.arange(n, dtype=kind)
@@ -221,7 +234,7 @@ def _boxes(slots: Array, n: int, f: int) -> Array:
 
 
 def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
-    """Mean of ``value`` over ``weight`` within four times the blur, towards zero where there is little of it."""
+    """Return the weighted mean of ``value`` within four times the blur, near zero where there is little weight."""
     h, w = value.shape
     size = (max(2, w // 4), max(2, h // 4))
     num, den = (
@@ -232,11 +245,20 @@ def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
 
 
 def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch: ImagePatch) -> None:
-    """Brightness of groups that fill no pixel: what is left of the picture there, over what they cover.
+    """Estimate the brightness of groups that fill no pixel, from the residual over the area that they cover.
 
     Parameters
     ----------
-    level : (G + 1,) and picture : (h, w) drawn with it, both changed in place.
+    level : (G + 1,) array
+        Brightness of each group, changed in place.
+    picture : (h, w) array
+        Synthetic view with it, changed in place.
+    group : (H, W) array
+        Group of each drawn pixel.
+    thin : (G + 1,) array
+        True for groups that fill no pixel.
+    patch : ImagePatch
+        The image.
     """
     f, (h, w) = patch.fine, patch.gray.shape
     if group.dtype == np.uint8:
@@ -248,11 +270,11 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     if not len(where):
         return
     own = group.ravel()[where]
-    # a remainder costs ten times what this does
+    # the remainder operator is ten times slower
     row = where // (w * f)
     cell = (row // f) * w + (where - row * (w * f)) // f
     number = np.bincount(cell, minlength=h * w)
-    # few pixels hold any: only those are looked at from here on
+    # few pixels hold any: only those are processed from here on
     cells = np.flatnonzero(number > 0)
     place = np.empty(h * w, np.intp)
     place[cells] = np.arange(len(cells))
@@ -271,7 +293,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
 
 
 def _borders(centre: Array) -> Array:
-    """Pixels whose right or lower neighbour belongs to another group."""
+    """Return True for pixels whose right or lower neighbour belongs to another group."""
     out = np.zeros(centre.shape, bool)
     out[:, :-1] |= centre[:, 1:] != centre[:, :-1]
     out[:-1] |= centre[1:] != centre[:-1]
@@ -279,5 +301,5 @@ def _borders(centre: Array) -> Array:
 
 
 def blurred(image: Array, sigma: float) -> Array:
-    """The image (h, w) or (h, w, channels) through a Gaussian, as it is where that is narrower than a pixel."""
+    """Return an image (h, w) or (h, w, channels) through a Gaussian, unchanged if that is narrower than a pixel."""
     return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > LEAST_BLUR_PX else image

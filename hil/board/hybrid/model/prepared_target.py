@@ -1,4 +1,4 @@
-"""The target prepared for one camera: what is worked out once, before any image comes."""
+"""The target prepared for one camera: tables that are computed once, before the first image."""
 
 from __future__ import annotations
 
@@ -21,14 +21,30 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class PreparedTarget:
-    """What is prepared once from the model and the camera.
+    """Tables of one target for one camera.
 
     Parameters
     ----------
-    samples : points on the wireframe, ``spacing_m`` apart. occ : what hides them.
-    tables : views of it, near and far.
-    centre_m, radius_m : sphere that holds it. suns : it as the Sun may see it; None without faces.
-    round : whether much of its outline lies on curved surfaces.
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        Intrinsics of every image.
+    samples : EdgeSamples
+        Points on the wireframe.
+    spacing_m : float
+        Distance between them [m].
+    occ : OccludingTriangles
+        Mesh that occludes them.
+    tables : tuple of ViewTable
+        Views from near and far.
+    centre_m : (3,) array
+        Centre of the bounding sphere, target frame [m].
+    radius_m : float
+        Its radius [m].
+    suns : ShadowMapTable, optional
+        Shadow maps of many Sun directions; None without faces.
+    round : bool
+        True if much of the outline lies on curved surfaces.
     """
 
     model: BoardModel
@@ -44,7 +60,7 @@ class PreparedTarget:
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> PreparedTarget:
-        """Tables of one target for one camera."""
+        """Compute the tables."""
         if model.faces is not None:
             model = replace(model, faces=NativeFaces.of(model.faces))
         radius = model.radius_m
@@ -63,7 +79,7 @@ class PreparedTarget:
 
 
 def faces_of(target: PreparedTarget) -> Faces:
-    """Faces of a target that has them."""
+    """Return the faces of a target that has them."""
     faces = target.model.faces
     assert faces is not None  # noqa: S101 - the caller asked
     return faces

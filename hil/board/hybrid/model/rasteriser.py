@@ -1,8 +1,7 @@
-"""The craft drawn as faces of unknown brightness, for alignment on the whole picture rather than on edges.
+"""The craft drawn as faces of unknown brightness, for alignment on the whole image rather than on edges.
 
-Which face is seen in which pixel follows from the pose; how bright each face is, the picture itself tells (the mean
-of its pixels), so nothing needs to be known of the Sun. What remains is a difference of pictures, and its
-derivative by the pose lives where faces meet.
+The pose determines which face each pixel shows; the brightness of a face is the mean of its pixels, so that the Sun
+need not be known. The residual is a difference of images, and its derivative by the pose is non-zero where faces meet.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ Array = np.ndarray
 
 
 def order_faces(faces: Faces, C_m: Array) -> Array:
-    """Faces that look at the camera centre ``C_m`` (3,), the farthest first."""
+    """Return the faces that look at the camera centre ``C_m`` (3,), the farthest first."""
     out = np.empty(len(native_faces(faces).values["members"]), np.int64)
     n = library().fly_order_faces(native_faces(faces), contiguous(C_m, "float64", (3,)), out)
     if n < 0:
@@ -40,12 +39,22 @@ def draw_faces(
     patch: ImagePatch,
     least_px: float = 0.5,
 ) -> Array:
-    """(h * fine, w * fine) int32: number of the face seen + 1, 0 where there is none.
+    """Return the number + 1 of the face that each drawn pixel shows (h * fine, w * fine), int32; 0 for none.
 
     Parameters
     ----------
-    order : faces to draw, the farthest first. camera : a pinhole. least_px : smaller ones are left to their neighbours
-        [drawn px^2].
+    faces : Faces
+        Faces of the target.
+    order : (P,) array
+        Faces to draw, the farthest first.
+    camera : CameraIntrinsics
+        A pinhole.
+    R, t : (3, 3), (3,) array
+        Camera from target.
+    patch : ImagePatch
+        Patch to draw on.
+    least_px : float
+        Least area of a face [drawn px^2]; smaller ones are left to their neighbours.
     """
     h, w = (side * patch.fine for side in patch.gray.shape)
     seen, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
@@ -60,11 +69,20 @@ def draw_faces(
 def fill_faces(
     p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool = False
 ) -> Array:
-    """Convex polygons ``p`` (P, 4, 2) filled one over the other with their number in ``order`` + 1.
+    """Fill convex polygons one over the other, and return the number + 1 that each pixel shows.
 
     Parameters
     ----------
-    exact : whether those narrower than a pixel get their true area.
+    p : (P, 4, 2) array
+        Corners [px].
+    order : (P,) array
+        Number of each.
+    shape : tuple of int
+        Rows and columns.
+    least_px : float
+        Least area that is filled [px^2].
+    exact : bool
+        Give polygons narrower than a pixel their true area.
     """
     seen, order = np.zeros(shape, np.int32), contiguous(order, "int64")
     p = contiguous(p, "float64", (len(order), 4, 2))

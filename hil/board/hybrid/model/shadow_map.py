@@ -1,4 +1,4 @@
-"""Shadows that the craft casts on itself: it is painted once more, from the Sun."""
+"""Shadows that the craft casts on itself, by shadow maps (Williams 1978)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.faces import Faces
-from flyaround.hil.board.estimation.vectors import cross, length
+from flyaround.hil.board.estimation.vectors import cross, length, sphere_directions
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.native_faces import native_faces
 from flyaround.hil.board.hybrid.geometry.shading import Shading
@@ -22,41 +22,46 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Side of the picture painted from the Sun [px].
+# Side of a shadow map [px].
 MAP_PX = 256
 
-# Faces that the Sun grazes count as turned away: cosine.
-GRAZING = 0.03
-
-# Fewer points on the craft say nothing of shadows.
+# Least number of points on the craft for a search of the Sun.
 LEAST_POINTS = 40
 
-# Directions of the Sun that are tried, the side of each one's picture [px], and pixels that they are judged on.
+# Candidate directions of the Sun, side of each one's shadow map [px], and image pixels that they are compared on.
 DIRECTIONS, TABLE_PX, PIXELS = 240, 80, 700
 
-# A pixel's deviation counts up to twice this: share of the deviation among all, and of the noise.
-SPREAD, BOUND = 0.15, 4.0
-
-# The Sun behind the craft lights nothing that is seen: least cosine between it and the way to the camera.
+# Least cosine between the Sun and the direction to the camera: the Sun behind the craft lights nothing that is seen.
 BEHIND = -0.6
 
 AXES = np.eye(3)
 
 NO_MEMORY = "no memory for the Sun's pictures"
 
-# Least angle between two directions that are both proposed: cosine.
+# Largest cosine of the angle between two directions that are both proposed.
 APART = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """The craft as the Sun sees it, an orthographic picture.
+    """Orthographic view of the craft from the Sun.
 
     Parameters
     ----------
-    direction : (3,) unit vector to the Sun, target frame. axes : (2, 3) of the picture. origin : (2,) their values
-        at its first pixel's middle [m]. pitch_m : of its pixels. height : (n, n) float32, of what is seen along
-        ``direction`` [m], very low where nothing is. seen : (n, n) face + 1. native : as the library takes it.
+    direction : (3,) array
+        Unit vector to the Sun, target frame.
+    axes : (2, 3) array
+        Axes of the map, target frame.
+    origin : (2,) array
+        Coordinates of the first pixel's centre along them [m].
+    pitch_m : float
+        Size of a pixel [m].
+    height : (n, n) array
+        Height of the visible surface along ``direction``, float32 [m]; very low where there is none.
+    seen : (n, n) array
+        Face + 1.
+    native : Structure
+        The map in the layout of the native library.
     """
 
     direction: Array
@@ -83,7 +88,7 @@ class ShadowMap:
 
     @staticmethod
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> ShadowMap:
-        """The craft painted from ``direction`` (3,), target frame."""
+        """Draw the map from ``direction`` (3,), target frame, ``n`` pixels wide."""
         s = direction / length(direction)
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
@@ -93,11 +98,20 @@ class ShadowMap:
     def shadows(
         self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
-        """(H, W) bool: drawn pixels that look at the Sun but lie behind something.
+        """Return True for drawn pixels (H, W) that face the Sun but lie in shadow.
 
         Parameters
         ----------
-        seen : drawn at the pose ``R``, ``t`` by ``draw_faces``. camera : a pinhole.
+        faces : Faces
+            Faces of the target.
+        seen : (H, W) array
+            Faces drawn at the pose by ``draw_faces``.
+        patch : ImagePatch
+            Its patch.
+        camera : CameraIntrinsics
+            A pinhole.
+        R, t : (3, 3), (3,) array
+            The pose, camera from target.
         """
         h, w = seen.shape
         R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)
@@ -109,13 +123,20 @@ class ShadowMap:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMapTable:
-    """The craft as seen from all round, to find where the Sun stands by the shadows on the picture.
+    """Shadow maps from all directions, to find the Sun by the shadows on the image.
 
     Parameters
     ----------
-    directions : (S, 3) unit vectors, target frame. frames : (3, S, 3) axes of each picture and its direction.
-    origin : (S, 2), pitch_m : (S,), height : (S, n, n) float32, as in ShadowMap.
-    native : as the library takes it. painted : what ``sunlight`` has painted until now; no answer hangs on it.
+    directions : (S, 3) array
+        Unit vectors, target frame.
+    frames : (3, S, 3) array
+        Two axes and the direction of each map.
+    origin, pitch_m, height : (S, 2), (S,), (S, n, n) array
+        See `ShadowMap`.
+    native : Structure
+        The maps in the layout of the native library.
+    painted : dict
+        Cache of ``sunlight``.
     """
 
     directions: Array
@@ -140,11 +161,8 @@ class ShadowMapTable:
 
     @staticmethod
     def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
-        """Pictures from ``number`` directions spread evenly (Fibonacci lattice)."""
-        i = np.arange(number) + 0.5
-        z, turn = 1.0 - 2.0 * i / number, np.pi * (1.0 + np.sqrt(5.0)) * i
-        r = np.sqrt(1.0 - z * z)
-        directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=-1)
+        """Draw the maps of ``number`` directions on a Fibonacci lattice."""
+        directions = sphere_directions(number)
         suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
         return ShadowMapTable(
             directions,
@@ -165,15 +183,27 @@ class ShadowMapTable:
         number: int = 1,
         pixels: int = PIXELS,
     ) -> List[int]:
-        """Which of the directions of the Sun explain the picture best by their shadows, the best first.
+        """Return the directions of the Sun whose shadows explain the image best, the best first.
 
-        Each group of faces has one brightness in light and one in shadow, both from the picture, so nothing
-        is asked of materials; what tells directions apart is the shape of the shadows alone.
+        Each group of faces has one brightness in light and one in shadow, both measured on the image, so that no
+        materials are needed: the shape of the shadows alone decides.
 
         Parameters
         ----------
-        shading : drawn at the pose ``R``, ``t``. camera : a pinhole. number : directions at most; none where too
-            little of the craft is seen. pixels : looked at, at most.
+        faces : Faces
+            Faces of the target.
+        shading : Shading
+            View at the pose.
+        patch : ImagePatch
+            The image.
+        camera : CameraIntrinsics
+            A pinhole.
+        R, t : (3, 3), (3,) array
+            The pose, camera from target.
+        number : int
+            Most directions to return; there are none if too little of the craft is visible.
+        pixels : int
+            Most image pixels to compare.
         """
         side = self.directions @ (-R.T @ t) / length(t)
         some = np.flatnonzero(side > BEHIND)
@@ -199,8 +229,8 @@ class ShadowMapTable:
         some: Array,
         pixels: int,
     ) -> Optional[Array]:
-        """(S,) what each of the directions ``some`` (S,) leaves unexplained; None where too little is seen."""
-        # shot noise grows with the root of the light: in its root all noise is alike
+        """Return the residual (S,) of each of the directions ``some`` (S,); None if too little is visible."""
+        # shot noise grows with the square root of the light: the root has uniform noise
         dim = max(2.0 * patch.full / 255.0, patch.sigma)
         good = shading.area > 0
         good[0] = False
@@ -232,7 +262,7 @@ class ShadowMapTable:
         return out if points >= LEAST_POINTS else None
 
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
-        """The craft painted ``n`` pixels wide from direction ``k``, once for all pictures."""
+        """Return the map of direction ``k``, ``n`` pixels wide, drawn once for all images."""
         if (k, n) not in self.painted:
             sun = ShadowMap.of(faces, self.directions[k], n)
             kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32
@@ -241,7 +271,7 @@ class ShadowMapTable:
 
 
 def _seen_from_the_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
-    """Origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
+    """Return origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
     order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
     p, at, height = np.empty((len(order), 4, 2)), np.empty(3), np.empty((n, n), np.float32)
     library().fly_shadow_map_polygons(native_faces(faces), order, len(order), frame, n, p, at)

@@ -1,4 +1,4 @@
-"""The model's silhouette on the picture, and on which side of an edge the craft lies."""
+"""The model's silhouette on the image, and the side of an edge on which the craft lies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flyaround.hil.board.hybrid.geometry.wireframe import OccludingTriangles
 
 Array = np.ndarray
 
-# How far to either side of an edge the silhouette is asked [px of the mask].
+# Distance from an edge at which the silhouette is sampled on either side [px of the mask].
 PROBE_PX = 3.0
 
 
@@ -25,12 +25,22 @@ def silhouette(
     factor: float,
     size: Tuple[int, int],
 ) -> Array:
-    """(h, w) bool mask of the model on a region of the picture.
+    """Return the mask (h, w) of the model on a region of the image.
 
     Parameters
     ----------
-    R, t : camera from target. origin : the region's corner; factor : picture pixels per mask pixel.
-    size : (w, h) of the mask.
+    R, t : (3, 3), (3,) array
+        Camera from target.
+    occ : OccludingTriangles
+        Mesh of the model.
+    camera : CameraIntrinsics
+        Intrinsics.
+    origin : tuple of float
+        Corner of the region [image px].
+    factor : float
+        Image pixels per mask pixel.
+    size : tuple of int
+        Width and height of the mask.
     """
     shape = np.zeros((size[1], size[0]), np.uint8)
     if not len(occ.v0):
@@ -44,11 +54,16 @@ def silhouette(
 
 
 def inward_sign(mask: Array, uv: Array, n: Array) -> Array:
-    """(M,) +1 where the craft lies along ``n`` and space against it, -1 the other way, 0 elsewhere.
+    """Return (M,) +1 where the craft lies along the normal and space against it, -1 the other way, else 0.
 
     Parameters
     ----------
-    uv : (M, 2) points on the mask [px]. n : (M, 2) unit normals.
+    mask : (h, w) array
+        The silhouette.
+    uv : (M, 2) array
+        Points on it [px].
+    n : (M, 2) array
+        Unit normals.
     """
     return _inside(mask, uv + PROBE_PX * n).astype(int) - _inside(mask, uv - PROBE_PX * n).astype(int)
 

@@ -1,6 +1,6 @@
-"""Views of the target from everywhere: which samples of the wireframe each direction sees, and its template.
+"""Views of the target from all directions: the visible samples of the wireframe, and a template of each.
 
-Of round bodies half of a template lies on the occluding contour: the wireframe says little of a cylinder's sides.
+Half of a round body's template lies on its occluding contour, because its wireframe has few edges on the sides.
 """
 
 from __future__ import annotations
@@ -13,38 +13,49 @@ import numpy as np
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.occluding_contours import Outlines
 from flyaround.hil.board.estimation.target_model import BoardModel
+from flyaround.hil.board.estimation.vectors import sphere_directions
 from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, project
 from flyaround.hil.board.hybrid.model.visibility import visible_samples
 
 Array = np.ndarray
 
-# Directions of the templates, 9 deg apart, and turns of each in the image, 10 deg: an alignment on edges reaches as far
-# (docs/lab/2026-11-estimator.md).
+# Directions of the templates, 9 deg apart, and in-plane turns of each, 10 deg apart: alignment on edges converges
+# from there (docs/lab/2026-11-estimator.md).
 VIEWS, TURNS = 500, 36
 
-# Samples of a template, and of a view whose edges are tracked: few enough for thousands of poses at once.
+# Samples of a template and of a view, few enough for thousands of poses at once.
 SHAPE_SAMPLES, TRACK_SAMPLES = 40, 120
 
-# Share of the outlines' points on surfaces curved more gently than a tenth of the craft, from which it counts as round.
+# Least share of outline points on gently curved surfaces for a round target, and their least radius of curvature
+# [radii of the target].
 ROUND, GENTLE = 0.08, 0.1
 
-# Share of a view's template that is taken from the outline.
+# Share of a round body's template on the outline.
 SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTable:
-    """What a camera at each of V directions sees.
+    """Views of a camera at each of V directions.
 
     Parameters
     ----------
-    directions : (V, 3) unit vectors from the target to the camera, target frame.
-    R_camera_from_target : (V, 3, 3) looking at the target's centre.
-    track : (V, M) visible samples, spread evenly; weight : (V, M) 1, or 0 for padding.
-    shape_xy : (V, N, 2) chosen samples on the plane at unit distance times range, model metres.
-    shape_angle : (V, N) direction of their normals.
-    box : (V, TURNS, 4) extent of everything visible after each turn [m].
-    distance_m : range the table was made for.
+    directions : (V, 3) array
+        Unit vectors from the target to the camera, target frame.
+    R_camera_from_target : (V, 3, 3) array
+        Rotation of a camera that looks at the target's centre.
+    track : (V, M) array
+        Indices of visible samples, evenly spread.
+    weight : (V, M) array
+        1, or 0 for padding.
+    shape_xy : (V, N, 2) array
+        Template: samples on the plane at unit distance, times range [m].
+    shape_angle : (V, N) array
+        Orientation of their normals.
+    box : (V, TURNS, 4) array
+        Bounding box of the view after each in-plane turn [m].
+    distance_m : float
+        Range of the views.
     """
 
     directions: Array
@@ -57,22 +68,13 @@ class ViewTable:
     distance_m: float
 
     def nearest(self, R: Array, t: Array, centre_m: Array) -> Array:
-        """Index of the view nearest to each pose's line of sight."""
+        """Return the index of the view nearest to each pose's line of sight."""
         C = -np.einsum("bji,bj->bi", R, t) - centre_m
         return np.asarray(np.argmax(C @ self.directions.T, axis=1))
 
 
-def sphere_directions(count: int) -> Array:
-    """(count, 3) nearly even directions: the Fibonacci lattice."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    phi = np.pi * (1 + np.sqrt(5.0)) * k
-    r = np.sqrt(1 - z * z)
-    return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
-
-
 def look_at(direction: Array) -> Array:
-    """Rotation camera-from-target of a camera along ``direction`` looking back at the target."""
+    """Return the rotation camera-from-target of a camera along ``direction`` that looks back at the target."""
     z = -direction
     helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.8 else np.array([0, 1.0, 0])
     x = np.cross(helper, z)
@@ -83,7 +85,7 @@ def look_at(direction: Array) -> Array:
 def build_views(
     model: BoardModel, samples: EdgeSamples, occ: OccludingTriangles, distance_m: float, views: int = VIEWS
 ) -> ViewTable:
-    """Tables for ``views`` directions at ``distance_m``."""
+    """Compute the table of ``views`` directions at ``distance_m``."""
     rng = np.random.default_rng(0)
     unit = CameraIntrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
     directions = sphere_directions(views)
@@ -119,7 +121,7 @@ def build_views(
 
 
 def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
-    """At most ``count`` of ``ids``, one from each of ``count`` equal stretches of the list."""
+    """Return at most ``count`` of ``ids``, one from each of ``count`` equal stretches of the list."""
     if len(ids) <= count:
         return ids
     edges = np.linspace(0, len(ids), count + 1)
@@ -128,20 +130,20 @@ def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def is_round(model: BoardModel) -> bool:
-    """Whether much of the craft's outline lies on curved surfaces, where no edge of the wireframe is."""
+    """Return True if much of the craft's outline lies on curved surfaces, where the wireframe has no edges."""
     if model.outlines is None:
         return False
     return float(np.mean(curved(model))) > ROUND
 
 
 def curved(model: BoardModel) -> Array:
-    """(V, N) which points of the outlines lie on gently curved surfaces."""
+    """Return True for points (V, N) of the outlines on gently curved surfaces."""
     assert model.outlines is not None  # noqa: S101 - the caller asked
     return np.asarray(model.outlines.radius_m > GENTLE * model.radius_m)
 
 
 def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> ViewTable:
-    """The table with half of each view's template on the outline, and its boxes grown to hold it."""
+    """Return the table with half of each template on the outline, and boxes that hold it."""
     rng = np.random.default_rng(0)
     xy, angle, box = table.shape_xy.copy(), table.shape_angle.copy(), table.box.copy()
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
@@ -164,7 +166,7 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
 
 
 def _seen(outlines: Outlines, R: Array, C_m: Array, distance_m: float) -> Tuple[Array, Array]:
-    """The outline from ``C_m``: (N, 2) on the plane at unit distance times range [m], and its normals' angles."""
+    """Return the outline (N, 2) from ``C_m`` at unit distance, times range [m], and its normals' angles."""
     points, normals = outlines.seen_from(int(outlines.nearest(C_m[None])[0]), C_m)
     P, n = (points - C_m) @ R.T, normals @ R.T
     p = P[:, :2] / np.maximum(P[:, 2:], 1e-6) * distance_m

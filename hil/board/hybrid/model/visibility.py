@@ -1,4 +1,4 @@
-"""Which samples of the wireframe a camera can see: faces turned away and parts in front are removed."""
+"""Visibility of the wireframe's samples from a camera: back faces and occlusion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 
 def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
-    """Samples of every edge, ``spacing_m`` apart, at least one on each."""
+    """Return samples of every edge, ``spacing_m`` apart, at least one on each."""
     points, tangents, radius, normals, faces, edge = [], [], [], [], [], []
     for k, e in enumerate(model.wireframe):
         d = e.b_m - e.a_m
@@ -26,15 +26,15 @@ def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
         n = max(1, round(length / spacing_m))
         s = (np.arange(n) + 0.5) / n
         N = np.zeros((2, 3))
-        given = e.normals[:2]
-        if len(given):
-            N[: len(given)] = given / np.maximum(np.linalg.norm(given, axis=1, keepdims=True), 1e-9)
+        adjacent = e.normals[:2]
+        if len(adjacent):
+            N[: len(adjacent)] = adjacent / np.maximum(np.linalg.norm(adjacent, axis=1, keepdims=True), 1e-9)
         for side in (-1.0, 1.0) if e.radius_m > 0 else (0.0,):
             points.append(e.a_m + s[:, None] * d)
             tangents.append(np.repeat(d[None] / length, n, axis=0))
             radius.append(np.full(n, side * e.radius_m))
             normals.append(np.repeat(N[None], n, axis=0))
-            faces.append(np.full(n, len(given)))
+            faces.append(np.full(n, len(adjacent)))
             edge.append(np.full(n, k))
     return EdgeSamples(
         np.concatenate(points),
@@ -47,7 +47,7 @@ def sample_edges(model: BoardModel, spacing_m: float) -> EdgeSamples:
 
 
 def occluders(model: BoardModel) -> OccludingTriangles:
-    """The model's hiding mesh, as vertex and edge vectors."""
+    """Return the model's occluding mesh as vertices and edge vectors."""
     tri = model.vertices_m[model.triangles] if model.triangles.size else np.zeros((0, 3, 3))
     e1, e2 = tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]
     n = np.cross(e1, e2)
@@ -56,14 +56,14 @@ def occluders(model: BoardModel) -> OccludingTriangles:
 
 
 def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Array:
-    """Whether points (S, 3) are hidden from camera centre (3,): Moeller and Trumbore's test (1997).
+    """Return True for points (S, 3) that are hidden from camera centre (3,), by Moeller and Trumbore's test (1997).
 
     With one ray origin for all points the triple products become three matrix products.
     """
     if not len(occ.v0):
         return np.zeros(len(X_m), bool)
     T = C_m - occ.v0
-    # a closed mesh hides with its near side: back faces need no test
+    # a closed mesh occludes with its near side: back faces need no test
     front = np.einsum("ij,ij->i", T, occ.n) > 0
     T, e1, e2, n = T[front], occ.e1[front], occ.e2[front], occ.n[front]
     if not len(T):
@@ -83,7 +83,7 @@ def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Ar
 
 
 def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
-    """(S,) visible and (S,) outline flags from camera centre ``C_m`` (3,), target frame.
+    """Return flags (S,) of the visible samples and of those on the outline, from camera centre ``C_m`` (3,).
 
     Moeller and Trumbore's test (1997) of each sample against each triangle that faces the camera.
     """

@@ -44,7 +44,12 @@ def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> 
 
     Parameters
     ----------
-    shape : what the library takes it for, where that does not follow from other arguments.
+    a : array
+        The array.
+    kind : str
+        Name of the dtype.
+    shape : tuple of int, optional
+        Shape that the library assumes, if it does not follow from other arguments.
 
     Raises
     ------
@@ -128,11 +133,11 @@ POINTERS: Dict[str, Type[ArrayPointer]] = {
 def _declarations(text: str) -> Iterator[Tuple[str, bool, str]]:
     """Yield type, whether it is a pointer, and name of fields or arguments in plain C."""
     for declaration in filter(None, (part.strip() for part in text.split(";"))):
-        found = re.match(r"(?:const )?((?:struct )?\w+) (.+)", declaration, re.DOTALL)
-        if found is None:
+        match = re.match(r"(?:const )?((?:struct )?\w+) (.+)", declaration, re.DOTALL)
+        if match is None:
             raise ValueError(f"kernels.h: cannot read {declaration!r}")
-        for name in found[2].split(","):
-            yield found[1], name.strip().startswith("*"), name.strip(" *\n")
+        for name in match[2].split(","):
+            yield match[1], name.strip().startswith("*"), name.strip(" *\n")
 
 
 def _field(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes type
@@ -164,10 +169,10 @@ def _argument(kind: str, *, pointer: bool) -> Any:  # noqa: ANN401 - a ctypes ty
 
 def _functions(text: str) -> Dict[str, Tuple[Any, List[Any]]]:
     out: Dict[str, Tuple[Any, List[Any]]] = {}
-    found = re.findall(r"^KERNEL (?:const )?(\w+) (\*?)(\w+)\((.*?)\);", text, re.DOTALL | re.MULTILINE)
-    for kind, star, name, arguments in found:
-        given = "" if arguments == "void" else arguments.replace(",", ";")
-        types = [_argument(kind, pointer=pointer) for kind, pointer, _ in _declarations(given)]
+    declared = re.findall(r"^KERNEL (?:const )?(\w+) (\*?)(\w+)\((.*?)\);", text, re.DOTALL | re.MULTILINE)
+    for kind, star, name, arguments in declared:
+        text_of_arguments = "" if arguments == "void" else arguments.replace(",", ";")
+        types = [_argument(kind, pointer=pointer) for kind, pointer, _ in _declarations(text_of_arguments)]
         out[name] = ctypes.c_char_p if star else SCALARS[kind], types
     return out
 

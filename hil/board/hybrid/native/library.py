@@ -44,10 +44,10 @@ def library() -> ctypes.CDLL:
     KernelError
         If none can be used here: one sentence.
     """
-    found, text = _loaded()
-    if found is None:
+    loaded, text = _loaded()
+    if loaded is None:
         raise KernelError(text)
-    return found
+    return loaded
 
 
 def is_available() -> bool:
@@ -57,8 +57,8 @@ def is_available() -> bool:
 
 def describe_library() -> str:
     """Return ``native`` and the loaded file, or ``none`` and the reason, in brackets."""
-    found, text = _loaded()
-    return f"native ({text})" if found is not None else f"none ({text})"
+    loaded, text = _loaded()
+    return f"native ({text})" if loaded is not None else f"none ({text})"
 
 
 @functools.lru_cache(maxsize=None)
@@ -110,19 +110,19 @@ def load_library(name: str) -> ctypes.CDLL:
         data = where.read_bytes()
     except (OSError, KeyError) as error:
         raise KernelError(f"the estimator's library {where} cannot be read ({error}): {CURE}") from error
-    # a library that was cut short may crash whoever loads it
+    # a truncated library may crash the process that loads it
     if hashlib.sha256(data).hexdigest() != _checksums().get(name):
         raise KernelError(f"the estimator's library {where} is damaged or of another build: {CURE}")
     try:
-        found = ctypes.CDLL(str(where)) if isinstance(where, Path) else _load_bytes(name, data)
-        _declare(found)
+        loaded = ctypes.CDLL(str(where)) if isinstance(where, Path) else _load_bytes(name, data)
+        _declare(loaded)
     except (OSError, AttributeError) as error:
         raise KernelError(f"the estimator's library {where} does not load here ({error}): {CURE}") from error
-    _check(found, str(where))
-    return found
+    _check(loaded, str(where))
+    return loaded
 
 
-def _declare(found: ctypes.CDLL) -> None:
+def _declare(loaded: ctypes.CDLL) -> None:
     """Set the types of all functions.
 
     Raises
@@ -131,16 +131,20 @@ def _declare(found: ctypes.CDLL) -> None:
         If one is missing.
     """
     for name, (result, arguments) in FUNCTIONS.items():
-        function = getattr(found, name)
+        function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
 
 
-def _check(found: ctypes.CDLL, where: str) -> None:
+def _check(loaded: ctypes.CDLL, where: str) -> None:
     """Raise KernelError unless the library was made from the header that Python reads."""
     expected = layout()
     offsets = np.zeros(len(expected), np.int64)
-    count = found.fly_layout(offsets, len(offsets))
-    if found.fly_interface().decode() != checksum() or count != len(expected) or offsets.tolist() != expected:
+    count = loaded.fly_layout(offsets, len(offsets))
+    if (
+        loaded.fly_interface().decode() != checksum()
+        or count != len(expected)
+        or offsets.tolist() != expected
+    ):
         raise KernelError(f"the estimator's library {where} belongs to another version of Flyaround: {CURE}")
 
 

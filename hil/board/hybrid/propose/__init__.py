@@ -1,1 +1,1 @@
-"""Generators: from an image to regions and pose hypotheses. Refines and decides nothing."""
+"""Proposal of regions and pose hypotheses. Refines and decides nothing."""

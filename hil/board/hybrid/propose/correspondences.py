@@ -1,4 +1,4 @@
-"""Correspondences: figures of the picture paired with figures of the wireframe, each pair giving poses."""
+"""Correspondences: figures of the image paired with figures of the wireframe, and the poses of each pair."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Arms of an open triad end where a shadow or a part cuts them: longer ones are tried as well.
+# Factors of the arms of an open triad, which a shadow or another part may have cut short.
 ARM_LENGTHS = (1.0, 1.4)
 
 
 def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Array:
-    """(T', 4, 2) the figures, open ones once more with each longer arm."""
+    """Return the figures (T', 4, 2), open ones also with each longer arm."""
     out = [chains.points]
     p = chains.points[~chains.closed]
     for f in factors:
@@ -42,16 +42,26 @@ def pose_hypotheses(
     radius_m: float,
     field: EdgeField,
 ) -> Tuple[Array, Array]:
-    """Poses q (N, 4), t (N, 3) of every picture figure seen as every model figure.
+    """Return poses q (N, 4), t (N, 3) of every image figure seen as every model figure.
+
+    Poses with the target in front of the camera, at a range that fits the region and centred near it, are kept.
 
     Parameters
     ----------
-    figures_px : (T, 4, 2) field pixels. model_point_groups : (M, 4, 3) [m].
-
-    Notes
-    -----
-    Kept when the figure's target lies in front of the camera, at a range that fits the region,
-    centred near it.
+    figures_px : (T, 4, 2) array
+        Figures of the image [field px].
+    model_point_groups : (M, 4, 3) array
+        Figures of the model [m].
+    camera : CameraIntrinsics
+        Intrinsics.
+    region : Region
+        The region.
+    centre_m : (3,) array
+        Centre of the target, target frame [m].
+    radius_m : float
+        Radius of the target [m].
+    field : EdgeField
+        Edges of the region.
     """
     none = (np.zeros((0, 4)), np.zeros((0, 3)))
     if not len(figures_px) or not len(model_point_groups):

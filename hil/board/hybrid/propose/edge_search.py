@@ -1,6 +1,6 @@
 """Poses of one region by its edges: perceptual groups with PnP, and viewpoint templates.
 
-How many poses go on was set on development frames: docs/lab/2026-11-estimator.md.
+Numbers of poses were set on development frames: docs/lab/2026-11-estimator.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from flyaround.hil.board.svd.segment_merging import merge_segments
 
 Array = np.ndarray
 
-# A region is searched with this margin (share of its diagonal): parts in shadow make it too small.
+# Margin of a search region [share of its diagonal], because parts in shadow make it too small.
 MARGIN = 0.3
 
 # Longest side of the two edge fields [px].
@@ -38,21 +38,26 @@ TEMPLATE_POSES, GROUP_POSES = 240, 160
 # Longest lines kept, the reach of a corner and the shortest line of LSD in shares of the region's diagonal.
 MOST_LINES, CORNER_REACH, SHORTEST = 45, 0.08, 0.04
 
-# Edge pixels below which a region shows nothing.
+# Least number of edge pixels of a region.
 LEAST_EDGES = 20
 
-# Ranking of thousands of poses: every so many-th sample of a view, and the poses kept by it; distance beyond which an
+# Ranking of thousands of poses: stride of a view's samples and poses kept, in each step; distance beyond which an
 # edge costs no more [field px].
 RANKINGS, RANK_CAP_PX = ((10, 1200), (3, GROUP_POSES)), 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class RegionEdges:
-    """The edges of a region, and the views of the target that fit its size.
+    """Edges of a region, and the views of the target that fit its size.
 
     Parameters
     ----------
-    coarse, fine : the edges at two scales. views : the table for the range that the region's size stands for.
+    region : Region
+        The region.
+    coarse, fine : EdgeField
+        Edges at two scales.
+    views : ViewTable
+        Views from the range that follows from the region's size.
     """
 
     region: Region
@@ -62,7 +67,7 @@ class RegionEdges:
 
 
 def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> Optional[RegionEdges]:
-    """The edges of a region at two scales, or `None` where there are hardly any."""
+    """Return the edges of a region at two scales; None if there are hardly any."""
     h, w = frame.image.shape
     box = region.grown(MARGIN, w, h)
     coarse, fine = (
@@ -77,13 +82,13 @@ def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> 
 
 
 def views_for(target: PreparedTarget, camera: CameraIntrinsics, region: Region) -> ViewTable:
-    """The table of views nearest to the range that a region's size stands for."""
+    """Return the views nearest to the range that follows from a region's size."""
     depth = (camera.fx_px + camera.fy_px) * target.radius_m / region.diagonal_px
     return min(target.tables, key=lambda v: abs(np.log(depth / v.distance_m)))
 
 
 def template_poses(target: PreparedTarget, frame: Observation, edges: RegionEdges) -> Tuple[Array, Array]:
-    """Poses of the viewpoint templates that fit a region best: q (N, 4), t (N, 3)."""
+    """Return poses q (N, 4), t (N, 3) of the viewpoint templates that fit a region best."""
     q, t, _ = match_views(
         edges.views, edges.coarse, edges.region, target.camera, target.centre_m, TEMPLATE_POSES
     )
@@ -94,11 +99,18 @@ def template_poses(target: PreparedTarget, frame: Observation, edges: RegionEdge
 def group_poses(
     target: PreparedTarget, figures: Chains, frame: Observation, edges: RegionEdges
 ) -> Tuple[Array, Array]:
-    """Poses of perceptual groups of line segments, the best by the coarse edges: q (N, 4), t (N, 3).
+    """Return poses q (N, 4), t (N, 3) of perceptual groups of line segments, the best by the coarse edges.
 
     Parameters
     ----------
-    figures : triads of the wireframe, see ``model_triads``.
+    target : PreparedTarget
+        The target.
+    figures : Chains
+        Triads of the wireframe, see ``model_triads``.
+    frame : Observation
+        The image.
+    edges : RegionEdges
+        Edges of the region.
     """
     region, fine, coarse = edges.region, edges.fine, edges.coarse
     h, w = frame.image.shape
@@ -127,9 +139,7 @@ def group_poses(
     frame.mark("pnp")
     for every, keep in RANKINGS:
         if len(q) > keep:
-            cost = quick_cost(
-                q, t, target.samples, edges.views, coarse, target.camera, target.centre_m, RANK_CAP_PX, every
-            )
+            cost = quick_cost(target, q, t, edges.views, coarse, RANK_CAP_PX, every)
             top = np.argpartition(cost, keep)[:keep]
             q, t = q[top], t[top]
     frame.mark("correspondences")

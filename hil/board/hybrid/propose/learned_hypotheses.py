@@ -1,4 +1,4 @@
-"""Hypotheses of the keypoint network: the poses that it proposes for a place, with the edges found there."""
+"""Hypotheses of the keypoint network: the poses that it proposes for a place, with the edges there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 
-# Longest side of the edges that its poses are supported by [px], and the margin round them (share of the diagonal).
+# Longest side of the edge field of a place [px], and margin round it [share of the diagonal].
 FIELD_PX, FIELD_MARGIN = 200, 0.05
 
 # Least side of a place [px].
@@ -20,7 +20,7 @@ SMALLEST_PX = 24.0
 def learned_hypotheses(
     target: PreparedTarget, frame: Observation, proposal: LearnedProposal
 ) -> List[Hypothesis]:
-    """Poses of one place, the likeliest first; their edges are not asked yet."""
+    """Return the poses of one place, the most likely first, without support by edges."""
     region = proposal.region(target.camera)
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(FIELD_MARGIN, w, h)

@@ -1,4 +1,4 @@
-"""Pose from plane figures of four points, whole batches at once: both solutions of each."""
+"""Pose from plane figures of four points, in batches, with both solutions of each."""
 
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ Array = np.ndarray
 
 
 def plane_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
-    """Both poses of each four-point plane figure: q (N, 2, 4), t (N, 2, 3), valid (N,).
+    """Return both poses of each plane figure: q (N, 2, 4), t (N, 2, 3), valid (N,).
+
+    In nearly symmetric views the second solution is as likely as the first.
 
     Parameters
     ----------
-    object_m : (N, 4, 3) coplanar points, target frame. rays : (N, 4, 2) undistorted image points at z = 1.
+    object_m : (N, 4, 3) array
+        Coplanar points, target frame [m].
+    rays : (N, 4, 2) array
+        Undistorted image points at z = 1.
 
     References
     ----------
-    Collins & Bartoli (2014), Infinitesimal plane-based pose estimation, IJCV 109; figures are centred
-    first and both solutions kept: near symmetric views the second is as likely as the first.
+    Collins & Bartoli (2014), Infinitesimal plane-based pose estimation, IJCV 109.
     """
     n = len(object_m)
     centre = object_m.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Regions of interest: where in the picture the target may be."""
+"""Regions of interest, in which the target may be."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
 Array = np.ndarray
 
-# The picture is searched at this reduction: 16 pixels averaged, noise a quarter.
+# Reduction of the image that is searched: 16 pixels averaged, noise a quarter.
 REDUCTION = 4
 
-# Shortest segment that makes a window [px of the reduced picture].
+# Shortest segment that counts for a window [px of the reduced image].
 LONG_PX = 8.0
 
-# Edges nearer than these are one group [px of the reduced picture]; those of other things than the craft are farther.
+# Edges nearer than these are one group [px of the reduced image]; those of other objects are farther apart.
 APART = 31
 JOINS = (13, APART, 7)
 
-# Share of the edges on the craft from which the background is empty space.
+# Least share of the edges on the craft before empty space.
 OWN_EDGES = 0.8
 
 
 def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region:
-    """Sharma's region: the 2.5 %..97.5 % interval of both marginal CDFs of the surviving gradient."""
+    """Return Sharma's region: the 2.5 %..97.5 % interval of both marginal CDFs of the strong gradient."""
     x0, x1 = marginal_interval(strong.sum(axis=0), low, high)
     y0, y1 = marginal_interval(strong.sum(axis=1), low, high)
     f = REDUCTION
@@ -44,12 +44,12 @@ def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region
 
 
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
-    """Boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
+    """Return boxes (x0, y0, x1, y1, edge pixels) of the groups of edges closer than ``join_px``, largest first."""
     size = 2 * (join_px // 2) + 1
     rows, columns = (np.flatnonzero(mask.any(axis=k)).tolist() for k in (1, 0))
     if not rows:
         return []
-    # what joins two edges lies between them: the rest of the picture is left out
+    # groups join between edges: the rest of the image is left out
     y0, x0 = rows[0], columns[0]
     part = mask[y0 : rows[-1] + 1, x0 : columns[-1] + 1]
     joined = cv2.dilate(part.view(np.uint8), np.ones((size, size), np.uint8))
@@ -72,18 +72,20 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
 def propose_regions(
     small: Array, wge: WeakGradientElimination, noise_small: float
 ) -> Tuple[List[Region], float, Optional[Array]]:
-    """Hypotheses, the likeliest first, the share of the frame that is not empty, and the map of the craft.
+    """Return regions, the most likely first, the share of the frame that is not empty, and the map of the craft.
+
+    Before black space everything above the noise belongs to the target, dim parts as well: the box of the edge cluster
+    is the best region. Before the Earth that box grows to nearly the whole frame; there dense clusters of *strong,
+    straight* edges are proposed beside it.
 
     Parameters
     ----------
-    small : (h, w) float32, the picture reduced by ``REDUCTION``.
-    noise_small : standard deviation of its noise.
-
-    Notes
-    -----
-    Against black space everything above the noise belongs to the target, dim parts as well: the box of the
-    edge cluster is the best region. With Earth behind, the plain region grows to nearly the whole frame;
-    there the dense cluster of *strong, straight* edges is proposed next to it.
+    small : (h, w) array
+        The image reduced by ``REDUCTION``, float32.
+    wge : WeakGradientElimination
+        Its strong gradients.
+    noise_small : float
+        Standard deviation of its noise.
     """
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
@@ -106,7 +108,7 @@ def propose_regions(
             continue
         x0, y0, x1, y1, _ = groups[0]
         add(x0, y0, x1, y1, f"cluster-{join}")
-        # parts lit apart from each other: everything of weight near the main group
+        # lit parts may be apart from each other: join all large groups near the main one
         diagonal = np.hypot(x1 - x0, y1 - y0)
         for g in groups[1:]:
             gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
@@ -115,13 +117,13 @@ def propose_regions(
         if busy < 0.2:
             add(x0, y0, x1, y1, f"clusters-{join}")
     if busy >= 0.2:
-        # behind the craft lies texture: what is made has straight lines, and many of them together
+        # before a texture: artefacts have many straight lines together
         segments = straight_segments(small)
         weights = shipped_weights()
         if weights is not None:
             likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
             if _on_craft(mask, likely) > OWN_EDGES:
-                # a craft near by fills the frame with edges of its own: nothing else is there
+                # a near craft fills the frame with its own edges
                 return regions, 0.0, None
             for box in boxes(likely, 2):
                 add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
@@ -141,7 +143,7 @@ def propose_regions(
 def straight_windows(
     small: Array, segments: Array, count: int = 3
 ) -> List[Tuple[float, float, float, float]]:
-    """Boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
+    """Return boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
 
     Coastlines and clouds break into short pieces; a segment counts by the square of its length.
     """
@@ -161,15 +163,15 @@ def straight_windows(
     turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
     heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
     mean = 0.25 * float(heat[0].mean())
-    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    windows: List[Tuple[float, Tuple[float, float, float, float]]] = []
     for side in (44, 72, 116, 190, 290):
         half = side // 2
         total, c, s = (
             cv2.boxFilter(layer, -1, (half, half), normalize=False, borderType=cv2.BORDER_CONSTANT)
             for layer in heat
         )
-        # a square window of texture holds as many segments as it has area: the craft holds more, and across
-        # each other, where waves and limbs run one way
+        # in texture the number of segments is proportional to the area; the craft has more, in crossing directions,
+        # unlike waves and limbs
         crossed = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
         score = (total - mean * side * side) * crossed / side
         own = half // 2
@@ -178,19 +180,19 @@ def straight_windows(
             if score[row, col] <= 0:
                 break
             here = 2.0 * np.array([col, row]) + 0.5
-            # by the pixel that was counted: a middle just outside would leave the window empty
+            # by the counted pixel: a centre just outside would leave the window empty
             inside = (np.abs(x - col) <= own) & (np.abs(y - row) <= own)
             # segments that leave the window belong to it no more than halfway
             p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
-            found.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
+            windows.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
             score[max(0, row - own) : row + own, max(0, col - own) : col + own] = -1.0
-    found.sort(key=lambda f: -f[0])
-    return [box for _, box in found[: 2 * count]]
+    windows.sort(key=lambda f: -f[0])
+    return [box for _, box in windows[: 2 * count]]
 
 
 def _on_craft(mask: Array, likely: Array) -> float:
-    """Share of the edges that lie where the map sees the craft."""
+    """Return the share of the edges that lie on the craft by its map."""
     h, w = likely.shape
     cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     near = cv2.dilate((likely > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -198,7 +200,7 @@ def _on_craft(mask: Array, likely: Array) -> float:
 
 
 def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
-    """Share of ``total`` edges that lie outside the main group of them, when it is not a few specks."""
+    """Return the share of ``total`` edges outside of the main group; 0 for a few specks."""
     if len(groups) < 2 or total < 200:
         return 0.0
     x0, y0, x1, y1, count = groups[0]
@@ -210,7 +212,7 @@ def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> floa
 
 
 def _busy_share(mask: Array) -> float:
-    """Share of 16 x 16 tiles of the frame that hold edges: small for black space, large for Earth."""
+    """Return the share of 16 x 16 tiles of the frame that hold edges: small for black space, large for the Earth."""
     h, w = mask.shape
     th, tw = h // 16, w // 16
     if not th or not tw:

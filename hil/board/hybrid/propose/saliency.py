@@ -24,10 +24,10 @@ Array = np.ndarray
 CELL_PX = 2
 REACHES = (3, 7, 15, 31)
 
-# Shortest straight segment that says anything [px].
+# Shortest straight segment that counts [px].
 SEGMENT_PX = 5.0
 
-# Cells weighed at once.
+# Cells processed at once.
 AT_ONCE = 4096
 
 WEIGHTS = "saliency.npz"
@@ -35,7 +35,7 @@ WEIGHTS = "saliency.npz"
 
 @dataclass(frozen=True, eq=False)
 class SaliencyWeights:
-    """Two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
+    """Weights of two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
 
     mean: Array
     scale: Array
@@ -46,7 +46,7 @@ class SaliencyWeights:
 
     @staticmethod
     def read(file: Union[str, BinaryIO]) -> SaliencyWeights:
-        """From an ``.npz`` file."""
+        """Read an ``.npz`` file."""
         with np.load(file) as f:
             return SaliencyWeights(
                 f["mean"],
@@ -60,7 +60,7 @@ class SaliencyWeights:
 
 @lru_cache(maxsize=1)
 def shipped_weights() -> Optional[SaliencyWeights]:
-    """The weights of this package, None where they were left out of an installation."""
+    """Return the weights of this package, None if the installation lacks them."""
     # a bundle is a zip file: its members are read through the importer
     data = pkgutil.get_data("flyaround.hil.board.hybrid.propose", WEIGHTS)
     return None if data is None else SaliencyWeights.read(io.BytesIO(data))
@@ -72,19 +72,25 @@ def measures(
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:
-    """(h, w, F) float32 texture measures of each cell.
+    """Return texture measures (h, w, F) of each cell, float32.
 
     Parameters
     ----------
-    small : (H, W) float32 reduced picture. noise : its standard deviation.
-    segments, slopes : what ``straight_segments`` finds in it, and its gradient, where that is known already.
+    small : (H, W) array
+        Reduced image, float32.
+    noise : float
+        Standard deviation of its noise.
+    segments : (N, 4) array, optional
+        Its ``straight_segments``, if computed before.
+    slopes : tuple of array, optional
+        Its gradient, if computed before.
     """
     top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))
     gx, gy = slopes or gradient(small, 1.0)
     sigma = noise * gradient_noise(1.0)
     steep = cv2.magnitude(gx, gy)
-    # strength where it stands above the noise, on a scale that neither exposure nor contrast sets
+    # strength in units of the noise, independent of exposure and contrast
     strength = cv2.log(np.maximum(steep * np.float32(1.0 / sigma) - np.float32(2.0), np.float32(1.0)))
     local = cv2.GaussianBlur(small, (0, 0), 3.0) + 3.0 * noise + 0.02 * top
     relative = np.minimum(steep / local, 2.0)
@@ -113,7 +119,7 @@ def _cells(layer: Array, w: int, h: int) -> Array:
 
 
 def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
-    """Coherence of the gradient about a cell: 1 along a straight edge, 0 in texture."""
+    """Return the coherence of the gradient about a cell: 1 along a straight edge, 0 in texture."""
     xx, yy = gx * gx, gy * gy
     energy = xx + yy
     weight = np.minimum(energy, (20 * sigma) ** 2)
@@ -125,12 +131,12 @@ def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
 
 
 def straight_segments(small: Array) -> Array:
-    """(N, 4) straight segments of the reduced picture, from five pixels on."""
+    """Return the straight segments (N, 4) of the reduced image, from five pixels on."""
     return lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), SEGMENT_PX)
 
 
 def _segments(segments: Array, w: int, h: int) -> List[Array]:
-    """Length of straight segments per cell: short, fair and long ones, and how much they cross each other."""
+    """Return the length of short, medium and long segments per cell, and a measure of their crossing."""
     out = [np.zeros((h, w), np.float32) for _ in range(5)]
     if not len(segments):
         return out[:4]
@@ -163,16 +169,16 @@ def saliency_map(
     segments: Optional[Array] = None,
     slopes: Optional[Tuple[Array, Array]] = None,
 ) -> Array:
-    """(h, w) probability that a cell shows the target; others as in ``measures``."""
+    """Return the probability (h, w) that a cell shows the target; parameters as in ``measures``."""
     m = measures(small, noise, segments, slopes)
     h, w, n = m.shape
-    # measures less their mean over their scale, taken into the weights
+    # standardisation of the measures, folded into the weights
     first = (weights.first / weights.scale[:, None]).astype(np.float32)
     bias = (weights.first_bias - (weights.mean / weights.scale) @ weights.first).astype(np.float32)
     flat, second = np.moveaxis(m, -1, 0).reshape(n, -1), weights.second.astype(np.float32)
     z = np.empty(h * w, np.float32)
     for k in range(0, h * w, AT_ONCE):
-        # in parts that stay in the processor's cache
+        # in blocks that fit the processor's cache
         hidden = first.T @ flat[:, k : k + AT_ONCE]
         hidden += bias[:, None]
         z[k : k + AT_ONCE] = second @ np.maximum(hidden, 0.0, out=hidden)
@@ -181,12 +187,12 @@ def saliency_map(
 
 
 def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, float]]:
-    """Boxes around the most salient regions, best first [cells].
+    """Return boxes around the most salient regions, best first [cells].
 
-    Regions at several thresholds: a craft half in shadow comes in pieces, and a low one may join it to a cloud.
+    At several thresholds, because a craft half in shadow breaks up at a high one and joins a cloud at a low one.
     """
     smooth = cv2.GaussianBlur(probability.astype(np.float32), (0, 0), 1.0)
-    found: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    candidates: List[Tuple[float, Tuple[float, float, float, float]]] = []
     for level in (0.5, 0.25, 0.75, 0.12):
         mask = cv2.morphologyEx((smooth > level).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
@@ -195,17 +201,17 @@ def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, 
             if area < 6 or min(bw, bh) < 2:
                 continue
             inside = smooth[y : y + bh, x : x + bw][labels[y : y + bh, x : x + bw] == k]
-            # what of the evidence about it a box holds, less what it holds that is none
+            # evidence within the box, minus a penalty for the area without
             score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
-            found.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
-    found.sort(key=lambda f: -f[0])
-    chosen: List[Tuple[float, float, float, float]] = []
-    for _, box in found:
-        if all(_overlap(box, other) < 0.6 for other in chosen):
-            chosen.append(box)
-        if len(chosen) >= most:
+            candidates.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
+    candidates.sort(key=lambda f: -f[0])
+    distinct: List[Tuple[float, float, float, float]] = []
+    for _, box in candidates:
+        if all(_overlap(box, other) < 0.6 for other in distinct):
+            distinct.append(box)
+        if len(distinct) >= most:
             break
-    return chosen
+    return distinct
 
 
 def _overlap(a: Tuple[float, float, float, float], b: Tuple[float, float, float, float]) -> float:

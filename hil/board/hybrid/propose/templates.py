@@ -1,7 +1,6 @@
-"""Viewpoint templates: views of the target laid into a region, scored by directional chamfer distance.
+"""Viewpoint templates: views of the target fitted to a region, scored by directional chamfer distance.
 
-The proposal that needs no grouping: a few hundred directions times in-plane turns
-(Shotton et al. 2008; Liu et al. 2010).
+A few hundred directions times in-plane turns (Shotton et al. 2008; Liu et al. 2010).
 """
 
 from __future__ import annotations
@@ -22,16 +21,25 @@ Array = np.ndarray
 def match_views(
     table: ViewTable, field: EdgeField, region: Region, camera: CameraIntrinsics, centre_m: Array, keep: int
 ) -> Tuple[Array, Array, Array]:
-    """Poses of the best views laid into the region: q (B, 4), t (B, 3), cost (B,).
+    """Return poses of the best views fitted to the region: q (B, 4), t (B, 3), cost (B,).
+
+    Each turned view is scaled to cover the region, and moved to either end if its shape leaves room: a part in shadow
+    makes the region too small, never too large.
 
     Parameters
     ----------
-    keep : number of poses returned.
-
-    Notes
-    -----
-    Each turned view is scaled to cover the region, and slid to either end where its shape leaves room:
-    a part in shadow makes the region too small, never too large.
+    table : ViewTable
+        The views.
+    field : EdgeField
+        Edges of the region.
+    region : Region
+        The region.
+    camera : CameraIntrinsics
+        Intrinsics.
+    centre_m : (3,) array
+        Centre of the target, target frame [m].
+    keep : int
+        Number of poses.
     """
     w, h = field.size
     corners = field.to_field(np.array([[region.x0, region.y0], [region.x1, region.y1]]))
@@ -41,7 +49,7 @@ def match_views(
     bw, bh = box[..., 2] - box[..., 0], box[..., 3] - box[..., 1]
     sw, sh = rw / np.maximum(bw, 1e-6), rh / np.maximum(bh, 1e-6)
     cover, middle = np.maximum(sw, sh), np.sqrt(sw * sh)
-    # views whose shape cannot be the region's, even with a part in shadow
+    # skip views whose shape cannot be the region's, even with a part in shadow
     ratio = np.maximum(sw / sh, sh / sw)
     v_all, k_all = np.nonzero(ratio < 2.2)
     cap = 0.12 * max(w, h)
@@ -110,7 +118,7 @@ def _poses(
         [(u - camera.cx_px) / camera.fx_px, (w - camera.cy_px) / camera.fy_px, np.ones(len(u))], -1
     )
     t_centre = ray * depth[:, None]
-    # the view was made looking straight at the target: turn it to the ray it is seen along
+    # the view looks straight at the target: rotate it to the ray
     zero = np.zeros(len(v))
     Rz = quat.matrix(quat.from_rotvec(np.stack([zero, zero, turn], axis=-1)))
     d = ray / np.linalg.norm(ray, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Hypotheses about another one: its near-symmetries and half turns, its neighbours, and its tilts."""
+"""Variants of a hypothesis: near-symmetries and half turns, neighbours, and tilts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
-# Turns [deg, camera axes] and scales of the range at which an alignment by edges is started again.
+# Rotations [deg, camera axes] and scales of the range from which alignment on edges is repeated.
 NEIGHBOURS = (
     ((10.0, 0.0, 0.0), 1.0),
     ((-10.0, 0.0, 0.0), 1.0),
@@ -26,15 +26,16 @@ NEIGHBOURS = (
     ((0.0, 0.0, 0.0), 0.93),
 )
 
-# Half turns about the model's x and y: a box upside down is a box.
+# Half turns about the model's x and y axes, near-symmetries of a box.
 HALF_TURNS = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
-# Tilts about a pose, and how far: near minima of what is nearly flat lie 5 to 17 deg apart (docs/svd_results.md) [rad].
+# Number of tilts, and their angle [rad]: near minima of a nearly flat target lie 5 to 17 deg apart
+# (docs/svd_results.md).
 TILTS, TILT_RAD = 6, float(np.radians(12.0))
 
 
 def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.0) -> List[Hypothesis]:
-    """Starts around good poses: edges lie in pairs, and an alignment may have locked on the wrong one."""
+    """Return starts around good poses: edges come in pairs, and an alignment may have locked on the wrong one."""
     out = []
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
@@ -45,7 +46,7 @@ def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.
 
 
 def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypothesis]:
-    """The poses a target could be mistaken for: its near-symmetries, half turns, and the half turn of the image."""
+    """Return near-symmetries, half turns, and the half turn in the image of good poses."""
     out = []
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
@@ -59,7 +60,7 @@ def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypo
 
 
 def tilts(target: PreparedTarget, h: Hypothesis, lean_rad: float = TILT_RAD) -> List[Hypothesis]:
-    """Poses tilted against one to every side, about axes across the line of sight; the centre stays in its place."""
+    """Return a pose tilted to every side, about axes perpendicular to the line of sight; the centre keeps its place."""
     centre = quat.matrix(h.q) @ target.centre_m + h.t
     sight = centre / np.linalg.norm(centre)
     across = np.cross(sight, np.eye(3)[int(np.argmin(np.abs(sight)))])
@@ -75,10 +76,10 @@ def tilts(target: PreparedTarget, h: Hypothesis, lean_rad: float = TILT_RAD) -> 
 def over_its_image(
     target: PreparedTarget, patch: ImagePatch, variants: List[Hypothesis], held: Hypothesis
 ) -> List[Hypothesis]:
-    """Poses moved across the line of sight until the middle of what they cover is where that of ``held`` is.
+    """Return poses moved across the line of sight so that their silhouettes have the centroid of that of ``held``.
 
-    A pose turned about the centre of the target's sphere lies beside the image where an antenna or a panel moves that
-    centre off the middle of what is seen: by 27 px of 200 for a half turn of Tango, which then was never found.
+    A rotation about the centre of the bounding sphere displaces the silhouette if an antenna or a panel is on one side:
+    by 27 px of 200 for a half turn of Tango.
     """
     middle = _middle(target, patch, held)
     out = []
@@ -91,13 +92,13 @@ def over_its_image(
 
 
 def _middle(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Array:
-    """(2,) middle of what a pose covers of the patch [image px]; NaN where that is nothing."""
+    """Return the centroid (2,) of the silhouette on the patch [image px]; NaN if it is empty."""
     faces, R = faces_of(target), quat.matrix(h.q)
-    seen = draw_faces(faces, order_faces(faces, -R.T @ h.t), target.camera.pinhole, R, h.t, patch)
-    return np.asarray(_mean_pixel(seen) / patch.scale)
+    faces_seen = draw_faces(faces, order_faces(faces, -R.T @ h.t), target.camera.pinhole, R, h.t, patch)
+    return np.asarray(_mean_pixel(faces_seen) / patch.scale)
 
 
 def _mean_pixel(seen: Array) -> Array:
-    """(2,) mean column and row of the pixels that show the target; NaN where none does."""
+    """Return the mean column and row (2,) of the pixels that show the target; NaN if none does."""
     out = np.empty(2)
     return out if library().fly_mean_pixel(seen, *seen.shape, out) else np.full(2, np.nan)

@@ -1,1 +1,1 @@
-"""Refiners: a hypothesis moved to where the image wants it, by edges or by all its pixels. Accepts nothing."""
+"""Refinement of hypotheses on edges or on all pixels. Accepts nothing."""

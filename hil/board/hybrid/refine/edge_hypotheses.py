@@ -12,7 +12,6 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.hypotheses.edge_support import quick_cost, support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
-from flyaround.hil.board.hybrid.image.edge_field import EdgeField
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import RegionEdges
@@ -21,47 +20,47 @@ from flyaround.hil.board.hybrid.refine.edges import align_to_field
 
 Array = np.ndarray
 
-# Poses judged with exact visibility, where edges decide in the end and where the whole image looks at eight.
+# Poses scored with exact visibility, if edges decide in the end and if the whole image does.
 EDGES_DECIDE, IMAGE_DECIDES = 48, 14
 
-# Poses that differ by less are one [rad, share of range].
+# Poses that differ by less are duplicates [rad, share of range].
 DUPLICATE_RAD, DUPLICATE_SHARE = 0.07, 0.03
 
-# Coarse to fine: how far edges are searched in each step [field px], then the poses that go on.
+# Reach of the edge search in each step [field px], and poses kept afterwards, coarse to fine.
 COARSE_REACH, COARSE_KEEP = ((14.0, 11.0), (9.0, 7.0, 6.0)), (130, 50)
 FINE_REACH, TWIN_REACH, TWINS_KEEP = (10.0, 8.0, 6.0, 5.0), (10.0, 8.0, 6.0, 5.0, 4.0), 18
 
-# Distance beyond which an edge costs no more [field px], and samples that are looked at far from the end.
+# Distance beyond which an edge costs no more [field px], and stride of the samples in the first steps.
 CAPS_PX, EVERY = (8.0, 6.0), 2
 
-# How many of the best have their near-symmetries and their neighbours asked where edges decide.
+# Number of the best whose near-symmetries and whose neighbours are aligned if edges decide.
 TURNED, MOVED = 3, 4
 
 
 def refine_by_edges(
     target: PreparedTarget, frame: Observation, edges: RegionEdges, q: Array, t: Array
 ) -> List[Hypothesis]:
-    """Hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, the best first."""
+    """Return hypotheses of one region from poses q (N, 4), t (N, 3), aligned on its edges, the best first."""
     coarse, fine = edges.coarse, edges.fine
     if not len(q):
         return []
-    q, t = _align(target, q, t, edges, coarse, COARSE_REACH[0], EVERY)
-    q, t = distinct(q, t, _cost(target, q, t, edges, coarse, CAPS_PX[0], EVERY), COARSE_KEEP[0])
-    q, t = _align(target, q, t, edges, coarse, COARSE_REACH[1], EVERY)
-    q, t = distinct(q, t, _cost(target, q, t, edges, coarse, CAPS_PX[1]), COARSE_KEEP[1])
-    q, t = _align(target, q, t, edges, fine, FINE_REACH)
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[0], EVERY)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[0], EVERY), COARSE_KEEP[0])
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[1], EVERY)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[1]), COARSE_KEEP[1])
+    q, t = align_to_field(target, q, t, edges.views, fine, FINE_REACH)
     keep = EDGES_DECIDE if target.model.faces is None else IMAGE_DECIDES
-    q, t = distinct(q, t, _cost(target, q, t, edges, fine, CAPS_PX[1]), keep)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), keep)
     frame.mark("edge_alignment")
     out = _judge(target, q, t, edges)
     frame.mark("edge_support")
     if target.model.faces is None:
-        # the twin of a good pose must have its chance; else the whole image tells them apart from here on
+        # with faces, near-symmetries are compared on the whole image later
         about = near_symmetries(target, out[:TURNED]) + neighbours(target, out[:MOVED])
         if about:
             q, t = np.array([h.q for h in about]), np.array([h.t for h in about])
-            q, t = _align(target, q, t, edges, fine, TWIN_REACH)
-            q, t = distinct(q, t, _cost(target, q, t, edges, fine, CAPS_PX[1]), TWINS_KEEP)
+            q, t = align_to_field(target, q, t, edges.views, fine, TWIN_REACH)
+            q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), TWINS_KEEP)
             out += _judge(target, q, t, edges)
             out.sort(key=lambda h: -h.support.total)
         frame.mark("edge_alignment")
@@ -70,52 +69,27 @@ def refine_by_edges(
 
 
 def distinct(q: Array, t: Array, cost: Array, keep: int) -> Tuple[Array, Array]:
-    """The cheapest ``keep`` poses, near-duplicates dropped."""
-    chosen: List[int] = []
+    """Return the ``keep`` poses of least cost, without near-duplicates."""
+    indices: List[int] = []
     for i in np.argsort(cost):
         if not np.isfinite(cost[i]):
             continue
-        if chosen:
-            near = quat.angle_rad(q[chosen], q[i]) < DUPLICATE_RAD
-            near &= np.linalg.norm(t[chosen] - t[i], axis=1) < DUPLICATE_SHARE * abs(t[i, 2])
+        if indices:
+            near = quat.angle_rad(q[indices], q[i]) < DUPLICATE_RAD
+            near &= np.linalg.norm(t[indices] - t[i], axis=1) < DUPLICATE_SHARE * abs(t[i, 2])
             if near.any():
                 continue
-        chosen.append(int(i))
-        if len(chosen) >= keep:
+        indices.append(int(i))
+        if len(indices) >= keep:
             break
-    return q[chosen], t[chosen]
-
-
-def _align(
-    target: PreparedTarget,
-    q: Array,
-    t: Array,
-    edges: RegionEdges,
-    field: EdgeField,
-    reach: Tuple[float, ...],
-    every: int = 1,
-) -> Tuple[Array, Array]:
-    samples, camera, centre, radius = target.samples, target.camera, target.centre_m, target.radius_m
-    return align_to_field(q, t, samples, edges.views, field, camera, centre, radius, reach, every)
-
-
-def _cost(
-    target: PreparedTarget,
-    q: Array,
-    t: Array,
-    edges: RegionEdges,
-    field: EdgeField,
-    cap_px: float,
-    every: int = 1,
-) -> Array:
-    return quick_cost(q, t, target.samples, edges.views, field, target.camera, target.centre_m, cap_px, every)
+    return q[indices], t[indices]
 
 
 def _judge(target: PreparedTarget, q: Array, t: Array, edges: RegionEdges) -> List[Hypothesis]:
-    """Hypotheses with their support by the fine edges, the best first."""
+    """Return hypotheses with their support by the fine edges, the best first."""
     source, out = Source(edges.region, edges.fine), []
     for k in range(len(q)):
-        s = support(q[k], t[k], target.samples, target.occ, edges.fine, target.camera, target.spacing_m)
+        s = support(target, q[k], t[k], edges.fine)
         out.append(Hypothesis(PoseFit(q[k], t[k]), source, s.total, s))
     out.sort(key=lambda h: -h.score)
     return out

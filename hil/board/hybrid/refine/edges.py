@@ -1,4 +1,4 @@
-"""Alignment of poses on the edges of the picture: robust Gauss-Newton on distances across model edges."""
+"""Alignment of poses on the edges of the image: robust Gauss-Newton on distances across model edges."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.camera import CameraIntrinsics
-from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.geometry.wireframe import jacobian, project
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import EdgeFit, PoseFit
 from flyaround.hil.board.hybrid.image.edge_field import EdgeField
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.silhouette import inward_sign, silhouette
 from flyaround.hil.board.hybrid.model.view_tables import ViewTable
 from flyaround.hil.board.hybrid.refine.robust import geman_mcclure, tukey
@@ -23,14 +23,11 @@ Array = np.ndarray
 
 
 def align_to_field(
+    target: PreparedTarget,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
-    table: ViewTable,
+    views: ViewTable,
     field: EdgeField,
-    camera: CameraIntrinsics,
-    centre_m: Array,
-    radius_m: float,
     reach_px: Tuple[float, ...],
     every: int = 1,
 ) -> Tuple[Array, Array]:
@@ -38,16 +35,27 @@ def align_to_field(
 
     Parameters
     ----------
-    reach_px : one entry per iteration: edges farther than this are ignored [field px].
-    every : use each ``every``-th sample only.
+    target : PreparedTarget
+        The target.
+    q, t : (B, 4), (B, 3) array
+        Poses.
+    views : ViewTable
+        Its views, which list the visible samples.
+    field : EdgeField
+        Edges of the region.
+    reach_px : tuple of float
+        Distance beyond which edges are ignored, per iteration [field px].
+    every : int
+        Use each ``every``-th sample only.
     """
+    camera, radius_m = target.camera, target.radius_m
     idx = weight = np.zeros(0)
     for k, reach in enumerate(reach_px):
         R = quat.matrix(q)
         if k % 3 == 0:
-            view = table.nearest(R, t, centre_m)
-            idx, weight = table.track[view, ::every], table.weight[view, ::every]
-        pr = project(samples, camera, R, t, idx)
+            view = views.nearest(R, t, target.centre_m)
+            idx, weight = views.track[view, ::every], views.weight[view, ::every]
+        pr = project(target.samples, camera, R, t, idx)
         uv = field.to_field(pr.pixels)
         flat, inside = field.lookup(uv, pr.angle)
         d = field.distance.reshape(-1)[flat]
@@ -65,7 +73,7 @@ def align_to_field(
 
 
 def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
-    """The same of one step (6,) at one place (3,): of so few numbers arrays cost ten times what they take."""
+    """Limit one step (6,) as ``limit_step`` does, ten times faster than by arrays."""
     a, b, c, x, y, z = step.tolist()
     over = max(
         math.sqrt(a * a + b * b + c * c) / 0.25,
@@ -80,7 +88,7 @@ def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
 
 
 def limit_step(step: Array, t: Array, radius_m: float) -> Array:
-    """No single step turns by more than 0.25 rad or changes the range by more than a fifth."""
+    """Scale steps (B, 6) down so that none turns by more than 0.25 rad or changes the range by more than a fifth."""
     depth = np.maximum(t[:, 2], radius_m)
     over = np.maximum(
         np.linalg.norm(step[:, :3], axis=1) / 0.25,
@@ -96,8 +104,14 @@ class Gradients:
 
     Parameters
     ----------
-    gx, gy : (h, w) float32. sigma : noise of one component. x0, y0, factor : as in EdgeField.
-    empty : whether the background is empty space.
+    gx, gy : (h, w) array
+        Components, float32.
+    sigma : float
+        Noise of one component.
+    x0, y0, factor : float
+        See `EdgeField`.
+    empty : bool
+        True if the background is empty space.
     """
 
     gx: Array
@@ -110,40 +124,42 @@ class Gradients:
 
 
 def fine_align(
-    q: Array,
-    t: Array,
-    samples: EdgeSamples,
-    idx: Array,
-    gradients: Gradients,
-    occ: OccludingTriangles,
-    camera: CameraIntrinsics,
-    radius_m: float,
-    reach_px: Tuple[int, ...],
+    target: PreparedTarget, q: Array, t: Array, idx: Array, gradients: Gradients, reach_px: Tuple[int, ...]
 ) -> Tuple[PoseFit, EdgeFit]:
-    """One-dimensional search along the normals of visible samples, sub-pixel.
+    """Align a pose by one-dimensional searches along the normals of visible samples, with sub-pixel accuracy.
 
-    Polarity is ignored, but for outlines against empty space: there the craft is the brighter side, which
-    tells the outer edge of a bright frame from its inner one.
+    Polarity is ignored except for outlines before empty space. There the craft is the brighter side, which
+    distinguishes the outer edge of a bright frame from its inner one.
 
     Parameters
     ----------
-    idx : (M,) samples visible from this pose. reach_px : half length of the search, per iteration [field px].
+    target : PreparedTarget
+        The target.
+    q, t : (4,), (3,) array
+        The pose.
+    idx : (M,) array
+        Indices of the visible samples.
+    gradients : Gradients
+        Gradient of the region.
+    reach_px : tuple of int
+        Half length of the search, per iteration [field px].
 
     References
     ----------
     Harris & Stennett (1990), RAPID; Drummond & Cipolla (2002), robust weights.
     """
     q, t = q[None].copy(), t[None].copy()
-    f = gradients.factor
+    camera, radius_m, f = target.camera, target.radius_m, gradients.factor
+    origin = gradients.x0, gradients.y0
     H, rms, found, tight, inliers = np.eye(6), 9.9, 0.0, 0.0, 0.0
     h, w = gradients.gx.shape
     for reach in reach_px:
-        pr = project(samples, camera, quat.matrix(q), t, idx[None])
-        uv = ((pr.pixels[0] - (gradients.x0, gradients.y0) + 0.5) / f - 0.5).astype(np.float32)
+        pr = project(target.samples, camera, quat.matrix(q), t, idx[None])
+        uv = ((pr.pixels[0] - origin + 0.5) / f - 0.5).astype(np.float32)
         n = pr.normals[0].astype(np.float32)
         inward = np.zeros(len(uv), int)
         if gradients.empty:
-            shape = silhouette(quat.matrix(q)[0], t[0], occ, camera, (gradients.x0, gradients.y0), f, (w, h))
+            shape = silhouette(quat.matrix(q)[0], t[0], target.occ, camera, origin, f, (w, h))
             inward = inward_sign(shape, uv, n)
         offset, strength = search_normals(gradients, uv, n, inward, reach)
         good = strength > 4.0
@@ -168,7 +184,7 @@ def fine_align(
 def search_normals(
     gradients: Gradients, uv: Array, n: Array, inward: Array, reach: int
 ) -> Tuple[Array, Array]:
-    """Offset of the best edge along each normal [field px], and its strength in noise units.
+    """Return the offset of the best edge along each normal [field px], and its strength in units of the noise.
 
     Among local maxima the nearest strong one wins: the score falls with distance.
     """
@@ -178,8 +194,8 @@ def search_normals(
     gx = cv2.remap(gradients.gx, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     gy = cv2.remap(gradients.gy, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     g = (gx * n[:, :1] + gy * n[:, 1:]) / gradients.sigma
-    known = inward[:, None]
-    g = np.where(known == 0, np.abs(g), np.maximum(g * known, 0.0))
+    polarity = inward[:, None]
+    g = np.where(polarity == 0, np.abs(g), np.maximum(g * polarity, 0.0))
     peak = np.zeros_like(g)
     mid = g[:, 1:-1]
     is_peak = (mid >= g[:, :-2]) & (mid > g[:, 2:])
@@ -188,9 +204,9 @@ def search_normals(
     peak[:, 1:-1] = np.where(is_peak, weight, 0.0)
     best = np.argmax(peak, axis=1)
     rows = np.arange(len(g))
-    found = peak[rows, best] > 0
+    is_edge = peak[rows, best] > 0
     best = np.clip(best, 1, g.shape[1] - 2)
     a, b, c = g[rows, best - 1], g[rows, best], g[rows, best + 1]
     curve = a - 2 * b + c
     sub = np.where(np.abs(curve) > 1e-6, 0.5 * (a - c) / np.where(np.abs(curve) > 1e-6, curve, 1.0), 0.0)
-    return np.where(found, k[best] + np.clip(sub, -0.5, 0.5), 0.0), np.where(found, b, 0.0)
+    return np.where(is_edge, k[best] + np.clip(sub, -0.5, 0.5), 0.0), np.where(is_edge, b, 0.0)

@@ -18,31 +18,36 @@ from flyaround.hil.board.hybrid.propose.variants import near_symmetries, neighbo
 from flyaround.hil.board.hybrid.refine.edges import Gradients, fine_align
 from flyaround.hil.board.svd.region_of_interest import Region
 
-# Leaders refined, and how far behind the first they may be in total support.
+# Most hypotheses that are refined, and their largest deficit of total support.
 LEADERS, LEAD = 6, 0.1
 
-# How near the winner's neighbours are: share of the steps of ``variants.NEIGHBOURS``.
+# Distance of the winner's neighbours [share of the steps of ``variants.NEIGHBOURS``].
 NEAR = 0.4
 
-# Longest side of the region for the sub-pixel search [px], and how far is searched in its steps [px].
+# Longest side of the region for the sub-pixel search [px], and its reach in each step [px].
 LONGEST_PX, REACHES = 800, ((8, 6, 5), (4, 4, 3, 3))
 
 
 def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypothesis]) -> List[Hypothesis]:
-    """The leaders refined to sub-pixel on all visible edges, then the winner's neighbours and near-symmetries.
+    """Refine the best hypotheses on sub-pixel edges, then the winner's neighbours and near-symmetries.
 
     Parameters
     ----------
-    found : hypotheses of every region, best first, at least one.
+    target : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    found : list of Hypothesis
+        Hypotheses of every region, the best first, at least one.
     """
     gradients: Dict[Region, Gradients] = {}
     refined = [
         _refined(target, frame, h, gradients) for h in found[:LEADERS] if h.score >= found[0].score - LEAD
     ]
-    # once more around the winner: pairs of parallel edges make many near minima
+    # pairs of parallel edges make many near minima around the winner
     about = neighbours(target, [max(refined, key=_score)], NEAR)
     refined += [_refined(target, frame, h, gradients) for h in about]
-    # and its twins at the same precision: the rival must have had every chance
+    # near-symmetries at the same precision, for a fair comparison
     about = near_symmetries(target, [max(refined, key=_score)])
     refined += [_refined(target, frame, h, gradients) for h in about]
     return refined
@@ -55,7 +60,7 @@ def _score(h: Hypothesis) -> float:
 def _refined(
     target: PreparedTarget, frame: Observation, start: Hypothesis, gradients: Dict[Region, Gradients]
 ) -> Hypothesis:
-    """A hypothesis refined on the sub-pixel edges of its region."""
+    """Return a hypothesis refined on the sub-pixel edges of its region."""
     region, field = start.source.region, start.source.field
     if region not in gradients:
         gradients[region] = region_gradients(frame, region, empty=field.empty)
@@ -65,18 +70,8 @@ def _refined(
         visible = np.flatnonzero(visible_samples(target.samples, target.occ, -R.T @ pose.t)[0])
         if len(visible) < 8 and fit is not None:
             break
-        pose, fit = fine_align(
-            pose.q,
-            pose.t,
-            target.samples,
-            visible,
-            gradients[region],
-            target.occ,
-            target.camera,
-            target.radius_m,
-            reach,
-        )
-    s = support(pose.q, pose.t, target.samples, target.occ, field, target.camera, target.spacing_m)
+        pose, fit = fine_align(target, pose.q, pose.t, visible, gradients[region], reach)
+    s = support(target, pose.q, pose.t, field)
     return Hypothesis(pose, start.source, s.total, s, edge_fit=fit, start=start)
 
 

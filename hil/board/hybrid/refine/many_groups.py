@@ -1,4 +1,4 @@
-"""A step and a score of a craft with more groups of faces in view than a byte numbers, in numpy (see the model's)."""
+"""Step and score of a craft with more than 255 groups of faces in view, in NumPy (see ``model.many_groups``)."""
 
 from __future__ import annotations
 
@@ -15,21 +15,17 @@ from flyaround.hil.board.hybrid.model.many_groups import blurred, coverage
 
 Array = np.ndarray
 
-# A pixel that a shift by a pixel of the patch changes by less, in units of the noise, is left out of a step: these are
-# one in three, and hold less than a thousandth of what the picture says.
+# Least change of a pixel by a shift of one patch pixel [noise]: others, one in three, hold less than a thousandth of
+# the information and are left out of a step.
 TELLS = 0.02
 
 
 def motion_images(
     shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
-    """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
+    """Return the derivative (6, h, w) of the synthetic view by rotation about the target's origin and translation.
 
-    Where two groups meet, the nearer face's point carries the border with it.
-
-    Parameters
-    ----------
-    camera : a pinhole (see ``ImagePatch.rays``).
+    See ``motion_images.motion_images``.
     """
     h, w = patch.gray.shape
     f = patch.fine
@@ -45,7 +41,7 @@ def motion_images(
     there = np.concatenate([right + 1, down + wide])
     across = np.arange(len(here)) < len(right)
     u, v = patch.rays(camera)
-    # a remainder costs ten times what this does
+    # the remainder operator is ten times slower
     y = here // wide
     x = here - y * wide
     step_u, step_v = u[1] - u[0], v[1] - v[0]
@@ -65,7 +61,7 @@ def motion_images(
     tx, ty, tz = (np.float32(c) for c in t)
     X, Y, Z = rx / inverse - tx, ry / inverse - ty, 1 / inverse - tz
     flat_g = g.ravel()
-    # of few rows and columns each is divided once
+    # few rows and columns: each is divided once
     cell = (np.arange(h * f) // f * w).take(y) + (np.arange(wide) // f).take(x)
     change = shading.brightness(flat_g[here], cell) - shading.brightness(flat_g[there], cell)
     k = (change * ok * inverse * np.where(across, 1.0 / (step_u * f * f), 1.0 / (step_v * f * f))).astype(
@@ -76,15 +72,15 @@ def motion_images(
     turn_x, turn_y = -own * Y, own * X
     turn_x[n:] -= Z[n:]
     turn_y[:n] += Z[:n]
-    # a border along the side of a patch pixel lies half in the next one: all of it in this one would move what pulls
-    # at the pose by a quarter of a pixel, and the pose with it
+    # a border along the side of a patch pixel lies half in the next one: counted in one alone it would bias the pose
+    # by a quarter of a pixel
     last = np.arange(max(wide, h * f)) % f == f - 1
     shared = np.flatnonzero(last.take(np.where(across, x, y)))
     k[shared] *= np.float32(0.5)
     cell = np.concatenate([cell, cell[shared] + np.where(across[shared], 1, w)])
     each = np.concatenate([np.arange(len(k)), shared])
     out = np.empty((6, h * w), np.float32)
-    # a shift across moves no border that runs across
+    # a shift along a border does not move it
     for j, slope in enumerate((turn_x, turn_y, np.where(across, -Y, X), across, ~across, -own)):
         out[j] = np.bincount(cell, (slope * k)[each], h * w)
     return out.reshape(6, h, w)
@@ -103,13 +99,9 @@ def gram(
     tukey: float,
     joint: int,
 ) -> Tuple[Array, float, int]:
-    """Products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and how many pixels count.
+    """Return the products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and the number of pixels.
 
-    Parameters
-    ----------
-    blurs_px : of the optics, of this step, and of both. noise : of the patch blurred so. slack : squared distance that
-        borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. joint : groups whose
-        level is found with the pose.
+    See ``photometric._gram``.
     """
     lens, blur, optics = blurs_px
     shown, slope = patch.response.of(blurred(shading.picture, lens))
@@ -134,9 +126,9 @@ def gram(
 def _weights(
     e: Array, drawn: Array, use: Array, craft: Array, noise: float, slack: float, tukey: float
 ) -> Tuple[Array, Array]:
-    """Residuals that count, as flat indices (N,), and the weight (N,) float32 of each.
+    """Return the flat indices (N,) of the residuals with a weight, and the weights (N,), float32.
 
-    From its noise, how far borders may still be off, and Tukey's bound.
+    Weights follow from the noise, the squared distance by which borders may still be off, and Tukey's bound.
     """
     gx = cv2.Sobel(drawn, cv2.CV_32F, 1, 0, scale=0.125)
     gy = cv2.Sobel(drawn, cv2.CV_32F, 0, 1, scale=0.125)
@@ -165,18 +157,12 @@ def unexplained(
     bound: float,
     covered: float,
 ) -> float:
-    """Sum of bounded squared deviations of a synthetic view from the patch.
-
-    Parameters
-    ----------
-    noise : of the patch blurred for this. none : (h, w) deviations without the craft, which hold where no more than
-        ``covered`` of a pixel is. blurs_px : of the optics, the score, and what is covered. bound : squared.
-    """
+    """Return the sum of bounded squared residuals of a synthetic view; see ``photometric._unexplained``."""
     lens, blur, cover_blur = blurs_px
     drawn = patch.response.of(blurred(shading.picture, lens))[0]
     e = (patch.blurred(blur) - blurred(drawn, blur)) / noise
     if patch.textured:
-        # clutter beside the craft is no pose's merit or fault
+        # clutter beside the craft counts the same for every pose
         h, w = e.shape
         cover = cv2.resize((shading.group > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
         e = np.where(blurred(cover, cover_blur) > covered, e, none)
@@ -184,5 +170,5 @@ def unexplained(
 
 
 def bounded(e: Array, bound: float) -> float:
-    """Sum of squared deviations, each bounded and less what noise leaves everywhere."""
+    """Return the sum of squared residuals, each bounded and reduced by the expectation of noise."""
     return float(np.maximum(np.minimum(e * e, bound) - 1.5, 0.0).sum())

@@ -1,4 +1,4 @@
-"""What a pose does to the drawn picture: its derivative lives where faces meet."""
+"""Derivative of the synthetic view by the pose, which is non-zero where faces meet."""
 
 from __future__ import annotations
 
@@ -18,13 +18,22 @@ Array = np.ndarray
 def motion_images(
     shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Array:
-    """(6, h, w) float32 derivative of the drawn picture by (turn about the target's origin, shift), camera axes.
+    """Return the derivative (6, h, w) of the synthetic view by rotation about the target's origin and translation.
 
-    Where two groups meet, the nearer face's point carries the border with it.
+    Camera axes, float32. Where two groups meet, the border moves with the nearer face.
 
     Parameters
     ----------
-    camera : a pinhole (see ``ImagePatch.rays``).
+    shading : Shading
+        The synthetic view.
+    faces : Faces
+        Faces of the target.
+    patch : ImagePatch
+        Its patch.
+    camera : CameraIntrinsics
+        A pinhole (see ``ImagePatch.rays``).
+    R, t : (3, 3), (3,) array
+        The pose, camera from target.
     """
     if shading.group.dtype != np.uint8:
         return many_groups.motion_images(shading, faces, patch, camera, R, t)
@@ -40,7 +49,7 @@ def motion_images(
 def pose_motion(
     shading: Shading, faces: Faces, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
 ) -> Structure:
-    """A drawn craft that moves, as the library takes it; parameters as in ``motion_images``."""
+    """Return a moving synthetic view in the layout of the native library; parameters as in ``motion_images``."""
     (h, w), f, n, (across, down) = patch.gray.shape, patch.fine, len(faces.corners), patch.scale
     level = np.zeros(256)
     level[: len(shading.level)] = shading.level

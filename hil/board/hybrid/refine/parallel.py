@@ -1,4 +1,4 @@
-"""Refines several hypotheses in parallel on one image patch.
+"""Parallel refinement of several hypotheses on one image patch.
 
 Those whose score falls behind are dropped, and those that converge to a better one.
 """
@@ -18,24 +18,28 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# An alignment that leaves the size it started from by more has gone astray: logarithm of the range.
+# Largest change of the logarithm of the range in an alignment; beyond it the alignment has diverged.
 ASTRAY = 0.3
 
-# What of a score is noise where all are low.
+# Noise of a score.
 SLACK = 0.02
 
-# Hypotheses that were drawn on one patch, by where they were and what was done.
+# Cache of the hypotheses that were drawn on one patch, by pose and operation.
 Drawings = Dict[Tuple[Any, ...], Hypothesis]
 
 
 @dataclass(frozen=True)
 class Pruning:
-    """Which of the hypotheses that are refined in parallel go on.
+    """Criteria by which hypotheses go on to the next step.
 
     Parameters
     ----------
-    share : of the best score that the others must have. apart_rad : how far from every better one they must be.
-    most : how many at most.
+    share : float
+        Least share of the best score.
+    apart_rad : float
+        Least angle to every better one [rad].
+    most : int
+        Most hypotheses.
     """
 
     share: float
@@ -43,7 +47,7 @@ class Pruning:
     most: int = 1000
 
     def split(self, hypotheses: List[Hypothesis]) -> Tuple[List[Hypothesis], List[Hypothesis]]:
-        """Those that go on, the best first, and those that stay with their score; near-duplicates are dropped."""
+        """Return those that go on, the best first, and those that keep their score; near-duplicates are dropped."""
         going: List[Hypothesis] = []
         stay: List[Hypothesis] = []
         for h in sorted(hypotheses, key=lambda h: -h.score):
@@ -57,7 +61,7 @@ class Pruning:
 def draw(
     target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
 ) -> Hypothesis:
-    """A hypothesis drawn where it is, without shadows, and scored; its refinement starts here."""
+    """Return a hypothesis drawn without shadows and scored; its refinement starts here."""
 
     def made() -> Hypothesis:
         view = photo_draw(h.q, h.t, faces_of(target), patch, target.camera.pinhole)
@@ -70,10 +74,10 @@ def draw(
 def draw_shadows(
     target: PreparedTarget, patch: ImagePatch, h: Hypothesis, drawings: Optional[Drawings] = None
 ) -> Hypothesis:
-    """A hypothesis that was drawn, with the shadows that the image wants there."""
+    """Return a drawn hypothesis with the shadows that explain the image best."""
 
     def made() -> Hypothesis:
-        lit = search_sun(target, faces_of(target), patch, h.q, h.t, drawn(h), coarse=True)
+        lit = search_sun(target, patch, h.q, h.t, drawn(h), coarse=True)
         return replace(h, view=lit.shading, score=lit.score, sun=lit.sun)
 
     return _memoised(drawings, ("shadows", h.q.tobytes(), h.t.tobytes()), h.origin, made)
@@ -82,7 +86,7 @@ def draw_shadows(
 def _memoised(
     drawings: Optional[Drawings], key: Tuple[Any, ...], start: Hypothesis, made: Callable[[], Hypothesis]
 ) -> Hypothesis:
-    """What was drawn for the key before, now of another ``start``; else as it is made."""
+    """Return the cached drawing of a key with another ``start``; make and cache it if there is none."""
     if drawings is None:
         return made()
     if key not in drawings:
@@ -98,12 +102,22 @@ def refine_in_parallel(
     prunings: Tuple[Pruning, ...],
     drawings: Optional[Drawings] = None,
 ) -> List[Hypothesis]:
-    """Hypotheses that were drawn, aligned side by side on a patch and scored by it, the best first.
+    """Align drawn hypotheses on a patch, and return them with their scores, the best first.
 
     Parameters
     ----------
-    blurs : of each step. prunings : who goes on with it; the others stay where they are, with the score they have.
-    drawings : of the same patch from before; receives these.
+    target : PreparedTarget
+        The target.
+    patch : ImagePatch
+        The image.
+    hypotheses : list of Hypothesis
+        The drawn hypotheses.
+    blurs : tuple of float
+        Blur of each step [patch px].
+    prunings : tuple of Pruning
+        Pruning before each step; those that do not go on keep their pose and score.
+    drawings : dict, optional
+        Cache of drawings on the same patch.
     """
     done: List[Hypothesis] = []
     for blur, pruning in zip(blurs, prunings):  # noqa: B905 - Python 3.9 has no strict=
@@ -123,7 +137,7 @@ def refine_in_parallel(
 
 
 def _step(target: PreparedTarget, patch: ImagePatch, h: Hypothesis, blur: float) -> Hypothesis:
-    """A hypothesis one Gauss-Newton step on; itself where the image says nothing."""
+    """Return a hypothesis after one Gauss-Newton step; itself if the image has no information."""
     faces, camera = faces_of(target), target.camera.pinhole
     pose = photo_step(h.pose, drawn(h), faces, patch, camera, target.radius_m, blur)
     if pose is None:

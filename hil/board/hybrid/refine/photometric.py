@@ -1,4 +1,4 @@
-"""Alignment of the drawn craft on the picture itself: every pixel counts, each by what the pose does to it."""
+"""Alignment of the synthetic view on the image: every pixel that the pose changes counts."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from flyaround.hil.board.svd.refinement import parameter_scale
 
 Array = np.ndarray
 
-# Where a residual stops counting, in units of its robust spread.
+# Bound of Tukey's biweight, in units of the robust spread.
 TUKEY = 4.0
 
-# How far an edge may be from where it is drawn: at the end, and more for each pixel of blur [patch px].
+# Expected distance of an edge from where it is drawn: at the end, and per pixel of blur [patch px].
 FLOOR_PX, SLACK = 0.2, 0.6
 
-# Steps on blurred pictures are made longer by this: they fall short, for the levels follow the error of the pose.
+# Over-relaxation of steps on blurred images, which fall short because the levels follow the error of the pose.
 RELAX = 1.5
 
-# What is not drawn outweighs the noise: variance over that of the normal equations, so that errors against
-# development frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
+# Variance over that of the normal equations, because errors of the model outweigh the noise: errors on development
+# frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
 INFLATION = 150.0
 
-# Groups of faces whose brightness is found together with the pose, and at the end.
+# Groups of faces whose brightness is estimated with the pose; the same at the end.
 JOINT, JOINT_AT_END = 16, 40
 
-# Verification: blur against noise [patch px], and the residual beyond which more costs no more [noise].
+# Blur of the score [patch px], and bound of its residuals [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
-# Share of the scale from which a pixel is burnt out, noise and all.
+# Least share of full scale of a saturated pixel, with noise.
 BURNT_OUT = 0.94
 
-# Share of a pixel covered from which it counts where there is a texture behind.
+# Least coverage of a pixel that counts before a texture.
 COVERED = 0.05
 
-# Most groups with a brightness of their own (coverage.h), and a matrix with room for them.
+# Most groups with a brightness of their own (coverage.h), and size of a matrix for them.
 MOST, ROOM = 63, (63 + 7) ** 2
 
 # The library returns two counts in one number, the second times this.
@@ -69,11 +69,20 @@ def photo_draw(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """Draw the craft at a pose, as bright as the picture says.
+    """Draw the craft at a pose with brightness from the image.
 
     Parameters
     ----------
-    camera : a pinhole (see ``ImagePatch.rays``). sun : casts shadows; None draws none.
+    q, t : (4,), (3,) array
+        The pose, camera from target.
+    faces : Faces
+        Faces of the target.
+    patch : ImagePatch
+        The image.
+    camera : CameraIntrinsics
+        A pinhole (see ``ImagePatch.rays``).
+    sun : ShadowMap, optional
+        Source of shadows; None draws none.
     """
     R = quat.matrix(q)
     seen = draw_faces(faces, order_faces(faces, -R.T @ t), camera, R, t, patch)
@@ -89,7 +98,7 @@ def photo_shade(
     camera: CameraIntrinsics,
     sun: Optional[ShadowMap] = None,
 ) -> Shading:
-    """The same where the faces ``seen`` at the pose are drawn already."""
+    """Return the view of faces ``seen`` that ``draw_faces`` drew at the pose; parameters as in ``photo_draw``."""
     dark = None if sun is None else sun.shadows(faces, seen, patch, camera, quat.matrix(q), t)
     return shade(faces, seen, patch, dark)
 
@@ -105,12 +114,28 @@ def photo_step(
     relax: float = RELAX,
     joint: int = JOINT,
 ) -> Optional[PoseFit]:
-    """One step from the pose that ``shading`` was drawn at; None where the picture says nothing.
+    """Return the pose after one Gauss-Newton step; None if the image has no information.
 
     Parameters
     ----------
-    blur : of both pictures [patch px]; wide ones reach far. relax : how much longer the step is made.
-    joint : groups whose brightness is found together with the pose.
+    fit : PoseFit
+        The pose.
+    shading : Shading
+        View at it.
+    faces : Faces
+        Faces of the target.
+    patch : ImagePatch
+        The image.
+    camera : CameraIntrinsics
+        A pinhole.
+    radius_m : float
+        Radius of the target [m].
+    blur : float
+        Blur of image and view [patch px]; wide ones converge from afar.
+    relax : float
+        Factor of the step.
+    joint : int
+        Groups whose brightness is estimated with the pose.
     """
     R, t = quat.matrix(fit.q), fit.t
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
@@ -128,7 +153,7 @@ def photo_step(
 
 
 def _inverse(H: Array) -> Array:
-    """Inverse of a normal matrix, the pseudo-inverse where there is none: that alone costs as much as ten of these."""
+    """Return the inverse of a normal matrix; the pseudo-inverse, which is ten times slower, if it is singular."""
     try:
         return np.asarray(np.linalg.inv(H))
     except np.linalg.LinAlgError:
@@ -148,13 +173,30 @@ def _gram(
     tukey: float,
     joint: int,
 ) -> Tuple[Array, float, int]:
-    """Products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and how many pixels count.
+    """Return the products (K + 7, K + 7) of a step's weighted rows, the sum of weights, and the number of pixels.
 
     Parameters
     ----------
-    blurs_px : of the optics, of this step, and of both. noise : of the patch blurred so. slack : squared distance that
-        borders may still be off [px^2]. tukey : squared bound in units of a residual's deviation. joint : groups whose
-        level is found with the pose.
+    shading : Shading
+        The synthetic view.
+    faces : Faces
+        Faces of the target.
+    patch : ImagePatch
+        The image.
+    camera : CameraIntrinsics
+        A pinhole.
+    R, t : (3, 3), (3,) array
+        The pose, camera from target.
+    blurs_px : tuple of float
+        Blur of the optics, of this step, and of both.
+    noise : float
+        Noise of the patch under the blur of this step.
+    slack : float
+        Squared distance by which borders may still be off [px^2].
+    tukey : float
+        Squared bound of the biweight, in units of a residual's variance.
+    joint : int
+        Groups whose brightness is estimated with the pose.
     """
     if shading.group.dtype != np.uint8:
         return many_groups.gram(shading, faces, patch, camera, R, t, blurs_px, noise, slack, tukey, joint)
@@ -185,14 +227,14 @@ def _gram(
 
 
 def projected(G: Array) -> Tuple[Array, Array, float]:
-    """Normal matrix (6, 6), right side (6,) and squared residual of weighted rows, levels projected out.
+    """Return normal matrix (6, 6), right side (6,) and squared residual of weighted rows, brightnesses projected out.
 
-    Golub and Pereyra (1973), variable projection: a step of the pose must not be judged with brightnesses that
-    were taken from the picture at the old one.
+    Variable projection (Golub & Pereyra 1973), because the brightnesses were measured at the old pose.
 
     Parameters
     ----------
-    G : (K + 7, K + 7) products of K levels' derivatives, six of the pose and the residual, all weighted.
+    G : (K + 7, K + 7) array
+        Products of the weighted derivatives by K brightnesses and six pose parameters, and the residual.
     """
     k = len(G) - 7
     L = _loaded(G[:k, :k], 1e-6, 1e-12)
@@ -201,13 +243,13 @@ def projected(G: Array) -> Tuple[Array, Array, float]:
 
 
 def damped_step(H: Array, g: Array, scale: Array, damping: float) -> Array:
-    """(6,) step of the damped normal equations, in parameters of like size."""
+    """Return the step (6,) of the damped normal equations, solved in scaled parameters."""
     A = _loaded(H * scale[:, None] * scale[None, :], damping, 1e-9)
     return np.asarray(np.linalg.solve(A, g * scale) * scale)
 
 
 def _loaded(A: Array, share: float, least: float) -> Array:
-    """The matrix with ``share`` of its diagonal's mean and ``least`` added to each of that."""
+    """Return the matrix with ``share`` of its mean diagonal plus ``least`` added to the diagonal."""
     A = A.copy()
     diagonal = A.ravel()[:: len(A) + 1]
     diagonal += share * diagonal.sum() / max(len(A), 1) + least
@@ -221,13 +263,13 @@ def explained(shading: Shading, patch: ImagePatch) -> float:
     """
     noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
-    left = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
-    return 1.0 - left / max(least, 1e-9)
+    residual = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
+    return 1.0 - residual / max(least, 1e-9)
 
 
 @functools.lru_cache(maxsize=4)
 def _without_craft(patch: ImagePatch) -> Tuple[float, Array, float]:
-    """Noise of the patch blurred for the score, deviations (h, w) from its background, and what they leave."""
+    """Return the noise of the patch blurred for the score, its background's residuals (h, w), and their bounded sum."""
     noise = patch.sigma / (2 * np.sqrt(np.pi) * SCORE_BLUR_PX)
     none = (patch.blurred(SCORE_BLUR_PX) - patch.background) / noise
     return noise, contiguous(none, "float32"), bounded(none, BOUND**2)
@@ -242,18 +284,30 @@ def _unexplained(
     bound: float,
     covered: float,
 ) -> float:
-    """Sum of bounded squared deviations of a synthetic view from the patch.
+    """Return the sum of bounded squared residuals of a synthetic view.
 
     Parameters
     ----------
-    noise : of the patch blurred for this. none : (h, w) deviations without the craft, which hold where no more than
-        ``covered`` of a pixel is. blurs_px : of the optics, the score, and what is covered. bound : squared.
+    shading : Shading
+        The synthetic view.
+    patch : ImagePatch
+        The image.
+    noise : float
+        Noise of the blurred patch.
+    none : (h, w) array
+        Residuals without the craft, which replace those of pixels covered by no more than ``covered``.
+    blurs_px : tuple of float
+        Blur of the optics, of the score, and of the coverage.
+    bound : float
+        Bound of a squared residual.
+    covered : float
+        Least coverage of a pixel that counts.
     """
     if shading.group.dtype != np.uint8:
         return many_groups.unexplained(shading, patch, noise, none, blurs_px, bound, covered)
     (h, w), f = patch.gray.shape, patch.fine
     optics, score, cover = (gaussian(b) for b in blurs_px)
-    left: float = library().fly_photometric_cost(
+    residual: float = library().fly_photometric_cost(
         contiguous(shading.picture, "float32", (h, w)),
         contiguous(shading.group, "uint8", (h * f, w * f)),
         h,
@@ -269,18 +323,17 @@ def _unexplained(
         cover,
         covered,
     )
-    if left < 0:
+    if residual < 0:
         raise MemoryError("no memory to compare a drawn craft with the picture")
-    return left
+    return residual
 
 
 def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
-    """How the drawn craft looks like the picture where it covers it, clutter beside it left out.
+    """Return the likeness of the synthetic view to the image on the pixels that it covers.
 
     Returns
     -------
-    Correlation of the two there, -1..1, and how much better the drawn craft explains these pixels than the
-    background alone, 1 at most. Both are zero where next to nothing is covered.
+    Correlation of the two, -1..1, and score of these pixels, 1 at most. Both are zero if hardly anything is covered.
     """
     picture = shading.picture
     h, w = patch.gray.shape
@@ -299,6 +352,6 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
 
 
 def burnt_share(shading: Shading, patch: ImagePatch) -> float:
-    """Share of what a drawn craft covers that is at the end of the picture's scale."""
+    """Return the share of the pixels that the synthetic view covers that are saturated."""
     on = shading.centre > 0
     return float((patch.gray[on] > BURNT_OUT * patch.full).mean()) if on.any() else 0.0

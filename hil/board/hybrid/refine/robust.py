@@ -1,4 +1,4 @@
-"""Weights of residuals of which some belong to something else: near zero as they are, far off they count no more."""
+"""Weights of robust estimators, which bound the influence of outliers."""
 
 import numpy as np
 
@@ -6,11 +6,16 @@ Array = np.ndarray
 
 
 def geman_mcclure(weight: Array, residual: Array, scale: float) -> Array:
-    """Weights times those of a cost that no single residual can raise beyond ``scale**2 / 2``.
+    """Return weights times those of the Geman-McClure cost, bounded by ``scale**2 / 2`` per residual.
 
     Parameters
     ----------
-    weight : what each counts before. residual, scale : in one unit.
+    weight : array
+        Weights before.
+    residual : array
+        Residuals.
+    scale : float
+        Scale of the cost, in the same unit.
 
     References
     ----------
@@ -21,7 +26,7 @@ def geman_mcclure(weight: Array, residual: Array, scale: float) -> Array:
 
 
 def tukey(residual: Array, limit: float) -> Array:
-    """Tukey's biweight: 1 at zero, nothing from ``limit`` on.
+    """Return Tukey's biweight: 1 at zero, 0 from ``limit`` on.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Last steps of the selected pose: what its final alignment left to chance must not move the answer."""
+"""Last steps of the selected pose, which remove the dependence on where its alignment started."""
 
 from __future__ import annotations
 
@@ -23,21 +23,27 @@ from flyaround.hil.board.hybrid.refine.photometric import (
     photo_step,
 )
 
-# What shadows must explain beyond the target without them, and the side of their picture from the Sun [px]. Below that
-# any Sun does, another one for each rounding of the sums, and each pulls the pose its way: of 60 frames by the C and by
-# the NumPy kernels, 24 had Suns that lay 15 deg to 164 deg apart.
+# Least score that shadows must add, and side of their map [px]. With less, rounding decides between directions of the
+# Sun that lie far apart, and each biases the pose.
 WORTH, SIDE_PX = 0.03, 384
 
-# Steps on the sharp image; the mean of the last two is the answer, for what is drawn in pixels makes them hop about.
+# Steps on the sharp image; the answer is their mean, because the pixels of the drawing make single steps jump.
 STEPS = 2
 
 
 def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: Hypothesis) -> PoseFit:
-    """The pose of a hypothesis that was refined to its end, the same from wherever it came.
+    """Return the pose of a refined hypothesis after the last steps.
 
     Parameters
     ----------
-    close : patch that ends were scored on.
+    target : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    close : ImagePatch
+        Patch that refined poses were scored on.
+    end : Hypothesis
+        The hypothesis.
     """
     longest = ROUND_FINAL_PX if target.round else FINAL_PX
     sharp = cut_patch(target, frame, target_box(target, end.q, end.t), longest)
@@ -51,7 +57,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
         step = photo_step(
             pose, view, faces, exact, camera, target.radius_m, 0.0, relax=1.0, joint=JOINT_AT_END
         )
-        # what still goes far is no end of this pose
+        # a large step leads away from this pose
         if step is None or quat.angle_rad(end.q, step.q) > FAR_RAD:
             break
         poses.append(step)
@@ -59,7 +65,7 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
 
 
 def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> Optional[ShadowMap]:
-    """The Sun of a hypothesis in a finer picture; None where its shadows explain too little."""
+    """Return a finer shadow map of a hypothesis; None if its shadows explain too little."""
     if end.sun is None:
         return None
     faces, camera = faces_of(target), target.camera.pinhole
@@ -72,7 +78,7 @@ def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> O
 
 
 def _mean(poses: List[PoseFit]) -> PoseFit:
-    """The mean of poses that are nearly the same, as sure as the last."""
+    """Return the mean of nearly equal poses with the covariance of the last."""
     last = poses[-1]
     q = np.sum([p.q if p.q @ last.q >= 0 else -p.q for p in poses], axis=0)
     return replace(last, q=q / np.linalg.norm(q), t=np.mean([p.t for p in poses], axis=0))

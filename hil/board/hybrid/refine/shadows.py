@@ -1,4 +1,4 @@
-"""A pose drawn with the shadows the target casts on itself, the Sun where the picture wants it."""
+"""Search of the Sun by the shadows that the target casts on itself."""
 
 from __future__ import annotations
 
@@ -9,32 +9,37 @@ import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.geometry.shading import Shading
+from flyaround.hil.board.hybrid.model.prepared_target import faces_of
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_shade
 
 if TYPE_CHECKING:
-    from flyaround.hil.board.estimation.faces import Faces
     from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
     from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 
 Array = np.ndarray
 
-# Directions of the Sun whose shadows are drawn, pixels that they are chosen by, and side of the target's picture from
-# each [px]: of a pose on its way, and at its end, where the coarser picture's blunt shadows left poses 0.6 deg off.
+# Directions of the Sun that are drawn, pixels that they are chosen by, and side of the shadow map [px], before and
+# after convergence; the coarse map would leave poses 0.6 deg off.
 COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
-# Steps by which the Sun's direction is made better at the end [rad], and what its shadows must explain for that: over
-# 41 development frames the median error of attitude falls by a fifth, and the table's directions lie 13 deg apart.
+# Steps of the refinement of the Sun's direction [rad], whose candidates lie 13 deg apart, and score that its shadows
+# must add first.
 STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class LitView:
-    """A target drawn with its shadows.
+    """A synthetic view with shadows.
 
     Parameters
     ----------
-    shading : as drawn. score : how well it explains the picture. sun : None where no shadows explain it better.
+    shading : Shading
+        The view.
+    score : float
+        Its score.
+    sun : ShadowMap, optional
+        Source of the shadows; None if no shadows improve the score.
     """
 
     shading: Shading
@@ -44,7 +49,6 @@ class LitView:
 
 def search_sun(
     target: PreparedTarget,
-    faces: Faces,
     patch: ImagePatch,
     q: Array,
     t: Array,
@@ -53,18 +57,26 @@ def search_sun(
     seen: Optional[Array] = None,
     coarse: bool = False,
 ) -> LitView:
-    """The target at a pose with the shadows that explain the picture best; of a Sun that is known, with its shadows.
+    """Return the view of the target with the shadows that explain the image best, or with those of the given Sun.
 
-    A wrong pose has the same choice of Suns, but what they cast on it does not lie where the picture is dark: over 13
-    development frames that were lost the right pose explains 0.05 to 0.55 more with its shadows, others hardly any.
+    Shadows raise the score of the right pose; those on a wrong pose do not lie where the image is dark.
 
     Parameters
     ----------
-    faces : of the target. q, t : the pose. plain : drawn there without shadows, where it is; seen : or which faces
-        are seen there, where that alone is known. coarse : try
-        fewer directions on fewer pixels and leave it at that, which lets go of a third of what shadows explain.
+    target : PreparedTarget
+        The target.
+    patch : ImagePatch
+        The image.
+    q, t : (4,), (3,) array
+        The pose.
+    plain : Shading, optional
+        View without shadows, if there is one.
+    seen : (H, W) array, optional
+        Faces drawn at the pose, used if there is no such view.
+    coarse : bool
+        Try fewer directions on fewer pixels, without refinement, at the loss of a third of the gain.
     """
-    camera = target.camera.pinhole
+    faces, camera = faces_of(target), target.camera.pinhole
     if plain is None and seen is not None:
         plain = photo_shade(seen, q, t, faces, patch, camera)
     plain = photo_draw(q, t, faces, patch, camera) if plain is None else plain
@@ -79,7 +91,7 @@ def search_sun(
         return LitView(shading, explained(shading, patch), sun)
 
     if patch.sun is not None:
-        # in eclipse it casts none
+        # none in eclipse
         return max(best, tried(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
     least = best.score + WORTH
     for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
@@ -98,20 +110,21 @@ def search_sun(
                     key=_score,
                 )
                 if best.sun is not sun:
-                    # where one side is better the other is not
+                    # the other side cannot be better as well
                     break
     return best
 
 
 def sharpen_shadows(
-    target: PreparedTarget, faces: Faces, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
+    target: PreparedTarget, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
 ) -> LitView:
-    """The same with the shadows of a Sun's picture of ``side`` pixels, where these explain more.
+    """Return the view with the shadows of a map of ``side`` pixels, if these explain more.
 
-    What is thin shades nothing on a coarse one: a wing's edge is a third of such a pixel.
+    Thin parts cast no shadow on a coarse map: the edge of a solar array is a third of its pixel.
     """
     if drawn.sun is None:
         return drawn
+    faces = faces_of(target)
     sun = ShadowMap.of(faces, drawn.sun.direction, side)
     shading = photo_shade(drawn.shading.seen, q, t, faces, patch, target.camera.pinhole, sun)
     return max(drawn, LitView(shading, explained(shading, patch), sun), key=_score)
@@ -122,5 +135,5 @@ def _score(drawn: LitView) -> float:
 
 
 def _beside(sun: ShadowMap, angle_rad: float, side: Array) -> Array:
-    """Direction (3,) beside the Sun's, towards a unit vector ``side`` (3,) across it."""
+    """Return the direction (3,) turned from the Sun's towards a unit vector ``side`` (3,) perpendicular to it."""
     return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)

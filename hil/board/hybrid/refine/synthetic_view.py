@@ -1,4 +1,4 @@
-"""The target drawn at a pose beside the picture, with and without the shadows it casts on itself."""
+"""Synthetic views of a pose for people, with and without shadows."""
 
 from __future__ import annotations
 
@@ -24,13 +24,22 @@ LONGEST_PX = 380
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """What the picture is compared with at one pose.
+    """The image and synthetic views of one pose.
 
     Parameters
     ----------
-    picture, plain : (h, w) float32 the picture there, and the target drawn with one brightness for each group.
-    shadowed : (h, w) with shadows; None where no Sun was found. sun : (3,) unit vector to it, camera axes.
-    full : largest value of the picture's scale. noise : standard deviation of ``picture``.
+    picture : (h, w) array
+        The image, float32.
+    plain : (h, w) array
+        View with one brightness per group.
+    shadowed : (h, w) array, optional
+        View with shadows; None if no Sun was found.
+    sun : (3,) array, optional
+        Unit vector to the Sun, camera axes.
+    full : float
+        Full scale of the image.
+    noise : float
+        Standard deviation of its noise.
     """
 
     picture: Array
@@ -42,13 +51,13 @@ class Drawn:
 
 
 def draw_at(target: PreparedTarget, frame: Observation, q: Array, t: Array) -> Optional[Drawn]:
-    """The drawing at a pose; None for a target without faces."""
+    """Return the views of a pose; None for a target without faces."""
     faces = target.model.faces
     if faces is None:
         return None
     patch = cut_patch(target, frame, target_box(target, q, t), LONGEST_PX)
     plain = photo_draw(q, t, faces, patch, target.camera.pinhole).picture
-    best = search_sun(target, faces, patch, q, t)
+    best = search_sun(target, patch, q, t)
     optics = OPTICS_PX / patch.factor
     plain, dark = (patch.response.of(blurred(p, optics))[0] for p in (plain, best.shading.picture))
     if best.sun is None:

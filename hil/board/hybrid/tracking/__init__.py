@@ -1,1 +1,1 @@
-"""Tracking: from one accepted pose on, each frame is aligned on the edges near where the last ones put them."""
+"""Tracking: after an accepted pose, each frame is aligned on the edges near their predicted places."""

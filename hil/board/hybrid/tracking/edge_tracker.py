@@ -1,4 +1,4 @@
-"""Alignment of a predicted pose on the picture's edges: profiles across the model's visible edges, no region pass."""
+"""Alignment of a predicted pose on profiles across the model's visible edges, without a search of regions."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ import cv2
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.camera import CameraIntrinsics
 from flyaround.hil.board.estimation.vectors import cross
-from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles, jacobian, project
+from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, jacobian, project
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.visibility import visible_samples
 from flyaround.hil.board.hybrid.refine.robust import tukey
 from flyaround.hil.board.svd.refinement import gauss_newton_step, parameter_scale
 
 Array = np.ndarray
 
-# Neighbouring samples share their errors, and so do frames: variance over that of as many independent samples, so that
-# errors on ``tango-flyaround`` have the median of chi-square (with 4 it was three times that).
+# Variance over that of as many independent samples, because neighbouring samples and frames share their errors: those
+# on ``tango-flyaround`` have the median of chi-square.
 SHARED = 12.0
 
-# Edge samples looked at in a frame, and pixels to either side averaged along an edge.
+# Edge samples of a frame, and pixels to either side that are averaged along an edge.
 SAMPLES, ALONG = 220, 2
 
 # Edges kept of a profile: the model's own may not be the strongest.
 CANDIDATES = 3
 
-# Half length of a profile [px of the reduced picture], and of the derivative's kernel.
+# Half length of a profile and of the derivative's kernel [px of the reduced image].
 REACH, KERNEL = 12, 2
 
-# How many pixels farther off an edge may be for each sigma it is stronger.
+# Distance that a stronger edge may be farther off, per sigma of strength [px].
 STRENGTH = 0.04
 
-# An edge stands out of its profile by this many sigma of the noise.
+# Least strength of an edge [sigma of the noise].
 STRONG = 4.5
 
 # Gauss-Newton steps at each reduction.
@@ -50,10 +50,18 @@ class TrackFit:
 
     Parameters
     ----------
-    q, t : (4,), (3,). covariance : (6, 6) of turn [rad] and shift [m], camera axes.
-    found : share of visible samples with an edge near the model's; near : with one within a pixel.
-    rms_px : of the used residuals. used : their number.
-    polarity : (S,) sign and trust of each sample's edge, -1..1: brighter along the normal or against it.
+    q, t : (4,), (3,) array
+        The pose, camera from target.
+    covariance : (6, 6) array
+        Covariance of rotation [rad] and translation [m], camera axes.
+    found, near : float
+        Share of the visible samples with an edge near the model's, and with one within a pixel.
+    rms_px : float
+        RMS of the used residuals.
+    used : int
+        Their number.
+    polarity : (S,) array
+        Sign and reliability of each sample's edge, -1..1: brighter along the normal or against it.
     """
 
     q: Array
@@ -67,31 +75,40 @@ class TrackFit:
 
 
 def evenly_chosen(visible: Array, most: int = SAMPLES) -> Array:
-    """Indices of at most ``most`` of the visible samples, evenly."""
+    """Return indices of at most ``most`` of the visible samples, evenly spread."""
     idx = np.flatnonzero(visible)
     return idx if len(idx) <= most else idx[np.linspace(0, len(idx) - 1, most).astype(int)]
 
 
 def track_edges(
+    target: PreparedTarget,
     image: Array,
     noise: float,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
-    occ: OccludingTriangles,
-    camera: CameraIntrinsics,
-    radius_m: float,
     reach_px: float,
     polarity: Array,
     *,
     empty: bool = False,
 ) -> Optional[TrackFit]:
-    """Align a pose on the edges within ``reach_px`` of where it puts the model's; None when nothing is visible.
+    """Align a pose on the edges within ``reach_px`` of the model's; return None if nothing is visible.
 
     Parameters
     ----------
-    image : (H, W) uint8 or uint16. noise : standard deviation of its noise. polarity : as ``TrackFit``.
-    empty : whether the background is empty space, darker than the craft.
+    target : PreparedTarget
+        The target.
+    image : (H, W) array
+        Uint8 or uint16.
+    noise : float
+        Standard deviation of its noise.
+    q, t : (4,), (3,) array
+        Predicted pose.
+    reach_px : float
+        Reach of the search [px].
+    polarity : (S,) array
+        See `TrackFit`.
+    empty : bool
+        True if the background is empty space, darker than the craft.
 
     Notes
     -----
@@ -100,17 +117,17 @@ def track_edges(
     reduced picture as far as the prediction may be off, then at full resolution.
     """
     R = quat.matrix(q)
-    visible, _ = visible_samples(samples, occ, -R.T @ t)
+    visible, _ = visible_samples(target.samples, target.occ, -R.T @ t)
     idx = evenly_chosen(visible)
     if len(idx) < 8:
         return None
     if empty:
-        polarity = np.where(polarity == 0, outline_polarity(samples, R, t), polarity)
+        polarity = np.where(polarity == 0, outline_polarity(target.samples, R, t), polarity)
     fit: Optional[TrackFit] = None
     factors = (max(1, int(np.ceil(reach_px / REACH))), 1)
     for factor in dict.fromkeys(factors):
         # the reduced picture blurs less in its own pixels: fewer iterations and a wider loss
-        fit = _one_scale(image, noise, q, t, samples, idx, camera, radius_m, factor, polarity)
+        fit = _one_scale(target, image, noise, q, t, idx, factor, polarity)
         if fit is None:
             return None
         q, t = fit.q, fit.t
@@ -118,17 +135,17 @@ def track_edges(
 
 
 def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
-    """(S,) half a vote for each outline, -0.5..0.5 along the projected normal: darker where the craft is not.
+    """Return the expected polarity (S,) of outlines before empty space, -0.5..0.5 along the projected normal.
 
-    A vote only: behind an outline there may be another part of the craft.
+    It counts half, because another part of the craft may lie behind an outline.
     """
     C = -R.T @ t
     idx = np.arange(len(samples))[None]
     X, T = (a[0] for a in samples.outline(idx, C[None]))
     sight = C - X
-    seen = np.einsum("skj,sj->sk", samples.normals, sight) > 0
-    turned_away = (samples.faces == 2) & (seen.sum(axis=1) == 1)
-    outward = np.where(seen[:, :1], samples.normals[:, 1], samples.normals[:, 0])
+    facing = np.einsum("skj,sj->sk", samples.normals, sight) > 0
+    turned_away = (samples.faces == 2) & (facing.sum(axis=1) == 1)
+    outward = np.where(facing[:, :1], samples.normals[:, 1], samples.normals[:, 0])
     round_member = samples.radius_m != 0
     grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
     outward = np.where(round_member[:, None], grazed, outward)
@@ -139,18 +156,17 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
 
 
 def _one_scale(
+    target: PreparedTarget,
     image: Array,
     noise: float,
     q: Array,
     t: Array,
-    samples: EdgeSamples,
     idx: Array,
-    camera: CameraIntrinsics,
-    radius_m: float,
     factor: int,
     polarity: Array,
 ) -> Optional[TrackFit]:
-    """The pose aligned at one reduction of the image; None where too little of it is in view."""
+    """Return the pose aligned at one reduction of the image; None if too little of it is in view."""
+    samples, camera = target.samples, target.camera
     pr = project(samples, camera, quat.matrix(q)[None], t[None], idx[None])
     at, n = pr.pixels[0], pr.normals[0]
     edges = _edge_candidates(image, noise, at, n, factor, polarity[idx])
@@ -165,7 +181,7 @@ def _one_scale(
         gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
         r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
         J = jacobian(now, camera, fit_t[None])
-        scale = parameter_scale(float(fit_t[2]), radius_m)
+        scale = parameter_scale(float(fit_t[2]), target.radius_m)
         step, normal = gauss_newton_step(J, r[None], weight[None], scale, 1e-5)
         if not np.isfinite(step).all():
             return None
@@ -188,11 +204,20 @@ def _one_scale(
 def _edge_candidates(
     image: Array, noise: float, at: Array, n: Array, factor: int, polarity: Array
 ) -> Optional[Tuple[Array, Array, Array]]:
-    """Offsets [px], strengths [sigma] and signs (M, CANDIDATES) of edges across each sample; None out of view.
+    """Return offsets [px], strengths [sigma] and signs (M, CANDIDATES) of edges across each sample; None out of view.
 
     Parameters
     ----------
-    at, n : (M, 2) samples and their normals on the image. polarity : (M,) what each sample's edge has been.
+    image : (H, W) array
+        The image.
+    noise : float
+        Standard deviation of its noise.
+    at, n : (M, 2) array
+        Samples and their normals on the image.
+    factor : int
+        Reduction of the image.
+    polarity : (M,) array
+        Polarity of each sample's edge in the frames before.
     """
     crop = _crop(image, at, factor * (REACH + KERNEL + 2))
     if crop is None:
@@ -203,20 +228,27 @@ def _edge_candidates(
         small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
     profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
     offset, strength = _peaks(profile, noise / factor)
-    # a candidate of the other polarity than this edge has had is another edge
+    # a candidate of the other polarity is another edge
     sign = np.sign(strength)
     strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
     return np.where(strength > STRONG, offset * factor, np.nan), strength, sign
 
 
 def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tuple[Array, Array, Array]:
-    """Residual [px], weight and number of the candidate chosen for each sample, in iteration ``k``.
+    """Return residual [px], weight and number of the candidate chosen for each sample, in iteration ``k``.
 
     Parameters
     ----------
-    gaps : (M, CANDIDATES) from the model's edge to each candidate [px], NaN where there is none.
+    gaps : (M, CANDIDATES) array
+        Distance from the model's edge to each candidate [px], NaN if there is none.
+    strength : (M, CANDIDATES) array
+        Strength of each candidate [sigma].
+    factor : int
+        Reduction of the image.
+    k : int
+        Number of the iteration.
     """
-    # near before strong, but a faint near one does not beat a clear one a little farther off
+    # distance counts first, but a faint near edge does not beat a clear one a little farther off
     cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
     choice = cost.argmin(axis=1)
     r = gaps[np.arange(len(gaps)), choice]
@@ -238,7 +270,7 @@ def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int,
 
 
 def _profiles(image: Array, at: Array, n: Array) -> Array:
-    """(M, 2 REACH + 1) derivative across the edge at each sample, averaged along it."""
+    """Return the derivative (M, 2 REACH + 1) across the edge at each sample, averaged along it."""
     k = np.arange(-(REACH + KERNEL), REACH + KERNEL + 1, dtype=np.float32)
     along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
     s = np.arange(-ALONG, ALONG + 1, dtype=np.float32) * 1.2
@@ -257,7 +289,7 @@ def _profiles(image: Array, at: Array, n: Array) -> Array:
 
 
 def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
-    """Offset [px] and signed strength [sigma] of the strongest ``CANDIDATES`` edges of each profile."""
+    """Return offset [px] and signed strength [sigma] of the strongest ``CANDIDATES`` edges of each profile."""
     g = np.abs(profile)
     mid = g[:, 1:-1]
     peak = np.where((mid >= g[:, :-2]) & (mid > g[:, 2:]), mid, 0.0)
@@ -272,7 +304,7 @@ def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
 
 
 def _profile_noise() -> float:
-    """Noise of the derivative for white noise of unit variance, through the same sampling."""
+    """Return the noise of the derivative for white noise of unit variance, through the same sampling."""
     rng = np.random.default_rng(3)
     field = rng.standard_normal((96, 96)).astype(np.float32)
     angle = rng.uniform(0, 2 * np.pi, 200)

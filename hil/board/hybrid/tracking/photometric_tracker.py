@@ -1,4 +1,4 @@
-"""Photometric alignment while tracking: a synthetic view with cast shadows, the Sun near where it was last."""
+"""Photometric alignment while tracking: a synthetic view with cast shadows, the Sun near its last direction."""
 
 from __future__ import annotations
 
@@ -24,25 +24,28 @@ Pose = Tuple[Array, Array]
 # Longest side of the drawing [px], and the blur of each step.
 PICTURE_PX, BLURS = 120, (1.2, 0.6)
 
-# What another pose than the likeliest must explain more: a drawing this small tells a tilt of 5 deg no better.
+# Least gain of score by another pose than the most likely: a drawing this small hardly resolves a tilt of 5 deg.
 WORTH = 0.02
 
-# Variance over that of ``photo_step``: it is told for the end of an alignment of poses from anywhere; those seen
-# here are nearly right (fly-arounds of Tango at 7 to 11 m, three starts).
+# Variance over that of ``photo_step``, whose is of poses from any start; those here are nearly right (fly-arounds of
+# Tango at 7 to 11 m, three starts).
 HELD = 0.6
 
-# Side of the craft's picture from the Sun [px], and how far beside the last direction others are tried [rad]: the
-# camera of a fly-around turns by a degree or two each frame.
+# Side of the shadow map [px], and angle between the last direction of the Sun and its alternatives [rad]: the camera
+# of a fly-around turns by a degree or two each frame.
 SUN_PX, SUN_STEP_RAD = 96, float(np.radians(4.0))
 
 
 @dataclass(frozen=True, eq=False)
 class PhotometricTrack:
-    """A tracked pose by its synthetic view.
+    """A pose tracked by its synthetic view.
 
     Parameters
     ----------
-    fit : the pose. sun : direction (3,) to the Sun, camera axes; None where no shadows are seen.
+    fit : PoseFit
+        The pose.
+    sun : (3,) array, optional
+        Direction to the Sun, camera axes; None if no shadows are visible.
     """
 
     fit: PoseFit
@@ -50,11 +53,11 @@ class PhotometricTrack:
 
 
 def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[Array]:
-    """Direction (3,) to the Sun, camera axes, by the shadows at a pose; None where none explain the picture."""
+    """Return the direction (3,) to the Sun, camera axes, by the shadows at a pose; None if none explain the image."""
     if craft.model.faces is None:
         return None
-    found = search_sun(craft, faces_of(craft), _patch(craft, frame, pose), *pose).sun
-    return None if found is None else quat.matrix(pose[0]) @ found.direction
+    sun = search_sun(craft, _patch(craft, frame, pose), *pose).sun
+    return None if sun is None else quat.matrix(pose[0]) @ sun.direction
 
 
 def align_photometrically(
@@ -65,13 +68,21 @@ def align_photometrically(
     *,
     follow_sun: bool = True,
 ) -> PhotometricTrack:
-    """The pose whose synthetic view explains the image best, refined on it.
+    """Return the pose whose synthetic view explains the image best, refined on it.
 
     Parameters
     ----------
-    poses : where it may be, the likeliest first: edges that hold on to others lead away from a good prediction, and
-        a target that changes its rates away from its own. sun : of the last call. follow_sun : it may have
-        moved.
+    craft : PreparedTarget
+        The target.
+    frame : Observation
+        The image.
+    poses : tuple of pose
+        Candidates, the most likely first: locked on wrong edges, alignment leaves a good prediction; and after a
+        change of rates the prediction is wrong.
+    sun : (3,) array, optional
+        Direction to the Sun of the last call.
+    follow_sun : bool
+        Search the Sun beside that direction as well.
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
     patch = _patch(craft, frame, poses[0])
@@ -96,16 +107,16 @@ def align_photometrically(
 
 
 def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
-    """The picture about a pose."""
+    """Return the patch about a pose."""
     return replace(cut_patch(craft, frame, target_box(craft, *pose), PICTURE_PX), exact=True)
 
 
 def _followed_sun(
     craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
 ) -> Tuple[ShadowMap, Shading]:
-    """The Sun, or one beside it whose shadows explain the picture better, and the craft drawn with those.
+    """Return the Sun, or a direction beside it whose shadows explain the image better, and the view with these.
 
-    Each side is tried until one helps: where nothing has moved all four, else two or three.
+    The four sides are tried until one helps.
     """
     best = explained(drawn, patch)
     for k in range(4):

@@ -10,10 +10,10 @@ from flyaround.hil.board.estimation import quaternion as quat
 
 Array = np.ndarray
 
-# What the filter lets the rates change by: angular [rad s-2] and linear [m s-2] acceleration, one sigma.
+# Process noise: angular [rad s-2] and linear [m s-2] acceleration, one sigma.
 TURN_ACCELERATION, SHIFT_ACCELERATION = 0.01, 0.02
 
-# Rates before they are known, one sigma: 6 deg/s, 0.3 m/s.
+# Initial sigma of the rates [rad/s, m/s].
 FIRST_TURN_RATE, FIRST_SHIFT_RATE = float(np.radians(6.0)), 0.3
 
 
@@ -23,9 +23,12 @@ class TrackState:
 
     Parameters
     ----------
-    q, t : (4,), (3,) ``x_camera = R(q) x_target + t``.
-    w, v : (3,) rate of turn [rad/s] and of shift [m/s], camera axes.
-    P : (12, 12) of (turn, shift, rate of turn, rate of shift), camera axes.
+    q, t : (4,), (3,) array
+        The pose: ``x_camera = R(q) x_target + t``.
+    w, v : (3,) array
+        Angular rate [rad/s] and velocity [m/s], camera axes.
+    P : (12, 12) array
+        Covariance of rotation, translation, angular rate and velocity, camera axes.
     """
 
     q: Array
@@ -36,11 +39,14 @@ class TrackState:
 
 
 def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
-    """A state from one pose; its rates are not known.
+    """Return the state after one pose; its rates are unknown.
 
     Parameters
     ----------
-    covariance : (6, 6) of the pose.
+    q, t : (4,), (3,) array
+        The pose.
+    covariance : (6, 6) array
+        Its covariance.
     """
     P = np.zeros((12, 12))
     P[:6, :6] = covariance
@@ -50,7 +56,7 @@ def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
 
 
 def predict(state: TrackState, dt_s: float) -> TrackState:
-    """The state ``dt_s`` later: constant rates, white accelerations.
+    """Return the state ``dt_s`` later: constant rates, white accelerations.
 
     References
     ----------
@@ -59,7 +65,7 @@ def predict(state: TrackState, dt_s: float) -> TrackState:
     """
     turn = quat.from_rotvec(state.w * dt_s)
     F = np.eye(12)
-    # an error of the attitude is carried round by the turn
+    # an error of the attitude turns with it
     F[:3, :3] = quat.matrix(turn)
     F[:3, 6:9] = np.eye(3) * dt_s
     F[3:6, 9:] = np.eye(3) * dt_s
@@ -79,7 +85,7 @@ def predict(state: TrackState, dt_s: float) -> TrackState:
 
 
 def innovation(state: TrackState, q: Array, t: Array) -> Array:
-    """(6,) turn and shift from the state's pose to a measured one, camera axes."""
+    """Return rotation and translation (6,) from the state's pose to a measured one, camera axes."""
     d = quat.normalise(quat.multiply(q, state.q * (1.0, -1.0, -1.0, -1.0)))
     size = float(np.linalg.norm(d[1:]))
     turn = d[1:] * (2 * np.arctan2(size, float(d[0])) / size if size > 1e-12 else 2.0)
@@ -87,7 +93,7 @@ def innovation(state: TrackState, q: Array, t: Array) -> Array:
 
 
 def update(state: TrackState, q: Array, t: Array, covariance: Array) -> "tuple[TrackState, float]":
-    """The state with a measured pose taken in, and the innovation's squared Mahalanobis length (6 degrees of freedom).
+    """Return the state updated with a pose, and the innovation's squared Mahalanobis length (6 degrees of freedom).
 
     Parameters
     ----------

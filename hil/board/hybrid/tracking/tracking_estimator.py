@@ -31,55 +31,56 @@ from flyaround.hil.board.method_names import HYBRID_TRACK
 
 Array = np.ndarray
 
-# Time between frames where the caller gives none [s].
+# Time between frames if the caller gives none [s].
 FRAME_S = 1.0
 
-# A prediction further off than this is not searched for: initialise instead [px].
+# Largest reach of the edge search, beyond which the target is initialised instead, and least reach [px].
 WIDEST_PX, NARROWEST_PX = 60.0, 6.0
 
-# What an initialisation is taken to be good for: attitude [rad], position across and along the sight, over range.
+# Sigma of an initialisation: attitude [rad], position across and along the line of sight over range.
 FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
 
-# What a fit must show to be taken in, and the confidence below which tracking ends.
+# Least share of edges, least number, largest RMS and least confidence of a fit that is accepted.
 LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
-# Below this confidence the synthetic view is asked as well, and above this sigma of the attitude [rad]: edges of a
-# craft that shows little else than one face leave its tilt open, and agree on a wrong one.
+# Confidence below which, and sigma of the attitude above which [rad], the synthetic view is compared as well: the
+# edges of a single visible face determine its tilt badly.
 SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
 
-# Above this sigma of the predicted attitude it cannot tell edges that are locked on others, and the picture must: as
-# long as the rates are hardly known [rad].
+# Sigma of the predicted attitude above which it cannot detect a lock on wrong edges [rad], as long as the rates are
+# uncertain.
 UNFORESEEN_RAD = float(np.radians(1.8))
 
-# The same of edges that lead this far from the prediction: 95 % of right innovations are shorter.
+# Squared Mahalanobis length of an innovation above which the synthetic view is compared: 95 % of chi-square.
 SURPRISE = 12.6
 
-# So many frames in a row may rest on edges alone: a drift of theirs aligned sure, and is caught by the picture.
+# Most frames in a row by edges alone, because the synthetic view detects their drift.
 ALONE = 5
 
-# Edges this near to the prediction need no choice between the two [rad]; the Sun is followed in one alignment of three.
+# Angle between edges and prediction below which these are not compared [rad]; alignments per search of the Sun.
 NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
 
-# 99.99 % of right innovations are shorter: chi squared of 6 degrees of freedom.
+# Gate of the innovation: 99.99 % of chi-square with 6 degrees of freedom.
 GATE = 27.9
 
 # Log-likelihood by which the keypoint network must prefer another pose for the track to be lost.
 DISBELIEVED = 6.0
 
-# Frames in a row without a good fit that are bridged by the filter alone.
+# Most frames in a row without a good fit that the filter bridges.
 COAST = 2
 
 
 class TrackingEstimator(Estimator):
-    """Follows the target through the frames of a sequence.
+    """Estimator that follows the target through the frames of a sequence.
 
     Parameters
     ----------
-    model, camera : as ``Estimator``.
+    model, camera
+        See `Estimator`.
 
     Notes
     -----
-    Frames must come in the order they were taken; ``t_s`` that does not increase begins a new sequence.
+    Frames must come in the order of exposure; a ``t_s`` that does not increase begins a new sequence.
     """
 
     method = HYBRID_TRACK
@@ -110,7 +111,7 @@ class TrackingEstimator(Estimator):
         t_s: Optional[float] = None,
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
-        """As ``Estimator.estimate``; ``t_s`` is the time of mid-exposure [s], None: ``FRAME_S`` after the last."""
+        """Estimate the pose as ``Estimator.estimate`` does; ``t_s`` defaults to ``FRAME_S`` after the last frame."""
         if t_s is not None and not np.isfinite(t_s):
             t_s = None
         dt = FRAME_S if t_s is None or self.at_s is None else t_s - self.at_s
@@ -136,7 +137,7 @@ class TrackingEstimator(Estimator):
         return self._initialise(frame)
 
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
-        """The pose by tracking; None when it does not hold."""
+        """Return the pose by tracking; None if the track is lost."""
         fit = self._by_edges(frame, state)
         if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
             return None
@@ -151,7 +152,7 @@ class TrackingEstimator(Estimator):
             q, t, covariance = self._by_picture(frame, state, fit)
             if self._disbelieved(frame, q, t):
                 return None
-            # edges that the picture has just contradicted teach nothing, and are not believed on the next frame
+            # edges that the image contradicts update no polarity, and do not count in the next frame
             if distance_of(fit, q, t) > SURPRISE:
                 polarity, alone = self.polarity, ALONE
             else:
@@ -163,22 +164,13 @@ class TrackingEstimator(Estimator):
         self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
         frame.count("edges", fit.used)
         frame.mark("update")
+        times, counts, covariance = frame.stages_ms, frame.counts, after.P[:6, :6]
         return PoseResult(
-            True,
-            "",
-            after.q,
-            after.t,
-            sure,
-            frame.stages_ms,
-            frame.counts,
-            None,
-            after.P[:6, :6],
-            (),
-            self.method,
+            True, "", after.q, after.t, sure, times, counts, covariance=covariance, method=self.method
         )
 
     def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
-        """The predicted pose aligned on the edges near it; None when the prediction is too vague or too near."""
+        """Return the predicted pose aligned on edges near it; None if the prediction is too uncertain or too near."""
         craft, reach = self.craft, self._reach(state)
         if reach is None or state.t[2] < 1.2 * craft.radius_m:
             return None
@@ -186,17 +178,7 @@ class TrackingEstimator(Estimator):
         frame.noise = self._noise(frame.image, state)
         frame.mark("noise")
         fit = track_edges(
-            frame.image,
-            frame.noise,
-            state.q,
-            state.t,
-            craft.samples,
-            craft.occ,
-            self.camera,
-            craft.radius_m,
-            reach,
-            self.polarity,
-            empty=self.empty,
+            craft, frame.image, frame.noise, state.q, state.t, reach, self.polarity, empty=self.empty
         )
         frame.mark("edge_alignment")
         return fit
@@ -204,28 +186,28 @@ class TrackingEstimator(Estimator):
     def _by_picture(
         self, frame: Observation, state: TrackState, edges: TrackFit
     ) -> "tuple[Array, Array, Array]":
-        """A pose that edges do not hold well or have held for long, aligned on the drawn craft: pose and covariance.
+        """Return a pose aligned on the synthetic view, and its covariance.
 
-        The edges of a craft that shows little else than one lit face let a pose drift, each frame a little, and agree.
+        The edges of a craft that shows one lit face let a pose drift a little in each frame, with small residuals.
         """
         if self.empty:
             frame.background = float(np.median(self._strip(frame.image, state.t)))
         poses = ((state.q, state.t), (edges.q, edges.t))
         near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
         self.aligned += 1
-        given = frame.sun_camera
-        follow = given is None and self.aligned % FOLLOWED == 0
-        seen = align_photometrically(
+        sun = frame.sun_camera
+        follow = sun is None and self.aligned % FOLLOWED == 0
+        track = align_photometrically(
             self.craft,
             frame,
             poses[1:] if near else poses,
-            self.sun if given is None else given,
+            self.sun if sun is None else sun,
             follow_sun=follow,
         )
-        self.sun = seen.sun
+        self.sun = track.sun
         frame.count("picture", 1)
         frame.mark("photometric_alignment")
-        return seen.fit.q, seen.fit.t, seen.fit.covariance
+        return track.fit.q, track.fit.t, track.fit.covariance
 
     def _disbelieved(self, frame: Observation, q: Array, t: Array) -> bool:
         """Return True if the keypoint network sees the craft in another pose."""
@@ -237,25 +219,25 @@ class TrackingEstimator(Estimator):
         return lost
 
     def _initialise(self, frame: Observation) -> PoseResult:
-        found = self.first.initialise(frame)
+        result = self.first.initialise(frame)
         frame.count("initialised", 1)
-        q, t = found.q_camera_from_target_wxyz, found.t_camera_from_target_m
+        q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
         if q is not None and t is not None:
-            self.empty = isinstance(found.evidence, Evidence) and found.evidence.empty
-            self._begin(q, t, accepted=found.accepted)
-            if found.accepted:
+            self.empty = isinstance(result.evidence, Evidence) and result.evidence.empty
+            self._begin(q, t, accepted=result.accepted)
+            if result.accepted:
                 self.sun = find_sun(self.craft, frame, (q, t))
                 frame.mark("sun")
-        return replace(found, method=self.method)
+        return replace(result, method=self.method)
 
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
-        """Take an initialisation in: two that agree teach the rates, one that does not begins anew."""
+        """Update with an initialisation: a second one that agrees gives the rates, one that does not begins anew."""
         z = float(t[2])
         covariance = np.diag([FIRST_RAD] * 3 + [FIRST_ACROSS * z] * 2 + [FIRST_ALONG * z]) ** 2
         if self.state is not None:
             after, distance = update(self.state, q, t, covariance)
             if distance < GATE:
-                # a declined pose that comes out where the filter expects it is right
+                # a declined pose at its predicted place is right
                 self.state, self.missed = after, 0
                 return
         if accepted:
@@ -263,7 +245,7 @@ class TrackingEstimator(Estimator):
             self.polarity = np.zeros(len(self.craft.samples))
 
     def _reach(self, state: TrackState) -> Optional[float]:
-        """How far edges may lie from where the prediction puts them: three sigma [px]; None: too far."""
+        """Return the reach of the edge search: three sigma of the prediction [px]; None if that is too far."""
         z = max(float(state.t[2]), self.craft.radius_m)
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         turn = float(np.sqrt(np.trace(state.P[:3, :3]) / 3)) * self.craft.radius_m
@@ -273,13 +255,13 @@ class TrackingEstimator(Estimator):
         return None if reach > WIDEST_PX else max(reach, NARROWEST_PX)
 
     def _noise(self, image: Array, state: TrackState) -> float:
-        """Noise around the target: a strip of the frame is enough."""
+        """Return the noise around the target, measured on a strip of the frame."""
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
         centre = quat.matrix(state.q) @ self.craft.centre_m + state.t
         return max(noise_sigma(self._strip(image, centre), full_scale), 0.15 * full_scale / 255)
 
     def _strip(self, image: Array, at_m: Array) -> Array:
-        """96 rows of the picture about a point in the camera's axes."""
+        """Return 96 rows of the image about a point (3,), camera axes."""
         v = float(self.camera.pixels(at_m)[1])
         h = image.shape[0]
         y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
@@ -287,16 +269,15 @@ class TrackingEstimator(Estimator):
 
 
 def distance_of(fit: TrackFit, q: Array, t: Array) -> float:
-    """Squared Mahalanobis length of the way from a pose aligned on edges to another, by what edges are sure of."""
+    """Return the squared Mahalanobis distance of another pose from one aligned on edges, by the latter's covariance."""
     off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
     return float(off @ np.linalg.solve(fit.covariance, off))
 
 
 def track_confidence(fit: TrackFit) -> float:
-    """Probability-like figure 0..1 from the share of edges found where they should be, and how near.
+    """Return a confidence 0..1 from the share of samples with an edge, and with one within a pixel.
 
-    On 60 frames of ``tango-flyaround`` 95 % of the right locks have more than 36 % of the visible samples
-    within a pixel and 54 % with an edge at all; the median wrong lock has 20 % and 37 %.
+    A logistic function set on 60 frames of ``tango-flyaround``.
     """
     z = 14.0 * (fit.near - 0.33) + 8.0 * (fit.found - 0.48) - max(0.0, fit.rms_px - 1.0)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))

@@ -20,7 +20,7 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import OPTICS_PX
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.many_groups import blurred
-from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.final import refine_to_end
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
@@ -58,7 +58,7 @@ def choice_at(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     box = target_box(craft, q, t)
     close = cut_patch(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
-    s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
+    s = support(craft, q, t, field)
     source = Source(Region(*map(float, box), "learned"), field)
     end = refine_to_end(craft, frame, close, Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source))
     evidence = image_evidence(craft, end, s, end.score)
@@ -113,9 +113,9 @@ def test_the_right_turn_stays(dragon: PreparedTarget, frame: Observation) -> Non
 def test_what_neither_drawing_explains_does_not_speak_for_one(
     dragon: PreparedTarget, frame: Observation
 ) -> None:
-    (q, t), faces = rolled(dragon, 40.0), faces_of(dragon)
+    q, t = rolled(dragon, 40.0)
     canvas = replace(cut_patch(dragon, frame, target_box(dragon, Q, T_M), 240), exact=True)
-    right, wrong = (search_sun(dragon, faces, canvas, *p) for p in ((Q, T_M), (q, t)))
+    right, wrong = (search_sun(dragon, canvas, *p) for p in ((Q, T_M), (q, t)))
     a, b = (
         canvas.response.of(blurred(d.shading.picture, OPTICS_PX / canvas.factor))[0] for d in (right, wrong)
     )

@@ -249,10 +249,14 @@ def test_its_shadows_speak_for_the_right_pose(
     faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
 ) -> None:
     c, _ = in_the_sun
-    craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+    craft: Any = SimpleNamespace(
+        model=SimpleNamespace(faces=faces),
+        suns=ShadowMapTable.of(faces),
+        camera=SimpleNamespace(pinhole=CAMERA),
+    )
 
     def both(q: np.ndarray) -> tuple[float, float]:
-        return score(q, T_M, faces, c), search_sun(craft, faces, c, q, T_M).score
+        return score(q, T_M, faces, c), search_sun(craft, c, q, T_M).score
 
     plain, with_them = both(quat.from_matrix(FROM_THE_SIDE))
     assert with_them > plain + 0.3
@@ -267,13 +271,17 @@ def test_a_known_sun_casts_its_own_shadows_alone(
     faces: Faces, in_the_sun: tuple[ImagePatch, np.ndarray]
 ) -> None:
     c, sun = in_the_sun
-    craft: Any = SimpleNamespace(suns=ShadowMapTable.of(faces), camera=SimpleNamespace(pinhole=CAMERA))
+    craft: Any = SimpleNamespace(
+        model=SimpleNamespace(faces=faces),
+        suns=ShadowMapTable.of(faces),
+        camera=SimpleNamespace(pinhole=CAMERA),
+    )
     q = quat.from_matrix(FROM_THE_SIDE)
 
     def given(direction: np.ndarray) -> LitView:
-        return search_sun(craft, faces, replace(c, sun=FROM_THE_SIDE @ direction), q, T_M)
+        return search_sun(craft, replace(c, sun=FROM_THE_SIDE @ direction), q, T_M)
 
-    searched, known = search_sun(craft, faces, c, q, T_M), given(sun)
+    searched, known = search_sun(craft, c, q, T_M), given(sun)
     assert known.sun is not None
     np.testing.assert_allclose(known.sun.direction, sun, atol=1e-12)
     assert known.score >= searched.score - 0.02

@@ -52,7 +52,7 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     box = target_box(craft, q, t)
     close = cut_patch(craft, frame, box, CLOSE_PX)
     field = edge_field(frame.image, box, frame.noise, 200, background=0.0)
-    s = support(q, t, craft.samples, craft.occ, field, CAMERA, craft.spacing_m)
+    s = support(craft, q, t, field)
     source = Source(Region(*map(float, box), "learned"), field)
     score = explained(photo_draw(q, t, faces, close, CAMERA), close)
     start = Hypothesis(PoseFit(q, t, 1.0, 1e-4 * np.eye(6)), source, score, s)

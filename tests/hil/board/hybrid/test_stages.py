@@ -19,6 +19,7 @@ from flyaround.hil.board.hybrid.decide.confidence import Evidence, confidence, d
 from flyaround.hil.board.hybrid.geometry.wireframe import jacobian, project
 from flyaround.hil.board.hybrid.image.edge_field import edge_field, gradient_noise
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
+from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.view_tables import build_views
 from flyaround.hil.board.hybrid.model.visibility import hidden, occluders, sample_edges, visible_samples
 from flyaround.hil.board.hybrid.propose.plane_poses import plane_poses
@@ -149,17 +150,8 @@ def test_alignment_pulls_a_pose_onto_its_edges() -> None:
             )
     field = edge_field(image, (0, 0, 640, 480), 1.0, 640)
     start = quat.multiply(quat.from_rotvec(np.array([0.06, -0.05, 0.05])), POSE_Q)[None]
-    q, t = align_to_field(
-        start,
-        (POSE_T * 1.03)[None],
-        samples,
-        table,
-        field,
-        CAMERA,
-        MODEL.centre_m,
-        MODEL.radius_m,
-        (20, 16, 12, 9, 7, 6, 5),
-    )
+    target = PreparedTarget(MODEL, CAMERA, samples, 0.02, occ, (table,), MODEL.centre_m, MODEL.radius_m)
+    q, t = align_to_field(target, start, (POSE_T * 1.03)[None], table, field, (20, 16, 12, 9, 7, 6, 5))
     assert visible.sum() > 50
     assert np.degrees(quat.angle_rad(q[0], POSE_Q)) < 1.0
     assert np.linalg.norm(t[0] - POSE_T) < 0.03

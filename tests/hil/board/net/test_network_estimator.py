@@ -17,7 +17,7 @@ from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.methods import check_method_name, make_estimator
-from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, shares
+from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, softmax
 from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
@@ -67,12 +67,12 @@ def test_the_mean_attitude_is_of_one_neighbourhood_and_lies_between_classes():
         errors.append(np.degrees(quat.angle_rad(found[None], q)[0]))
         assert 0.4 < held < 0.7
     assert max(errors) < 6.0
-    assert shares(np.array([0.0, 0.0])) == pytest.approx([0.5, 0.5])
+    assert softmax(np.array([0.0, 0.0])) == pytest.approx([0.5, 0.5])
 
 
 def craft_network(tmp_path, **options):
     model = Craft().model()
-    return model, write_network(tmp_path / "net.onnx", (model.name, model.sha256), **options)
+    return model, write_network(tmp_path / "net.npz", (model.name, model.sha256), **options)
 
 
 def test_what_it_is_sure_of_is_the_pose(tmp_path):
@@ -82,7 +82,7 @@ def test_what_it_is_sure_of_is_the_pose(tmp_path):
     image[100:150, 200:260] = 180
     result = estimator.estimate(image)
     assert result.accepted
-    assert result.method == "net:net.onnx"
+    assert result.method == "net:net.npz"
     t = result.t_camera_from_target_m
     assert np.linalg.norm(t) == pytest.approx(np.exp(1.5), rel=1e-5)
     expected = quat.multiply(quat.from_matrix(swing(t / np.linalg.norm(t))), class_attitudes(CLASSES)[7])
@@ -104,26 +104,26 @@ def test_what_it_is_not_sure_of_is_declined_with_its_best_pose(tmp_path):
 
 
 def test_a_network_of_another_craft_and_a_solver_are_refused(tmp_path):
-    path = write_network(tmp_path / "net.onnx", ("dragon", ""))
+    path = write_network(tmp_path / "net.npz", ("dragon", ""))
     with pytest.raises(BoardModelError, match="trained on dragon"):
         make_estimator(Craft().model(), LENS, f"net:{path}")
     with pytest.raises(BoardModelError, match="leave it out"):
         make_estimator(Craft().model(), LENS, f"net:{path}", solver="epnp")
-    for name in ("guess", "net:", "net:none.onnx"):
+    for name in ("guess", "net:", "net:none.npz"):
         with pytest.raises(BoardModelError):
             check_method_name(name)
 
 
 def test_commands_say_what_is_wrong_with_a_network(tmp_path, capsys):
-    (tmp_path / "bad.onnx").write_bytes(b"no network")
-    bad = f"net:{tmp_path / 'bad.onnx'}"
+    (tmp_path / "bad.npz").write_bytes(b"no network")
+    bad = f"net:{tmp_path / 'bad.npz'}"
     for words in (
         ["estimate", "x.png", "--method", bad],
         ["evaluate", str(tmp_path), "--method", bad],
         ["hil", "board", "tcp://127.0.0.1:1", "--method", bad],
     ):
         assert run(words) == 2
-        assert "bad.onnx" in capsys.readouterr().err
+        assert "bad.npz" in capsys.readouterr().err
 
 
 def test_a_board_answers_with_a_network(tmp_path):
@@ -133,7 +133,7 @@ def test_a_board_answers_with_a_network(tmp_path):
     from flyaround.hil.board_model.write import write_board_model
     from flyaround.simulator.targets.library import load_target
 
-    path = write_network(tmp_path / "net.onnx", ("tango", ""), sure=3)
+    path = write_network(tmp_path / "net.npz", ("tango", ""), sure=3)
     write_board_model(load_target("tango"), tmp_path / "tango.board.json")
     rows = []
     run_it = Loop(lambda url: run_board(url, tmp_path / "tango.board.json", f"net:{path}", silence_s=60.0))

@@ -1,181 +1,132 @@
-"""A network's file: what OpenCV makes of it, and what is refused before OpenCV is given it."""
+"""A network's file: what a board computes with it, and what is refused."""
 
-import hashlib
+import io
 import json
 import os
 import random
+import zipfile
 
+import cv2
 import numpy as np
-import onnx
 import pytest
-from onnx import TensorProto, helper
-from random_network import CAMERA, CLASSES, TINY, layers, network_bytes, write_network
+from random_network import CAMERA, CLASSES, network_bytes, random_weights, write_network
 
 from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.net import network_file
-from flyaround.hil.board.net.network_file import HASH_KEY, SHEET_KEY, NetworkFile
+from flyaround.hil.board.net.network_file import NetworkFile
+from flyaround.hil.board.net.residual_network import convolve
 
 
-def relu(x):
-    return np.maximum(x, 0.0)
+@pytest.mark.parametrize(("side", "stride"), [(1, 1), (3, 1), (3, 2), (7, 2)])
+def test_a_convolution_is_what_opencv_filters(side, stride):
+    rng = np.random.default_rng(2)
+    x, weight = rng.normal(size=(3, 9, 12)), rng.normal(size=(2, 3, side, side))
+    bias = rng.normal(size=2)
+    for got, kernels, shift in zip(convolve(x, weight, bias, stride), weight, bias, strict=True):
+        layers = zip(x, kernels, strict=True)
+        whole = sum(cv2.filter2D(m, -1, k, borderType=cv2.BORDER_CONSTANT) for m, k in layers)
+        np.testing.assert_allclose(got, whole[::stride, ::stride] + shift, atol=1e-9)
 
 
-def convolve(x, w, bias, stride):
-    """The definition, for (C, H, W)."""
-    k, pad = w.shape[2], w.shape[2] // 2
-    p = np.pad(x, ((0, 0), (pad, pad), (pad, pad)))
-    windows = np.lib.stride_tricks.sliding_window_view(p, (k, k), axis=(1, 2))[:, ::stride, ::stride]
-    return np.einsum("chwij,ocij->ohw", windows, w) + bias[:, None, None]
-
-
-def by_definition(w, picture):
-    def conv(c, x):
-        return convolve(x, w[c.name], w[f"{c.name}_bias"], c.stride)
-
-    x = relu(conv(TINY.first, picture[None]))
-    p = np.pad(x, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
-    x = np.lib.stride_tricks.sliding_window_view(p, (3, 3), axis=(1, 2))[:, ::2, ::2].max(axis=(3, 4))
-    for b in TINY.residual_blocks():
-        y = conv(b.second, relu(conv(b.first, x)))
-        x = relu(y + (x if b.shortcut is None else conv(b.shortcut, x)))
-
-    def told(head, x):
-        return relu(x @ w[f"{head}.hidden"] + w[f"{head}.hidden_bias"]) @ w[head] + w[f"{head}_bias"]
-
-    return told("place", relu(conv(TINY.squeeze, x)).reshape(-1)), told("attitude", x.max(axis=(1, 2)))
-
-
-def test_opencv_computes_what_the_definition_says(tmp_path):
-    file = NetworkFile.read(write_network(tmp_path / "net.onnx"))
-    assert (file.target, file.classes, file.camera) == ("tango", CLASSES, CAMERA)
-    picture = np.random.default_rng(1).normal(size=(30, 48)).astype(np.float32)
-    place, attitude = file.run(file.open(), picture)
-    expected = by_definition(layers(), picture)
-    np.testing.assert_allclose(place, expected[0], atol=1e-4 * np.abs(expected[0]).max())
-    np.testing.assert_allclose(attitude, expected[1], atol=1e-4 * np.abs(expected[1]).max())
-    onnx.checker.check_model(onnx.load_from_string(network_bytes()), full_check=True)
+def test_a_file_is_read_as_it_was_written(tmp_path):
+    file = NetworkFile.read(write_network(tmp_path / "net.npz"))
+    assert (file.name, file.target, file.classes, file.camera) == ("net.npz", "tango", CLASSES, CAMERA)
+    assert all(np.array_equal(value, file.weights[name]) for name, value in random_weights().items())
+    place, attitude = file.run(np.random.default_rng(1).normal(size=(30, 48)).astype(np.float32))
+    assert (place.shape, attitude.shape) == ((3,), (CLASSES,))
 
 
 def refusal(tmp_path, data):
-    path = tmp_path / "bad.onnx"
+    path = tmp_path / "bad.npz"
     path.write_bytes(data)
     with pytest.raises(BoardModelError) as caught:
-        NetworkFile.read(path).open()
+        NetworkFile.read(path)
     sentence = str(caught.value)
-    assert "bad.onnx" in sentence
+    assert "bad.npz" in sentence
     assert "\n" not in sentence
     return sentence
 
 
-def changed(change, sheet_change=lambda _sheet: None):
-    """The file after a change of its graph, its hash made right again as who means harm would."""
-    model = onnx.load_from_string(network_bytes())
-    change(model.graph)
-    properties = {p.key: p.value for p in model.metadata_props}
-    sheet = json.loads(properties[SHEET_KEY])
+def changed(arrays_change=lambda _arrays: None, sheet_change=lambda _sheet: None):
+    """The file after a change of its arrays or sheet."""
+    with np.load(io.BytesIO(network_bytes())) as file:
+        arrays = dict(file)
+    sheet = json.loads(arrays["sheet"].tobytes())
     sheet_change(sheet)
-    digest = hashlib.sha256(model.graph.SerializeToString(deterministic=True)).hexdigest()
-    helper.set_model_props(model, {SHEET_KEY: json.dumps(sheet), HASH_KEY: digest})
-    return model.SerializeToString(deterministic=True)
+    arrays["sheet"] = np.frombuffer(json.dumps(sheet).encode(), np.uint8)
+    arrays_change(arrays)
+    data = io.BytesIO()
+    np.savez_compressed(data, **arrays)
+    return data.getvalue()
 
 
-def add_node(operator, **attributes):
-    def change(graph):
-        graph.node.append(helper.make_node(operator, ["place"], ["more"], **attributes))
-
-    return change
-
-
-def external(graph):
-    weights = graph.initializer[0]
-    weights.ClearField("raw_data")
-    weights.data_location = TensorProto.EXTERNAL
-    weights.external_data.add(key="location", value="/etc/passwd")
-
-
-def input_side(graph):
-    graph.input[0].type.tensor_type.shape.dim[2].dim_value = 10**9
-
-
-def unnamed_side(graph):
-    graph.input[0].type.tensor_type.shape.dim[2].dim_param = "any"
-
-
-def second_input(graph):
-    graph.input.append(helper.make_tensor_value_info("more", TensorProto.FLOAT, [1, 3]))
-
-
-def other_output(graph):
-    graph.output[1].type.tensor_type.shape.dim[1].dim_value = CLASSES + 1
-
-
-def huge_stride(graph):
-    next(a for a in graph.node[0].attribute if a.name == "strides").ints[0] = 10**6
-
-
-def no_stride(graph):
-    next(a for a in graph.node[0].attribute if a.name == "strides").ints[0] = 0
-
-
-def lying_shape(graph):
-    graph.initializer[0].dims[0] = 10**9
-
-
-def not_finite(graph):
-    data = np.frombuffer(graph.initializer[0].raw_data, "<f4").copy()
-    data[3] = np.nan
-    graph.initializer[0].raw_data = data.tobytes()
+def not_finite(arrays):
+    arrays["squeeze"][0, 3] = np.nan
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (add_node("Loop"), "'Loop'"),
-        (add_node("Relu", domain="mine"), "'Relu'"),
-        (add_node("Flatten", inner=helper.make_graph([], "inner", [], [])), "a graph"),
-        (external, "another file"),
-        (input_side, "inputs"),
-        (unnamed_side, "inputs"),
-        (second_input, "inputs"),
-        (other_output, "outputs"),
-        (huge_stride, "1000000"),
-        (no_stride, "strides"),
-        (lying_shape, "bytes"),
         (not_finite, "finite"),
-        (lambda graph: graph.node.pop(), "OpenCV"),
-        (lambda graph: [graph.node.append(graph.node[0]) for _ in range(2500)], "nodes"),
+        (lambda arrays: arrays.pop("place_bias"), "place_bias"),
+        (lambda arrays: arrays.pop("sheet"), "sheet"),
+        (lambda arrays: arrays.update(sheet=np.array(["{}"])), "cannot be used"),
+        (lambda arrays: arrays.update(stem=arrays["stem"].astype(np.float64)), "float64"),
+        (lambda arrays: arrays.update(stem=arrays["stem"][:-1]), "shape"),
+        (lambda arrays: arrays.update(attitude=np.zeros((CLASSES + 1, 256), np.float32)), "attitude"),
+        (lambda arrays: arrays.update(stem=np.array([None], object)), "cannot be used"),
     ],
 )
-def test_another_graph_than_ours_is_refused_in_a_sentence(tmp_path, change, says):
+def test_other_weights_are_refused_in_a_sentence(tmp_path, change, says):
     assert says in refusal(tmp_path, changed(change))
+
+
+def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(network_file, "MOST_BYTES", 4_000_000)
+    data = changed(lambda arrays: arrays.update(more=np.zeros(1_000_000, np.float32)))
+    assert len(data) < 4_000_000
+    assert "unpacks" in refusal(tmp_path, data)
+
+
+def test_a_header_that_promises_more_than_there_is_is_refused(tmp_path):
+    header = io.BytesIO()
+    described = {"descr": "<f4", "fortran_order": False, "shape": (10**14,)}
+    np.lib.format.write_array_header_1_0(header, described)
+    data = io.BytesIO(network_bytes())
+    with zipfile.ZipFile(data, "a") as members:
+        members.writestr("more.npy", header.getvalue())
+    refusal(tmp_path, data.getvalue())
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
     [
         ("width_px", 10**9),
+        ("width_px", 90),
         ("classes", 5),
         ("classes", True),
         ("f_px", float("nan")),
         ("log_range_mean", 1e9),
+        ("architecture", "huge"),
+        ("architecture", "resnet18"),
         ("target", 3),
         ("target", "x" * 300),
         ("held_out", []),
         ("held_out", {"turn_rad": 0.0}),
-        ("version", 2),
+        ("version", 1),
     ],
 )
 def test_a_sheet_with_a_wrong_field_is_refused_in_a_sentence(tmp_path, key, value):
-    refusal(tmp_path, changed(lambda _graph: None, lambda sheet: sheet.update({key: value})))
+    refusal(tmp_path, changed(sheet_change=lambda sheet: sheet.update({key: value})))
 
 
 def test_no_file_a_pipe_another_file_and_a_large_one_are_refused(tmp_path, monkeypatch):
-    for path in (tmp_path / "none.onnx", tmp_path, "a\0b"):
+    for path in (tmp_path / "none.npz", tmp_path, "a\0b"):
         with pytest.raises(BoardModelError, match="cannot be read"):
             NetworkFile.read(path)
-    os.mkfifo(tmp_path / "pipe.onnx")
+    os.mkfifo(tmp_path / "pipe.npz")
     with pytest.raises(BoardModelError, match="no regular file"):
-        NetworkFile.read(tmp_path / "pipe.onnx")
+        NetworkFile.read(tmp_path / "pipe.npz")
     refusal(tmp_path, b"")
     refusal(tmp_path, b"\x89PNG\r\n\x1a\n" + bytes(100))
     monkeypatch.setattr(network_file, "MOST_BYTES", 1000)
@@ -184,18 +135,19 @@ def test_no_file_a_pipe_another_file_and_a_large_one_are_refused(tmp_path, monke
 
 def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path):
     rng = random.Random(3)
-    whole = network_bytes()
-    start = len(whole)
-    path = tmp_path / "bad.onnx"
-    for _ in range(400):
+    whole, weights = network_bytes(), random_weights()
+    # one in three at the end, which says where each array lies
+    places = (len(whole), len(whole), 4000)
+    path = tmp_path / "bad.npz"
+    for k in range(400):
         data = bytearray(whole)
+        at = len(whole) - 1 - rng.randrange(places[k % 3])
         kind = rng.randrange(3)
         if kind == 0:
-            data[rng.randrange(start)] ^= 1 << rng.randrange(8)
+            data[at] ^= 1 << rng.randrange(8)
         elif kind == 1:
-            del data[rng.randrange(start) :]
+            del data[at:]
         else:
-            at = rng.randrange(start)
             data[at:at] = bytes(rng.randrange(256) for _ in range(rng.randrange(1, 9)))
         path.write_bytes(bytes(data))
         try:
@@ -204,4 +156,4 @@ def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path):
             assert "\n" not in str(error)  # noqa: PT017 - most of them are refused, some change nothing
             continue
         # what is left is damage of what nobody reads
-        assert file.classes == CLASSES
+        assert all(np.array_equal(value, file.weights[name]) for name, value in weights.items())

@@ -1,0 +1,124 @@
+"""A small residual network in NumPy: one picture in, place and classes of attitude out.
+
+The place is read from all of the picture's cells; the attitude, which is relative to the line of sight and does not
+depend on the place, from the largest value of each channel. So a view that is learned at one place is known at all.
+
+References
+----------
+He et al. (2016), Deep residual learning for image recognition, CVPR; Proenca & Gao (2020), Deep learning for spacecraft
+pose estimation from photorealistic rendering, ICRA.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, Iterator, Tuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Sizes of a network.
+
+    Parameters
+    ----------
+    stem : int
+        Channels after the first convolution.
+    stages : tuple of int
+        Channels of each stage; all but the first halve the picture.
+    blocks : int
+        Residual blocks of a stage.
+    squeezed : int
+        Channels that the place is read from.
+    hidden : int
+        Units before each output.
+    """
+
+    stem: int
+    stages: Tuple[int, ...]
+    blocks: int
+    squeezed: int
+    hidden: int
+
+    def residual_blocks(self) -> Iterator[Tuple[str, int, int, int]]:
+        """Yield the name, input channels, output channels and stride of each residual block."""
+        before = self.stem
+        for s, channels in enumerate(self.stages):
+            for b in range(self.blocks):
+                yield f"stage{s}_{b}", before, channels, 2 if b == 0 and s > 0 else 1
+                before = channels
+
+    def layers(self, width_px: int, height_px: int, classes: int) -> Dict[str, Tuple[Tuple[int, ...], int]]:
+        """Return the weights' shape and the stride of each layer, outputs first, for pictures of a size."""
+        layers: Dict[str, Tuple[Tuple[int, ...], int]] = {"stem": ((self.stem, 1, 7, 7), 2)}
+        for name, before, channels, stride in self.residual_blocks():
+            layers[f"{name}_first"] = (channels, before, 3, 3), stride
+            layers[f"{name}_second"] = (channels, channels, 3, 3), 1
+            if stride != 1 or before != channels:
+                layers[f"{name}_shortcut"] = (channels, before, 1, 1), stride
+        last, halved = self.stages[-1], 2 ** (1 + len(self.stages))
+        cells = -(-width_px // halved) * -(-height_px // halved)
+        layers["squeeze"] = (self.squeezed, last, 1, 1), 1
+        layers["place_hidden"] = (self.hidden, self.squeezed * cells), 1
+        layers["place"] = (3, self.hidden), 1
+        layers["attitude_hidden"] = (self.hidden, last), 1
+        layers["attitude"] = (classes, self.hidden), 1
+        return layers
+
+    def run(self, weights: Dict[str, Array], picture: Array) -> Tuple[Array, Array]:
+        """Return place (3,) and logits of the attitudes (K,); not finite where the weights make them overflow.
+
+        Parameters
+        ----------
+        weights : dict of str to array
+            Weights ``NAME`` and ``NAME_bias`` of each layer, float32, normalisations folded in.
+        picture : (h, w) array
+            Float32, standardised.
+        """
+
+        def convolved(name: str, x: Array, stride: int = 1) -> Array:
+            return convolve(x, weights[name], weights[f"{name}_bias"], stride)
+
+        def dense(name: str, x: Array) -> Array:
+            return np.asarray(weights[name] @ x + weights[f"{name}_bias"])
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = _windows(_rectified(convolved("stem", picture[None], 2)), 3, 2).max(axis=(3, 4))
+            for name, _, _, stride in self.residual_blocks():
+                y = convolved(f"{name}_second", _rectified(convolved(f"{name}_first", x, stride)))
+                shortcut = f"{name}_shortcut"
+                x = _rectified(y + (convolved(shortcut, x, stride) if shortcut in weights else x))
+            squeezed = _rectified(convolved("squeeze", x)).reshape(-1)
+            place = dense("place", _rectified(dense("place_hidden", squeezed)))
+            attitude = dense("attitude", _rectified(dense("attitude_hidden", x.max(axis=(1, 2)))))
+        return place, attitude
+
+
+ARCHITECTURES = {
+    "small": Architecture(stem=16, stages=(24, 48, 128), blocks=1, squeezed=16, hidden=256),
+    # He et al.'s of 18 layers
+    "resnet18": Architecture(stem=64, stages=(64, 128, 256, 512), blocks=2, squeezed=32, hidden=512),
+}
+
+
+def convolve(x: Array, weight: Array, bias: Array, stride: int) -> Array:
+    """Return the cross-correlation (O, h', w') of maps (C, h, w) with weights (O, C, k, k), zeros beyond the maps."""
+    windows = _windows(x, weight.shape[2], stride)
+    h, w = windows.shape[1:3]
+    columns = windows.transpose(0, 3, 4, 1, 2).reshape(-1, h * w)
+    return np.asarray(weight.reshape(len(weight), -1) @ columns + bias[:, None]).reshape(-1, h, w)
+
+
+def _windows(x: Array, side: int, stride: int) -> Array:
+    """Return a view (C, h', w', side, side) of the windows of maps (C, h, w), padded with zeros."""
+    pad = side // 2
+    padded = np.pad(x, ((0, 0), (pad, pad), (pad, pad)))
+    return sliding_window_view(padded, (side, side), axis=(1, 2))[:, ::stride, ::stride]
+
+
+def _rectified(x: Array) -> Array:
+    return np.maximum(x, 0.0, out=x)
