@@ -1,4 +1,4 @@
-"""Cost of a frame that does not depend on its pixels: what a GPU waits for."""
+"""Cost of a frame that does not depend on its pixels, and that limits the frame rate of a GPU."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class FixedCost:
 
     Parameters
     ----------
-    labels : whether the frame has labels.
+    labels : True if the frame has labels.
     thread_ms, least_thread_ms : median and least processor time of the calling thread [ms].
-    python_calls, all_calls : calls a frame of Python functions, and of these and built-in functions together.
+    python_calls, all_calls : calls per frame of Python functions, and of these and built-in functions together.
     """
 
     labels: bool
@@ -43,7 +43,7 @@ class FixedCost:
 
 
 def bench_fixed_cost(device_index: int | None = None) -> tuple[FixedCost, FixedCost]:
-    """Measure frames of 64 x 40 pixels along a flight, without labels and with them."""
+    """Measure frames of 64 x 40 pixels along a flight, without and with labels."""
     plan = plan_flight(load_scenario(SCENE), n=FIRST + FRAMES)
     camera = plan.camera.resized(WIDTH_PX)
     scenes = [replace(plan.scene(k), camera=camera) for k in range(FIRST + FRAMES)]
@@ -57,7 +57,7 @@ def bench_fixed_cost(device_index: int | None = None) -> tuple[FixedCost, FixedC
 
 
 def _measure(frames: Iterator[Frame], *, labels: bool) -> FixedCost:
-    """Time the first half after the warm-up, and count the calls of the rest: counting slows calls down."""
+    """Time the first half after the warm-up, and count the calls in the rest, because counting slows calls down."""
     for _ in range(FIRST):
         next(frames)
     spent_ms = []
