@@ -1,8 +1,8 @@
-"""Makes the images of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's.
+"""Makes the images of docs/hil_closed_loop.md: an approach in its corridor, its errors, and the forecast's errors.
 
     python -m tools.docs.closed_loop LEDGER -o docs/images
 
-LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is flown anew, without images.
+LEDGER is a folder of ``hil host --closed-loop --log``; the forecast is computed anew, without images.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ PICTURES = {
 
 
 def main() -> None:
-    """Take the pictures that are named, or all, and the sheets of every panel."""
+    """Take the named pictures, or all, and the sheets of every panel."""
     names = sys.argv[1:] or [*PICTURES, "panels"]
     for name in names:
         if name in PICTURES:
@@ -74,7 +74,7 @@ def _fly(folder: Path, scenario: str, lines: list[str]) -> None:
 
 
 def _sheets() -> None:
-    """Open each panel in turn, keep a look of the window, and write the sheets."""
+    """Open each panel in turn, save a screenshot of the window, and write the sheets."""
     with tempfile.TemporaryDirectory() as place:
         looks = [_labelled(image, title) for image, title in _looks(Path(place))]
     size = COLUMNS * ROWS

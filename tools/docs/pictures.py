@@ -41,7 +41,7 @@ def main() -> None:
     """Draw the hero image, the montage with truth, and one tile per kind of scene."""
     IMAGES.mkdir(exist_ok=True)
     with fa.Renderer() as renderer:
-        # as the gallery's: without the detector's noise, developed like a photograph
+        # as the gallery's: without detector noise, with the tone curve of film
         hero, _ = draw(renderer, "tango-close-3m", 0.0, "rgb")
         light = radiance(renderer, replace(hero.scene, quality="high"))
         light = cv2.resize(light, (1280, 800), interpolation=cv2.INTER_AREA)

@@ -1,11 +1,11 @@
-"""Train the keypoint network's trunk and the heads of the built-in craft, all at once.
+"""Train the keypoint network's trunk and the heads of the built-in craft together.
 
     python -m tools.train.keypoint_trunk draw VIEWS --workers 2
     python -m tools.train.keypoint_trunk fit VIEWS STATE --minutes 180 --threads 2
     python -m tools.train.keypoint_trunk write STATE
 
-``draw`` goes on where it was stopped, and so does ``fit``; ``write`` puts the running mean of the weights into the
-package. Two processes make samples beside the training.
+``draw`` and ``fit`` continue where they were interrupted; ``write`` puts the running mean of the weights into the
+package. Two processes make samples during training.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 WEIGHTS = Path(__file__).parents[2] / "hil/board/hybrid/propose/keypoints/weights"
 
-# Views of each craft; Tango is drawn in both of its paints.
+# views of each craft; Tango is drawn in both of its paints
 VIEWS = {
     "tango": 6000,
     "dragon": 1500,
@@ -54,7 +54,7 @@ VIEWS = {
 }
 PAINTS = {"tango": ("tango", "tango-mockup")}
 
-# Samples of a step, and of these of other craft than Tango; share of the training on easy samples.
+# samples per step, and of these of craft other than Tango; share of the training on easy samples
 BATCH, OTHERS, EASY_SHARE = 64, 24, 0.2
 PER_CRAFT = 8
 
@@ -62,12 +62,12 @@ CHECKPOINT_S = 120.0
 
 
 def drawing(folder: Path, name: str) -> Drawing:
-    """Return what is drawn of a craft."""
+    """Return the drawing instructions of a craft."""
     return Drawing(folder / name, PAINTS.get(name, (name,)), VIEWS[name], 18801)
 
 
 def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:  # noqa: ANN401 - a shared flag
-    """Put batches into a queue for ever: names and sizes of their parts, and samples."""
+    """Put batches into a queue forever: names and sizes of their parts, and samples."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     views, earths = {}, {}
@@ -92,7 +92,7 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Any]) -> None:
 
 
 def train(folder: Path, state: Path, minutes: float, threads: int) -> None:
-    """Train until ``minutes`` in all are spent."""
+    """Train until ``minutes`` in total have passed."""
     torch.set_num_threads(threads)
     torch.manual_seed(0)
     trunk, heads = Trunk(), nn.ModuleDict({name: Head() for name in VIEWS})
