@@ -1,6 +1,5 @@
 """Tests a stranger's first steps: the wheel in an empty home, without a compiler, on a machine of few resources.
 
-
 `python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user without write access, and runs the
 first commands with 64 MB of shared memory. It needs root, and drops its privileges before a command runs, and a PYTHON
 that others may read (default: this one). The limit of a minute for the first image holds on a quiet machine.

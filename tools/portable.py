@@ -1,6 +1,5 @@
 """The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst combination.
 
-
 ``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` is passed to the tests, ``JOBS`` is the number of files at
 once. A separate process first shows that each factor has an effect: an environment variable that a library ignores
 would prove nothing. Factors that this machine's processor does not support are reported and omitted.

@@ -1,6 +1,5 @@
 """Makes ``assets/prebuilt``: the cache entries that would take longest at a first start of the standard scenes.
 
-
 `python -m tools.prebuilt` renames an entry if only the source of its maker has changed, and replaces it if its output
 has changed.
 """

@@ -1,6 +1,5 @@
 """``python -m tools.mutants``: judges a seeded sample of cosmic-ray's mutants and records them in its session file.
 
-
 ``cr-report --surviving-only --show-diff SESSION`` prints those that no test noticed. An interrupted session continues;
 a session of older sources must be deleted by hand.
 """

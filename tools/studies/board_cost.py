@@ -1,6 +1,5 @@
 """Time and memory of the estimator over a data set, in a process with a board's packages only.
 
-
     python -m tools.studies.board_cost SET --target tango
 
 Processor time, one thread: of accepted frames, of the others, and of each stage; peak memory of the process, including

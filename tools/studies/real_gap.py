@@ -6,7 +6,6 @@
 Each image gets a rendered twin: the craft at its pose under light fitted to it, with the mock-up's surfaces and the
 recipe's lens and noise. Then one property of the twin is replaced by another of ours, or by the image's own:
 
-
 | row | what is swapped |
 |---|---|
 | light: one box | the boxes that were fitted for the strongest of them alone |

@@ -1,10 +1,9 @@
 """Gain of each saving of the software path: the bench scenes with all of them, and with one switched off, alternately.
 
-
 `python -m tools.studies.savings [NAME...]` renders with all savings and without each named one, and prints the
-additional processor time per frame [ms], scene by scene, their sum, and the largest difference of the images. `python
--m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s]. Savings
-that proved useless are listed in docs/lab/2026-11-savings.md.
+additional processor time per frame [ms], scene by scene, their sum, and the largest difference of the images.
+`python -m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s].
+Results, and the savings that were removed: docs/lab/2026-11-savings.md.
 """
 
 from __future__ import annotations

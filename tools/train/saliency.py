@@ -1,6 +1,5 @@
 """Trains the saliency of the target on labelled data sets: features of cells inside and outside of its mask.
 
-
     python -m tools.train.saliency DIR... -o hil/board/hybrid/propose/saliency.npz
 
 The shipped weights were trained on frames of ``eval-earth`` (seed 4201, and frames 40 to 149 of seed 4102) and a few of

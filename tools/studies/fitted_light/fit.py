@@ -1,6 +1,5 @@
 """The light of an image whose pose is known: boxes around the craft, with radiances by least squares.
 
-
 Light is additive, so the craft is rendered once under each of many boxes, at a small size; their radiances are the
 non-negative weights whose sum is nearest to the image. Where the image is clipped, the sum must only be clipped too.
 """

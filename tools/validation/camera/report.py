@@ -1,4 +1,4 @@
-"""The camera, proved: ``python -m tools.validation.camera`` measures it as one measures a real one.
+"""Validation of the camera: ``python -m tools.validation.camera`` measures it like a real one.
 
 Calibration by OpenCV from images of a board, the detector by EMVA 1288, photon noise by chi-square, the transfer
 function from a slanted edge.
@@ -64,7 +64,7 @@ TRANSFER_NOTE = (
     "much narrower than 0.7 px cannot be represented on whole pixels without negative light: its kernel is the "
     "nearest one."
 )
-_RENDERER_S = 0.04  # that a picture takes
+_RENDERER_S = 0.04  # additional time of a picture
 COST_NOTE = (
     "Blur, noise and quantisation of a 1920 x 1200 picture on two threads of the machine that made this page, best "
     "of seven. As in a frame, the noise of `speed` and `thesis` is drawn before the picture is there: it is in the "
@@ -157,7 +157,7 @@ def detector(seed: int) -> Section:
 
 
 def photons(seed: int) -> Section:
-    """Compare electron counts with the Poisson law, and digital numbers with the detector's."""
+    """Compare electron counts with the Poisson distribution, and digital numbers with the detector's."""
     lines = [
         "## Photon noise",
         "",
@@ -211,7 +211,7 @@ def transfer(renderer: Renderer) -> Section:
 
 
 def cost(_seed: int) -> Section:
-    """Time of blur and noise at 1920x1200: a report, no goal, as it depends on the machine."""
+    """Measure the time of blur and noise at 1920x1200, without a goal, because it depends on the machine."""
     lines = [
         "## Cost",
         "",
@@ -250,7 +250,7 @@ def cost(_seed: int) -> Section:
 
 
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    """Measure, print and write the page; 0 when every goal is met."""
+    """Measure, print and write the page; return 0 if every goal is met."""
     parser = argparse.ArgumentParser(description="Measure the simulated camera.")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     parser.add_argument("--seed", type=int, default=1, help="of all random numbers: boards, noise")

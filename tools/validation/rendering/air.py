@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the air: its radiances against a solver of the whole transfer equation."""
+"""Rows of the rendering page about the air: its radiances against a solver of the complete transfer equation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REFERENCE = Path("tests/reference/disort.csv")
 GROUNDS, SUNS_DEG = (0.0, 0.3, 0.8), (30.0, 60.0, 75.0)
 VIEWS_DEG, AZIMUTHS_DEG = (10.0, 25.0, 40.0, 55.0, 66.0), (0.0, 90.0, 180.0)
 BANDS = ("panchromatic", "red", "green", "blue")
-FLAT_RADIUS_M = 6.4e8  # the solver's air is plane
+FLAT_RADIUS_M = 6.4e8  # the solver's air is plane-parallel
 NOTES = """
 The air against PythonicDISORT 1.8 (Ho 2024, J. Open Source Softw. 9, 6442; 32 streams, delta-M and Nakajima-Tanaka
 corrections), over ground of albedo 0, 0.3 and 0.8, the Sun 30, 60 and 75 deg and the view 10 to 66 deg from the
@@ -42,13 +42,13 @@ same reason.
 
 
 def flat_air(bands: Bands) -> Atmosphere:
-    """Return the Earth's air over ground that hardly bends."""
+    """Return the Earth's air over nearly flat ground."""
     return replace(earth_atmosphere(bands), radius_m=FLAT_RADIUS_M)
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Light over the Sun's irradiance; last axis panchromatic, red, green, blue.
+    """Light over the Sun's irradiance; the last axis is panchromatic, red, green, blue.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Light:
 
 
 def solver_light() -> Light:
-    """Return the solver's, as it is kept."""
+    """Return the stored light of the solver."""
     with REFERENCE.open(newline="") as file:
         rows = list(csv.reader(file))[1:]
 
@@ -75,7 +75,7 @@ def solver_light() -> Light:
 
 
 def our_light() -> Light:
-    """Return ours, in double precision."""
+    """Return our light, in double precision."""
     both: list[list[FloatArray]] = [[], [], []]
     for bands in ("mono", "rgb"):
         air = flat_air(bands)
@@ -104,7 +104,7 @@ def _light(
         along = foot @ way
         reach = np.sqrt(along**2 + air.top_m**2 - foot @ foot) - along
         leaves, through = _seen(air, table, foot + (reach + 1.0) * way, -way, sun)
-        # light that goes the way of an azimuth comes from the other side
+        # light that travels towards an azimuth comes from the opposite one
         sky, _ = _seen(air, table, foot, way * (-1, -1, 1), sun)
         out.append((leaves + through * falling * ground / np.pi, sky))
     leaves, sky = np.moveaxis(np.reshape(out, (*view.shape, 2, -1)), 2, 0)
@@ -121,7 +121,7 @@ def _seen(
 
 
 def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - physics; that pictures have it is another row
-    """Return every comparison, measured now."""
+    """Measure and return every comparison."""
     ours, solver = our_light(), solver_light()
     up, down, ground = (getattr(ours, n) / getattr(solver, n) - 1 for n in ("up", "down", "ground"))
     measured = [
