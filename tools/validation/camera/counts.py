@@ -24,7 +24,7 @@ _REACH = 9.0  # standard deviations on either side over which the distributions 
 
 
 def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, int, float]:
-    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects 20 counts."""
+    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects 20."""
     ends = []
     total = 0.0
     for k, value in enumerate(expected):

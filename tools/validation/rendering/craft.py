@@ -241,7 +241,7 @@ def edge_errors(
     angles_deg: ArrayLike = EDGE_ANGLES_DEG,
     camera: Camera = EDGE_CAMERA,
 ) -> FloatArray:
-    """Return the edge position of a plate by coverage, in every row (or column) that it crosses, minus OpenCV's [px]."""
+    """Return the edge position of a plate by coverage, in every row or column that it crosses, minus OpenCV's [px]."""
     size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate: about the same in the image
     middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
     place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
