@@ -1,10 +1,10 @@
-"""A board in Python without a line of Flyaround, from docs/hil_protocol.md: numpy and the standard library alone.
+"""A board in Python without Flyaround, after docs/hil_protocol.md: numpy and the standard library only.
 
     python3 board_python.py 127.0.0.1 5600
 
-It takes Mono8 images as they are, over TCP, and answers where the bright pixels lie as seen by the camera, at a range
-of 10 m: no estimator, but all that a host sees of one. Put yours in place of ``look``.
-Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake, in one sentence.
+It takes raw Mono8 images over TCP and answers with the direction of the bright pixels, at a range of 10 m: not an
+estimator, but a host cannot tell. Replace ``look`` by your own. Exit code 0: the host said goodbye; 1: it vanished; 2:
+an error, described in one sentence.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Ended(Exception):  # noqa: N818 - how every session ends
-    """The session is over: exit code and sentence."""
+    """The session has ended: exit code and sentence."""
 
 
 class Line:
@@ -55,7 +55,7 @@ class Line:
             self.socket.sendall(struct.pack("<I", len(packet)) + packet)
 
     def say_error(self, code: int, frame_id: int, text: str) -> None:
-        """Tell the host what is wrong."""
+        """Report an error to the host."""
         said = text.encode()
         self.say(ERROR, struct.pack("<HHI", code, len(said), frame_id) + said)
 
@@ -66,7 +66,7 @@ class Line:
                 length = struct.unpack_from("<I", self.buffer)[0]
                 magic, version, kind, _, session_id, _, n = HEADER.unpack_from(self.buffer, 4)
                 if magic != b"FLYA" or n > MAX_PAYLOAD or length != HEADER.size + n + 4:
-                    del self.buffer[0]  # out of step: look on
+                    del self.buffer[0]  # out of step: search on
                     continue
                 if len(self.buffer) < 4 + length:
                     break
@@ -85,7 +85,7 @@ class Line:
 
 
 def look(image: np.ndarray, camera: dict[str, float]) -> Position | None:
-    """Position of the bright pixels' middle at 10 m, in the camera's axes [m]; None where nothing is bright."""
+    """Return the middle of the bright pixels at 10 m, in the camera's axes [m]; None if nothing is bright."""
     brightest = int(image.max())
     if brightest < 16:
         return None
@@ -107,7 +107,7 @@ class Board:
         )
 
     def greet(self) -> None:
-        """HELLO, and the host's terms."""
+        """Exchange HELLO and the host's terms."""
         # raw, one frame at a time, Mono8, any target
         hello = struct.pack(
             "<HHHH64s32s32s64s", VERSION, 1, 1, 1, b"", b"", b"centroid", b"example board in Python"
@@ -132,7 +132,7 @@ class Board:
         self.camera = json.loads(payload[120:])
 
     def serve(self) -> None:
-        """Answer what comes, until the host ends it."""
+        """Answer messages until the host ends the session."""
         while True:
             heard = self.line.hear()
             at_ns = time.monotonic_ns()
@@ -179,13 +179,13 @@ class Board:
         self.frame = frame_id, chunks, bytearray()
 
     def take_chunk(self, payload: bytes, at_ns: int) -> None:
-        """Add a part of the frame; parts come in order."""
+        """Add a chunk of the frame; chunks arrive in order."""
         frame_id, index, offset, _ = struct.unpack_from("<IIII", payload)
         if self.frame is None or frame_id != self.frame[0]:
-            return  # the rest of one that was lost
+            return  # the rest of a lost frame
         _, chunks, pixels = self.frame
         if offset < len(pixels):
-            return  # it came twice
+            return  # a repeated chunk
         if offset > len(pixels):
             self.lose()
             return
@@ -197,7 +197,7 @@ class Board:
         self.answer(frame_id, np.frombuffer(pixels, np.uint8).reshape(self.height, self.width), at_ns)
 
     def answer(self, frame_id: int, image: np.ndarray, received_ns: int) -> None:
-        """POSE, then CREDIT."""
+        """Send POSE, then CREDIT."""
         start_ns = time.monotonic_ns()
         t_m = look(image, self.camera)
         pose = None if t_m is None else ((1.0, 0.0, 0.0, 0.0), t_m)
@@ -207,7 +207,7 @@ class Board:
     def say_pose(
         self, frame_id: int, pose: tuple[Quaternion, Position] | None, times_ns: tuple[int, int, int]
     ) -> None:
-        """POSE: a pose, or None where there is none; when the frame was received, begun and answered."""
+        """Send POSE: a pose, or None without one, and the times of reception, start and answer."""
         seen = pose is not None
         reason = b"" if seen else b"nothing bright in the picture"
         q_wxyz, t_m = pose or ((0.0,) * 4, (0.0,) * 3)
@@ -218,12 +218,12 @@ class Board:
         self.line.say(POSE, said)
 
     def release(self, frame_id: int) -> None:
-        """CREDIT: room for the next frame."""
+        """Send CREDIT: room for the next frame."""
         self.line.say(CREDIT, struct.pack("<IHH", frame_id, self.window, 0))
 
 
 def main() -> int:
-    """Serve one session; its exit code."""
+    """Serve one session; return its exit code."""
     if len(sys.argv) != 3:
         print("usage: board_python.py HOST PORT", file=sys.stderr)
         return 2
@@ -231,7 +231,7 @@ def main() -> int:
 
 
 def run(make_board: Callable[[Line], Board], host: str, port: str) -> int:
-    """One session of a board with a host; its exit code."""
+    """Run one session of a board with a host; return its exit code."""
     try:
         board = make_board(Line(host, int(port)))
     except (OSError, ValueError) as error:

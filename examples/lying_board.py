@@ -1,12 +1,12 @@
-"""A board that lies in one of five ways, to see that requirements of a campaign, or tests of your own, notice it.
+"""A board that misbehaves in one of five ways, to test that a campaign's requirements, or your own tests, notice it.
 
     python3 lying_board.py LIE 127.0.0.1 5600
 
-dead: it hangs in its first frame and never says a word again. slow: it answers each frame two seconds late.
-off_by_one: it gives its answers the number of the frame after. lying: it accepts a pose far off, with times that cannot
-be. silent: it takes each frame and its credit, answers clock requests, and says no pose.
+dead: it hangs in its first frame and never sends anything again. slow: it answers each frame two seconds late.
+off_by_one: its answers have the number of the next frame. lying: it accepts a pose that is far off, with impossible
+times. silent: it takes each frame and its credit, answers clock requests, and sends no pose.
 
-Exit codes are those of board_python.py, which has all that is no lie.
+Exit codes are those of board_python.py, which implements everything else.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ FAR_OFF = (0.0, 1.0, 0.0, 0.0), (100.0, -100.0, 1000.0)
 
 
 class LyingBoard(Board):
-    """A board with one lie."""
+    """A board with one misbehaviour."""
 
     def __init__(self, lie: str, line: Line) -> None:
         super().__init__(line)
         self.lie = lie
 
     def answer(self, frame_id: int, image: np.ndarray, received_ns: int) -> None:
-        """Answer a frame by the lie."""
+        """Answer a frame with the misbehaviour."""
         if self.lie == "dead":
             self.line.socket.settimeout(None)
             while True:
@@ -41,7 +41,7 @@ class LyingBoard(Board):
         if self.lie == "off_by_one":
             super().answer(frame_id + 1, image, received_ns)
         elif self.lie == "lying":
-            # by a wall clock, where the link counts from when the machine was started
+            # of a wall clock, although the link counts from the start of the machine
             self.say_pose(frame_id, FAR_OFF, (time.time_ns(),) * 3)
             self.release(frame_id)
         elif self.lie == "silent":
@@ -51,7 +51,7 @@ class LyingBoard(Board):
 
 
 def main() -> int:
-    """Serve one session; its exit code."""
+    """Serve one session; return its exit code."""
     if len(sys.argv) != 4 or sys.argv[1] not in LIES:
         print(f"usage: lying_board.py {'|'.join(LIES)} HOST PORT", file=sys.stderr)
         return 2

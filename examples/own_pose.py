@@ -1,4 +1,4 @@
-"""Put the target where you want it, draw it, and ask the board's estimator where it is.
+"""Place the target at a pose, draw it, and let the board's estimator find it.
 
 python examples/own_pose.py OUT_FOLDER
 """
@@ -10,7 +10,7 @@ import numpy as np
 
 import flyaround as fa
 
-Q_CAMERA_FROM_TARGET_WXYZ = (0.3, 0.8, 0.4, -0.3)  # Hamilton, scalar first; of any length near one
+Q_CAMERA_FROM_TARGET_WXYZ = (0.3, 0.8, 0.4, -0.3)  # Hamilton, scalar first; need not be normalised exactly
 T_CAMERA_FROM_TARGET_M = (0.4, -0.2, 8.0)  # camera axes: x right, y down, z forward
 
 
@@ -22,11 +22,13 @@ def main(folder: Path) -> None:
     with fa.Renderer() as renderer:
         frame = fa.take_frame(renderer, scene, plan.target)
     fa.save_picture(frame, f"{folder}/own_pose.png")
-    found = fa.estimate(frame.image, plan.camera, plan.target)
+    estimate = fa.estimate(frame.image, plan.camera, plan.target)
     print("flyaround", fa.__version__)
-    print("accepted:", found.accepted, found.reason)
-    if found.t_camera_from_target_m is not None:
-        print("off by [m]:", np.linalg.norm(found.t_camera_from_target_m - T_CAMERA_FROM_TARGET_M).round(3))
+    print("accepted:", estimate.accepted, estimate.reason)
+    if estimate.t_camera_from_target_m is not None:
+        print(
+            "off by [m]:", np.linalg.norm(estimate.t_camera_from_target_m - T_CAMERA_FROM_TARGET_M).round(3)
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A sink of your own: anything with ``write(frame)``. This one keeps the brightest pixel of every frame.
+"""A sink of your own: any object with ``write(frame)``. This one keeps the brightest pixel of every frame.
 
 python examples/own_sink.py
 """
@@ -20,7 +20,7 @@ class Brightest:
 
 
 def main() -> None:
-    """Four frames into the sink."""
+    """Write four frames into the sink."""
     plan = fa.plan_flight(fa.load_scenario("tango-flyaround"), n=4, quality="draft")
     sink = Brightest()
     with fa.Renderer() as renderer:

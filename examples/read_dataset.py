@@ -1,4 +1,4 @@
-"""Read a data set of `flyaround capture`: images, masks and poses, and how the pose of a craft leads to its pixels.
+"""Read a data set of `flyaround capture`: images, masks and poses, and the projection of keypoints by the pose.
 
 python examples/read_dataset.py DATASET_FOLDER [train|validation|test]
 """

@@ -332,7 +332,7 @@ class Console:
         self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
-        # changes of another sensor, and of other lights
+        # changes were of another sensor and of other lights
         settings.sensor_changes, settings.light_gains = {}, {}
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 

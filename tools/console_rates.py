@@ -1,7 +1,7 @@
 """Rates of the console on a virtual screen: frames per second of its window and of its images.
 
-``python -m tools.console_rates`` opens a window of 1280x800 on a camera of 640x400, lets it fly and prints both rates,
-and how long each takes. The goals on two llvmpipe cores are 30 and 20 a second. Wants a quiet machine.
+``python -m tools.console_rates`` opens a window of 1280x800 on a camera of 640x400, lets it fly, and prints both rates
+and the time of each. The goals on two llvmpipe cores are 30 and 20 per second. It needs a quiet machine.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def virtual_screen() -> Iterator[str]:
 
 
 def write_scenario(name: str, path: Path) -> None:
-    """Write a built-in scenario with the same lens on `CAMERA_PX`."""
+    """Write a built-in scenario with the same field of view on `CAMERA_PX` pixels."""
     scenario = load_scenario(name)
     camera = msgspec.to_builtins(scenario.camera)
     scale = CAMERA_PX[0] / camera["width_px"]
@@ -59,7 +59,7 @@ def measure(name: str, seconds: float, extra: list[str]) -> dict[str, float]:
 
     Parameters
     ----------
-    name : built-in scenario. seconds : from the first image on. extra : options for ``flyaround sim``.
+    name : built-in scenario. seconds : duration after the first image. extra : options for ``flyaround sim``.
     """
     with tempfile.TemporaryDirectory() as folder, virtual_screen() as display:
         write_scenario(name, Path(folder) / "rates.toml")

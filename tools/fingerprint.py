@@ -1,4 +1,4 @@
-"""The golden manifest: hashes of what Flyaround gives, to compare two states of the code.
+"""The golden manifest: hashes of Flyaround's outputs, to compare two states of the code.
 
 Scenes in black and white and in colour, with and without the savings of the software path; labelled data sets, a stereo
 pair and an imported mesh among them; a replayed script of the console; poses of the estimator. All but the script goes
@@ -61,7 +61,7 @@ MESHES = {
 POSES = {"tango": ("eval-earth", 64), "soyuz-ms": ("eval-black", 32), "dragon": ("eval-black", 32)}
 ANSWER = ("accepted", "reason", "q_camera_from_target_wxyz", "t_camera_from_target_m", "confidence")
 NOT_HASHED = ("software", "machine", "run")
-"""Sections of a card or record that tell who made it, and how."""
+"""Sections of a card or record that describe its origin."""
 STEP_MS = 40  # step of the console's clock
 
 
@@ -83,7 +83,7 @@ def digest(content: bytes) -> str:
 
 
 def files_of(folder: Path, part: str) -> dict[str, str]:
-    """Hash every file of a folder; a JSON document without the sections that tell who made it."""
+    """Hash every file of a folder; JSON documents without the sections that describe their origin."""
     found = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and ".lock" not in p.name):
         content = path.read_bytes()
@@ -140,7 +140,7 @@ def frames(folder: Path) -> dict[str, str]:
 
 
 def console(_folder: Path) -> dict[str, str]:
-    """Hash the flight that version 0.1's recorded script of the console gives, step by step."""
+    """Hash the flight of the console's recorded script of version 0.1, step by step."""
     v01 = DATA / "v0.1"
     session, table = FlightSession.of(load_scenario(v01 / "session.toml")), command_table()
     replayed = Console(session, Feed(NoRenderer()), options_of(session), table)
@@ -160,7 +160,7 @@ def console(_folder: Path) -> dict[str, str]:
 
 
 def poses(kept: Path) -> dict[str, str]:
-    """Hash the estimator's answers, times left out, on 128 images that are made once and kept in a folder."""
+    """Hash the estimator's answers, without times, on 128 images that are made once and kept in a folder."""
     found = {}
     for target, (recipe, n) in POSES.items():
         data = kept / target
@@ -179,7 +179,7 @@ PARTS = {"scenes": scenes, "frames": frames, "console": console}
 
 
 def main() -> int:
-    """Make the hashes; with ``--against`` say what differs, and exit 1 if anything does."""
+    """Make the hashes; with ``--against`` list the differences, and exit 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", choices=(*PARTS, "poses", "all"))
     parser.add_argument("-o", "--output", type=Path)

@@ -1,8 +1,8 @@
-"""Proves what a stranger meets first: the wheel in an empty home, without a compiler, on a machine that gives little.
+"""Tests a stranger's first steps: the wheel in an empty home, without a compiler, on a machine of few resources.
 
-`python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user who may not write to it, and runs
-the first commands with 64 MB of shared memory. Needs root, which gives up its rights before a command runs, and a
-PYTHON that others may read (default: this one). The first image's minute is that of a quiet machine.
+`python -m tools.first_run [PYTHON]` builds the wheel, installs it for another user without write access, and runs the
+first commands with 64 MB of shared memory. It needs root, and drops its privileges before a command runs, and a PYTHON
+that others may read (default: this one). The limit of a minute for the first image holds on a quiet machine.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _AS_NOBODY = (
 
 @dataclass(frozen=True)
 class Step:
-    """One command as it went.
+    """One command and its result.
 
     Parameters
     ----------
-    command : without the program. seconds : it took. processor_s : of which processors worked, all together.
-    cache_bytes : kept after it. problem : why it failed, or empty.
+    command : arguments after the program. seconds : its duration. processor_s : processor time of all processes.
+    cache_bytes : size of the cache after it. problem : reason of its failure, or empty.
     """
 
     command: str
@@ -53,9 +53,7 @@ class Step:
 
 
 def installed(python: str, folder: Path) -> Path:
-    """Return the program of a fresh environment with the wheel, which its owner alone may change, and nobody writes
-    to.
-    """
+    """Return the program of a fresh environment with the wheel, which only its owner may change."""
     subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder / "dist", ROOT],
         check=True,
@@ -79,7 +77,7 @@ def installed(python: str, folder: Path) -> Path:
 
 
 def run_as_nobody(program: Path, arguments: list[str], home: Path) -> subprocess.CompletedProcess[str]:
-    """Run the program as a user without rights, whose search path is empty."""
+    """Run the program as a user without privileges, with an empty search path."""
     return subprocess.run(
         ["unshare", "--mount", "sh", "-c", _AS_NOBODY, "sh", program, *arguments],
         cwd=home,
@@ -91,7 +89,7 @@ def run_as_nobody(program: Path, arguments: list[str], home: Path) -> subprocess
 
 
 def first_steps(program: Path, home: Path) -> list[Step]:
-    """Run each command in an empty home, and look at the cache behind it."""
+    """Run each command in an empty home, and measure the cache after it."""
     steps: list[Step] = []
     for command in COMMANDS:
         start, worked = time.perf_counter(), _processor_s()
@@ -113,7 +111,7 @@ def _processor_s() -> float:
 
 
 def main() -> int:
-    """Print what each command took and left; 1 if one failed."""
+    """Print time and cache size of each command; return 1 if one failed."""
     if os.geteuid() != 0:
         print("the first run is another user's: run this as root, in a container for example")
         return 2

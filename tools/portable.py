@@ -1,8 +1,8 @@
-"""The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst together.
+"""The fast suite's numerical tests as on other processors: one factor changed at a time, then the worst combination.
 
-``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` reaches the tests, ``JOBS`` files at once. Each factor
-is first shown to act, in a process of its own: an environment variable that a library ignores would prove nothing.
-What this machine's processor cannot bear is said and left out.
+``python tools/portable.py [FACTOR ...]``; ``PYTEST_ADDOPTS`` is passed to the tests, ``JOBS`` is the number of files at
+once. A separate process first shows that each factor has an effect: an environment variable that a library ignores
+would prove nothing. Factors that this machine's processor does not support are reported and omitted.
 """
 
 from __future__ import annotations
@@ -62,12 +62,13 @@ AVX2 = ("X86_V3", *AVX512)
 
 @dataclass(frozen=True)
 class Factor:
-    """One thing about a machine that changes how numbers are rounded.
+    """A property of a machine that changes how numbers are rounded.
 
     Parameters
     ----------
-    name : for the command line. environment : variables that set it. shown : program that fails unless they act.
-    tests : what to run. needs : flags that /proc/cpuinfo must name.
+    name : name on the command line. environment : variables that set it. shown : program that fails unless they have an
+        effect.
+    tests : files of tests to run. needs : flags that /proc/cpuinfo must list.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Factor:
 
 
 def _blas(core: str, *needs: str) -> Factor:
-    # of cores that are the same on 64 bits it reports the oldest
+    # of cores with the same 64-bit code it reports the oldest
     told = "Katmai" if core == "Prescott" else core
     return Factor(
         f"blas-{core.lower()}",
@@ -157,7 +158,7 @@ def _shown(factor: Factor, environment: dict[str, str]) -> str:
 
 
 def run(factor: Factor) -> str:
-    """Return ``passed`` or the failures; the tests' own output goes to the terminal."""
+    """Return ``passed`` or the failures; the tests' output goes to the terminal."""
     environment = {**os.environ, **factor.environment}
     if why := _shown(factor, environment):
         return f"does not act: {why}"
@@ -170,7 +171,7 @@ def run(factor: Factor) -> str:
 
 
 def main() -> int:
-    """Run the factors asked for, all by default; 1 if one does not pass."""
+    """Run the named factors, by default all; return 1 if one does not pass."""
     known = factors()
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("factor", nargs="*", choices=[*(f.name for f in known), []], help="default: all")

@@ -1,7 +1,7 @@
-"""Makes ``assets/prebuilt``: the cache entries that a first start of the standard scenes would take longest for.
+"""Makes ``assets/prebuilt``: the cache entries that would take longest at a first start of the standard scenes.
 
-`python -m tools.prebuilt` renames an entry where the source of its maker has changed, and makes it anew where its
-output has.
+`python -m tools.prebuilt` renames an entry if only the source of its maker has changed, and replaces it if its output
+has changed.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def made() -> Iterator[tuple[str, bytes]]:
 
 
 def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
-    """Return the files that are made into an empty cache."""
+    """Return the files that a function writes into an empty cache."""
     chosen = os.environ.get("FLYAROUND_CACHE_DIR")
     with TemporaryDirectory() as folder:
         os.environ["FLYAROUND_CACHE_DIR"] = folder
@@ -66,7 +66,7 @@ def _kept(make: Callable[[], object], pattern: str) -> dict[str, bytes]:
 
 
 def agree(name: str, one: bytes, other: bytes) -> bool:
-    """Return True if two files hold the same to the rounding of a processor's own sines and sums."""
+    """Return True if two files agree to the rounding of different processors."""
     a, b = (np.load(io.BytesIO(data)) for data in (one, other))
     if name.startswith("geometry"):
         pairs = zip(_arrays(unpack_geometry(a)), _arrays(unpack_geometry(b)), strict=True)
@@ -75,9 +75,9 @@ def agree(name: str, one: bytes, other: bytes) -> bool:
     if a.shape != b.shape or a.dtype != b.dtype:
         return False
     if name.startswith("visibility"):
-        # a ray through an edge may count to either side of it, and which patch it meets there hangs on the
-        # processor: Embree and the exact grid disagree on 2 directions in 1,000 being open and on 35 patches.
-        # Its effect on the picture is measured by tests/simulator/baking/test_prebuilt_pictures.py
+        # a ray through an edge may hit either side of it, and the patch that it hits there depends on the processor:
+        # Embree and the exact grid differ in 2 of 1,000 directions being open and in 35 patches. The effect on the
+        # picture is measured by tests/simulator/baking/test_prebuilt_pictures.py
         looked, is_open = ((a == 0) != (b == 0)).mean(), ((a == 1) != (b == 1)).mean()
         return bool(looked < 1e-3 and is_open < 0.01 and (a != b).mean() < 0.08)
     return np.allclose(a, b, rtol=1e-4, atol=1e-6)
@@ -93,7 +93,7 @@ def _arrays(node: object) -> Iterator[NDArray[np.generic]]:
 
 
 def main() -> None:
-    """Write what is missing or has changed, and remove what is no longer asked for."""
+    """Write new and changed files, and remove those that are not used any more."""
     FOLDER.mkdir(exist_ok=True)
     # the checksum detects a flipped bit
     compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)

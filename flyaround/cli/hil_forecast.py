@@ -30,7 +30,7 @@ def forecast(
 ) -> None:
     """Fly closed loops on noisy poses and measure how well their filter predicts the attitude over the horizon.
 
-    Horizon 0 is the filtered attitude itself. Beside the error stands the one sigma that the filter predicts
+    Horizon 0 is the filtered attitude itself. The filter's predicted sigma is shown next to the error
     (docs/hil_closed_loop.md).
     """
     plan = plan_flight(load_flown(scenario, "hil forecast"), n=1, seed=seed)

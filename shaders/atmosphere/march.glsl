@@ -40,7 +40,7 @@ color multiple_scattering(float height_m, float mu_sun) {
     return BAND(textureLod(t_multiple, (vec2(column, row) * (size - 1.0) + 0.5) / size, 0.0));
 }
 
-// What the air adds and takes along a ray.
+// Radiance and transmittance of the air along a ray.
 struct AirLight {
     color rayleigh;   // over the Sun's irradiance and Rayleigh's phase: its in-scatter, all higher orders, airglow [1]
     color mie;        // the same over Mie's phase, single only [1]

@@ -15,7 +15,7 @@ void send_quad(vec3 quad[4]) {
 }
 #endif
 
-// What an image holds there: upper left, upper right, lower left, lower right.
+// Values of an image there: upper left, upper right, lower left, lower right.
 vec2 between_four(sampler2D image) { return 2.0 * gl_FragCoord.xy / vec2(textureSize(image, 0)); }
 vec4 four_of(sampler2D image) { return textureGather(image, between_four(image)).wzxy; }
 #if BANDS == 1

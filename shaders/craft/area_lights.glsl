@@ -54,7 +54,7 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
         vec3 middle = u_light_middle[k].xyz - p_m, right = u_light_right[k].xyz, down = u_light_down[k].xyz;
         vec3 axis = u_light_axis[k].xyz;
         float exponent = u_light_axis[k].w, patch_m2 = u_light_right[k].w;
-        if (dot(middle, axis) >= 0.0) continue; // behind it
+        if (dot(middle, axis) >= 0.0) continue; // behind the light
         float falling = 0.0, seen = 0.0, all = 1e-9;
 #ifdef CLEARCOAT
         float coat_seen = 0.0, coat_all = 1e-9;
@@ -62,7 +62,7 @@ color area_light(Surface s, vec3 geometric, vec3 p_m, vec4 surface, color kept) 
         for (int j = 0; j < LIGHT_POINTS; ++j) {
             int at = k * LIGHT_POINTS + j;
             vec3 d = u_patch_place[at].xyz - p_m;
-            float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer it is no point
+            float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer, the light is not a point
             vec3 l = d * sqrt(inverse2);
             float n_l = dot(s.n, l), g_l = dot(geometric, l), leaving = max(-dot(l, axis), 0.0);
             float beam = exponent > 0.0 ? pow(leaving, exponent) : step(1e-6, leaving);

@@ -1,4 +1,4 @@
-// Solar cells: no two are alike, and contacts of silver lie on them.
+// Solar cells, all slightly different, with silver contacts.
 // u_cells: four rows a lattice, as in simulator/render/craft/cell_lattice.py, but of places in the camera frame.
 uniform vec4 u_cells[4 * CELLS];
 
@@ -6,7 +6,7 @@ uniform vec4 u_cells[4 * CELLS];
 // a line's, `stretch` the stretch's width, `per` one over it.
 float line_share(float off, float wide, float stretch, float per) {
     float line = clamp((0.5 * wide - off) * per + 0.5, 0.0, min(1.0, wide * per));
-    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // or it beats with pixels
+    return mix(wide, line, clamp(1.5 - 2.0 * stretch, 0.0, 1.0)); // otherwise it would beat with the pixels
 }
 
 // Reflectance of the films at the point p_m (camera frame) over their mean. Tilts the normal, adds contacts to the base.

@@ -4,7 +4,7 @@ uniform sampler2D t_creases; // slopes along u and v, their deviation within a t
 // A surface projected onto the target's plane nearest to it: metres along two of the target's axes.
 struct PlanarPlace {
     vec2 uv;
-    float width_m;   // of a pixel on the surface
+    float width_m;   // size of a pixel on the surface
     float level;     // its logarithm
     int across;      // the axis left out
 };
@@ -36,7 +36,7 @@ float strips(PlanarPlace place, vec2 pitch, float wide) {
     return max(share.x, share.y);
 }
 
-// Radiance of the Earth in direction d over its mean there: fields of cloud, as a smooth mirror shows them. blur: of it.
+// Radiance of the Earth in direction d over its mean: fields of cloud in a smooth mirror. blur: width of the blur.
 float earth_mottle(vec3 d, float blur) {
     vec3 down = u_nadir_direction.xyz, across = unit_or(cross(down, u_sun_direction.xyz), any_across(down));
     vec2 at = vec2(dot(d, across), dot(d, cross(down, across))) * CLOUDS_TILES;
@@ -72,7 +72,7 @@ vec3 crinkled(vec3 n, vec3 v, vec3 p_m, float amplitude, inout float roughness, 
     return unit_or(n - mat3(u_camera_from_target) * tilt, n);
 }
 
-// Reflectance over its mean of a matt surface: what light, handling and the sheet below leave on it, and its joints.
+// Reflectance of a matt surface over its mean: mottle of weathering and handling, and its joints.
 float mottle(vec3 n, vec3 v, vec3 p_m, float amplitude) {
     PlanarPlace place = planar_place(n, v, p_m);
     float level = crease_tile(place, MOTTLE_M, vec2(1.0, 0.0)).w - 0.5;

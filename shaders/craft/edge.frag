@@ -1,4 +1,4 @@
-// What the samples of a pixel miss of an edge's area, as a slope of their weights.
+// Correction of the samples' weights, as a slope, to the exact area beside an edge in a pixel.
 //
 // Samples place an edge only as well as they are dense. But where an edge crosses a pixel is known from the mesh, and so
 // is the pixel's area on either side. Weights 1 + slope . x, for samples at x (pixels from the pixel's centre), keep

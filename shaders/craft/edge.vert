@@ -7,7 +7,7 @@ in float in_material; // negative where the first face at the edge lies to the r
 flat out vec4 v_part;
 #endif
 uniform vec4 u_window; // pixels that hold the target: x0, y0, width, height
-// Of edge.frag, where they are described: what can be worked out once for an edge is.
+// Inputs of edge.frag, described there, which are constant along an edge.
 flat out vec3 v_across, v_along, v_area;
 flat out ivec3 v_line;
 #include "craft/sample_pattern.glsl"

@@ -1,4 +1,4 @@
-// G-buffer of one sample: material, normal and place in the atlas of charts. Back faces of open shells are lit from their own side.
+// G-buffer of one sample: material, normal and position in the atlas. Back faces of open shells are lit from their side.
 //
 // The pattern's axes are a reflection of the image's, which is itself upside down to OpenGL: two flips, so
 // counter-clockwise stays the outside (see simulator/render/craft/sample_pattern.py, projection.py).

@@ -4,7 +4,7 @@
 // Irradiance [W m-2] of a face that looks at the lamp, at p_m (camera frame); l: unit vector to the lamp.
 color lamp_irradiance(vec3 p_m, out vec3 l) {
     vec3 d = u_lamp_place.xyz - p_m;
-    float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer the lamp is no point
+    float inverse2 = 1.0 / max(dot(d, d), 1e-4); // 1 cm: nearer, the lamp is not a point
     l = d * sqrt(inverse2);
     float ahead = clamp(-l.z, 0.0, 1.0);
 #if LAMP == 1

@@ -50,7 +50,7 @@ float sky_visibility_towards(vec4 visibility, vec3 n, vec3 m) {
     return clamp(1.008 * (visibility.w + 0.667 * dot(visibility.xyz, m)) / (0.5 + 0.5 * max(dot(n, m), -0.8)), 0.0, 1.0);
 }
 
-// What one direction of light meets of a surface: its normal and view, colours and lobe.
+// Properties of a surface for one direction of light: normal and view, colours and lobe.
 struct Surface {
     vec3 n, v;      // camera frame
     float n_v;
@@ -61,7 +61,7 @@ struct Surface {
 #ifdef CLEARCOAT
     color film;     // reflectance of the coat at normal incidence
 #if BANDS > 1
-    color slant;    // what a slant view adds to it: its colour
+    color slant;    // additional reflectance at grazing view
 #endif
 #endif
 #ifdef CRINKLE
@@ -127,7 +127,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
         float tape;
         creased = 0.0;
         n = crinkled(n, v, p_m, surface.w, surface.x, tape);
-        if (base.w > 0.0) { // foil: what is no mirror is a wider one
+        if (base.w > 0.0) { // foil: its part that is not a mirror has a wider lobe
             creased = 1.0 - base.w;
             base *= vec4(vec3(1.0 - TAPE_DARKER * tape), 0.0);
             base.w = 1.0;
@@ -205,7 +205,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
     }
 #endif
 
-    // the sky: what the craft leaves open of it, and what the craft's other parts give in its place
+    // the sky: its unhidden share, and the light of the craft's other parts instead of the rest
     mat3 R = mat3(u_camera_from_target);
     vec3 n_target = geometric * R, r = reflect(-v, n);
     vec4 visibility = textureLod(t_sky_visibility, chart, 0.0);
@@ -219,7 +219,7 @@ color shade(vec4 base, vec4 surface, vec4 grain, vec3 geometric, vec3 n, vec3 p_
 #endif
     vec3 m = unit_or(n_target + u_nadir_direction.w * (u_nadir_direction.xyz * R), n_target);
     color ambient = sky_irradiance(n) * sky_visibility_towards(visibility, n_target, m) + interreflection;
-    // the mean radiance of what hides the sky, where the mirror meets it
+    // mean radiance of the parts that hide the sky, in the mirror direction
     float hidden = max(1.0 - sky_visibility_towards(visibility, n_target, n_target), 0.05);
     float mirrored = sky_visibility_towards(visibility, n_target, r * R);
     color own = interreflection * (min((1.0 - mirrored) / hidden, 2.0) / PI), earth = earth_radiance(r) * mirrored;

@@ -18,7 +18,7 @@ vec2 normal_steps(vec3 n) {
     return CODE_SCALE * p * min(1.0, CODE_RANGE * inversesqrt(max(dot(p, p), 1e-12)));
 }
 
-// The same of the opposite normal: what a back face shows.
+// The same for the opposite normal, of a back face.
 vec2 opposite_steps(vec2 steps) {
     vec2 p = -steps * (CODE_SCALE * CODE_SCALE / max(dot(steps, steps), 1e-6));
     return p * min(1.0, CODE_RANGE * CODE_SCALE * inversesqrt(max(dot(p, p), 1e-12)));
@@ -43,7 +43,7 @@ uint pack_chart(vec2 chart) {
     return u_stamp | uint((q.x << CHART_BITS) | q.y);
 }
 
-// What the back of an open shell has in place of a chart: light is baked on fronts.
+// Code of the back of an open shell, which has no chart: light is baked on fronts.
 uint no_chart() { return u_stamp | (CHART_MASK << uint(CHART_BITS)) | CHART_MASK; }
 
 // The first word, 0 where the frame drew nothing.

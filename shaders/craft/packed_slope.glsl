@@ -14,7 +14,7 @@ float packed_slope(vec2 slope) {
 // (0, 1), (-1, 0), (0, -1); and as the first what share of the pixel lies beyond it.
 const float LOWEST = 98.0, HIGHEST = 924.0; // second coordinates of slopes
 const float QUARTER = 49.0;                 // codes below and above those, a quarter of a turn
-const float LARGEST_SLIVER = 0.25;          // of a pixel
+const float LARGEST_SLIVER = 0.25;          // share of a pixel
 float packed_sliver(vec2 towards, float area) {
     float x = towards.x / (abs(towards.x) + abs(towards.y));
     float code = min(floor(QUARTER * (towards.y < 0.0 ? 3.0 + x : 1.0 - x)), 4.0 * QUARTER - 1.0);
@@ -22,11 +22,11 @@ float packed_sliver(vec2 towards, float area) {
     return ONE_EDGE + code * SLOPE_ROW + floor(min(area / LARGEST_SLIVER, 1.0) * (SLOPE_ROW - 1.0) + 0.5);
 }
 
-// What one edge that crosses the pixel or passes by it says, if it is the only one.
+// The contribution of a single edge that crosses the pixel or passes by it.
 struct LoneEdge {
     vec2 slope;    // of the samples' weights [px-1]
     float beyond;  // share of the pixel that lies beyond all of its samples
-    vec2 towards;  // that, a unit vector
+    vec2 towards;  // direction to it, a unit vector
 };
 LoneEdge lone_edge(float sum) {
     int whole = int(sum);

@@ -16,7 +16,7 @@
 
 uniform usampler2D t_surface;
 uniform sampler2D t_depth;
-uniform sampler2D t_slope; // of the samples' weights, so that their shares are the edges' areas
+uniform sampler2D t_slope; // slope of the samples' weights, so that their shares are the edges' areas
 #ifdef TEXTURED
 uniform sampler2D t_texel;     // reflectance per band and metalness of each sample
 uniform sampler2D t_detail;    // their normals and roughness
@@ -173,7 +173,7 @@ void main() {
         weight = clamp(weight, 0.0, weight_left);
         float z = camera_z(textureLod(t_depth, AT(at.x, at.y), 0.0).x);
         vec3 p_m = camera_ray(vec2(pixel) + sample_offset(at)) * z;
-        float share = min(float(members) / float(SAMPLES), 1.0); // the next sample is one more
+        float share = min(float(members) / float(SAMPLES), 1.0); // continue with the next sample
         vec4 base = u_material_color[material], surface = u_material_surface[material];
         vec3 geometric = decode_normal(mean_code), n = geometric;
 #ifdef TEXTURED
@@ -183,7 +183,7 @@ void main() {
 #endif
         float lit = sun_visibility(p_m, geometric, share, bent);
 #ifdef EXACT_AREAS
-        if (!quarters && abs(lit - 0.5) < 0.498) { // in part in shadow: all again, by quarters
+        if (!quarters && abs(lit - 0.5) < 0.498) { // partly in shadow: shade again, by quarters
             quarters = true;
             members = 0;
             weight = 0.0;

@@ -7,7 +7,7 @@
 const float SUBSTEPS = 256.0;
 const float FARTHEST = 2097152.0; // steps from the buffer's corner: products of ways between ends and a remainder fit 32 bits
 
-// Of a vertex before the camera, in a buffer of `size_px`; whole numbers.
+// Position of a vertex in front of the camera, in a buffer of `size_px`; whole numbers.
 vec2 in_substeps(vec4 clip, vec2 size_px) {
     vec2 half_steps = (0.5 * SUBSTEPS) * size_px;
     precise vec2 at = clip.xy * (1.0 / clip.w) * half_steps + half_steps;

@@ -1,4 +1,4 @@
-// Textures of a mesh that has some, read once per sample: reflectance, metalness, roughness, normal.
+// Textures of a mesh, read once per sample: reflectance, metalness, roughness, normal.
 // Parts without a texture of a kind are drawn with one white (or flat) texel in its place.
 in vec2 v_uv;
 in vec3 v_position_m; // camera frame

@@ -24,7 +24,7 @@
 #define RIPPLE 0.0
 #endif
 
-// What a pixel sees of the ground; x: from the tile's middle, in half tiles.
+// The ground in a pixel; x: position from the tile's middle, in half tiles.
 GroundPoint ground_at(vec2 x) {
     vec4 at = AT(uv_plane), sun = AT(sun); // sun: toward, sharp, glint
     vec4 lift = LIFT;
@@ -35,7 +35,7 @@ GroundPoint ground_at(vec2 x) {
 }
 #endif
 uniform sampler2D t_coverage;
-uniform sampler2D t_radiance; // QUADS, COVERED: what the target sends there
+uniform sampler2D t_radiance; // QUADS, COVERED: radiance of the target there
 #if QUADS
 #include "common/quads.glsl"
 
@@ -48,7 +48,7 @@ void main() {
     vec4 map = ground_map(middle);
     Surface surface = surface_at(middle, map, middle.uv, waters);
     vec2 place = detail_place(middle, map);
-    // neighbours share their slopes, so that what changes goes on without a step
+    // neighbours share their slopes, so that values are continuous
 #define SLOPE(type, value, name) type name##_x = 0.25 * dFdx(value), name##_y = 0.25 * dFdy(value);
     SLOPE(vec2, place, place)
     SLOPE(color, surface.land, land)
@@ -65,7 +65,7 @@ void main() {
     for (int k = 0; k < 4; ++k) {
         vec2 side = vec2(float((k & 1) * 2 - 1), float((k & 2) - 1));
         GroundPoint g = ground_at(x + step_x * side);
-        // what hardly changes from one pixel to the next is taken at their middle
+        // values that hardly change between pixels are taken at their middle
         g.toward = middle.toward;
         g.sharp = middle.sharp;
         g.rough = middle.rough;
@@ -114,7 +114,7 @@ void main() {
 #if AIR_ONLY
     color radiance = air_radiance(ray);
 #else
-    float share = limb_share(ray); // of the pixel that the ground fills
+    float share = limb_share(ray); // share of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
 #if AIR

@@ -1,4 +1,4 @@
-// Where a ray meets the ground, and the light there: all that changes smoothly from pixel to pixel.
+// The point where a ray meets the ground, and the light there: everything that changes smoothly between pixels.
 #include "globe/ground_air.glsl"
 
 // Stereographic coordinates of a unit vector, each hemisphere from its own pole [1]. Conformal, without seam: both
@@ -25,7 +25,7 @@ float beam_share(float mu, float light) {
 }
 #endif
 
-// Sun glint over irradiance [sr-1], and the change of its logarithm with that of the slopes' variance [1].
+// Sun glint over irradiance [sr-1], and the derivative of its logarithm by that of the slopes' variance [1].
 // Cox & Munk (1954), isotropic slopes, mean square slope 0.003 + 0.00512 U, U = 6 m/s.
 vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
     const float variance = 0.0337;
@@ -39,25 +39,25 @@ vec2 sun_glint(vec3 n, vec3 v, vec3 l, float n_v, float n_l) {
 
 uniform sampler2D t_month_before;  // the land's reflectance over August's in the two nearest months; simulator/celestial/seasons.py
 uniform sampler2D t_month_after;
-uniform float u_season;      // share of the second
+uniform float u_season;      // weight of the second month
 uniform sampler2D t_ground_slopes;  // slopes to the east and to the north, roughness
 
-// A point of the ground as one pixel sees it.
+// A point of the ground in one pixel.
 struct GroundPoint {
-    vec2 uv;        // of the maps
-    vec2 plane;     // of the detail on the ground [tiles]
-    vec2 lift;      // from there to the detail at the clouds' height [tiles]
-    vec2 cloud_uv;  // HIGH: of the maps under the cloud that is seen
+    vec2 uv;        // coordinates in the maps
+    vec2 plane;     // coordinates in the detail on the ground [tiles]
+    vec2 lift;      // offset to the detail at the clouds' height [tiles]
+    vec2 cloud_uv;  // HIGH: coordinates in the maps under the visible cloud
     vec2 toward;    // of the detail's slope channels: rise towards the Sun over its height, times this [km-1 per unit]
     float sharp;    // one over the pixel's footprint [km-1]
     float mu;       // cosine of the Sun's zenith angle
-    float rough;    // of the land, 0..1
+    float rough;    // roughness of the land, 0..1
     float thin;     // of clouds: the optical depth, times one minus its asymmetry, that returns half of what endless cloud does
     float white;    // reflectance of endless cloud
-    float shine;    // of leaves: what they return in the direction of view over their mean
-    color tone;     // of the land: its reflectance over the map's, by season and by the slope to the Sun
+    float shine;    // leaves: reflectance in the direction of view over its mean
+    color tone;     // land: reflectance over the map's, by season and by the slope to the Sun
     float glint;    // Sun glint over irradiance, times pi [1]
-    float ripple;   // HIGH: change of its logarithm with that of the slopes' variance [1]
+    float ripple;   // HIGH: derivative of its logarithm by that of the slopes' variance [1]
     color light;    // radiance at the camera of a white ground in the light there [W m-2 sr-1]
     color lamps;    // radiance at the camera of the night map's brightest texels [W m-2 sr-1]
     color haze;     // radiance of the air in between [W m-2 sr-1]
@@ -72,7 +72,7 @@ color city_lamps(vec3 p) {
 #if BANDS == 1
     return CITY_MAX;
 #else
-    // waves of some 150 to 400 km without a common period
+    // waves of 150 to 400 km without a common period
     vec3 wave = sin(p.yzx * vec3(131.0, 157.0, 113.0) + 2.0 * sin(p.zxy * vec3(71.0, 83.0, 97.0)));
     return CITY_MAX * mix(SODIUM, WHITE, clamp(0.4 + 0.3 * (wave.x + wave.y + wave.z), 0.0, 1.0));
 #endif
@@ -129,11 +129,11 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
     color gain = mix(BAND(textureLod(t_month_before, g.uv, coarse - 1.0)), BAND(textureLod(t_month_after, g.uv, coarse - 1.0)), u_season);
     g.tone = exp2((gain - 128.0 / 255.0) * (OCTAVES * 255.0 / 127.0)) * clamp(1.0 - RELIEF * uphill / slant, 0.35, 1.7);
     g.glint = g.ripple = 0.0;
-    // leaves hide their shadows from who looks along the light
+    // along the light, leaves hide their shadows
     float back = 0.5 - 0.5 * dot(ray.direction, sun);
     back *= back;
     g.shine = 1.0 + 0.37 * back * back;
-    // clouds shine back: glory, and shadows that lie behind what throws them. The whole Earth is up to a tenth brighter 2 than
+    // clouds scatter back: glory, and shadows hidden behind the clouds that cast them. The whole Earth is up to a tenth brighter 2 than
     // 12 degrees from there (Su et al. 2021, Front. Remote Sens. 2, 747859); height and width for a cloud are ours
     float glory = clamp((back - 0.865) * 7.4, 0.0, 1.0);
     // escape functions 3 / 7 (1 + 2 mu) of the light's and the view's angle (Kokhanovsky & Nauss 2006); endless cloud as the law of isotropic scatterers
@@ -148,7 +148,7 @@ GroundPoint ground_point(GlobeRay ray, GroundAir air) {
 #elif AIR
     g.glint *= beam_share(mu, dot(vec3(daylight(mu)), vec3(1.0 / 3.0)));
 #endif
-    g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light that the middle has
+    g.ripple = min(glint.y, 4.0); // 4: a fiftieth of the light in the middle
 #endif
 #if AIR
     color through = air.through;

@@ -4,7 +4,7 @@
 #include "globe/aerial.glsl"
 #include "earth/point.glsl"
 #include "earth/surface.glsl"
-in vec4 in_ray; // unit vector, globe space; angle that a sample spans [rad]
+in vec4 in_ray; // unit vector, globe space; angular size of a sample [rad]
 out color v_light; // [W m-2 sr-1]
 
 void main() {

@@ -1,4 +1,4 @@
-// The Earth's surface under its air: land, ocean, clouds and night lights, each with its own optics.
+// The Earth's surface below the air: land, ocean, clouds and night lights, each with its own optics.
 // Switches (0 or 1, fixed at compile time): CLOUDS, GLINT, NIGHT, ICE, OCEAN_COLOUR; SMOOTH: one level of detail for all pixels; FAR: pixels may
 // be wider than 1.6 km; UNLIT: neither Sun nor Moon shine there; HIGH: every layer looked up at its own place; ONE_OPTICS: land, sea and cloud reflect alike (the counter-example).
 
@@ -46,7 +46,7 @@ const float FLOE = 0.62;      // reflectance of the pack, between 0.8 to 0.9 of 
 const float WARP_KM = 9.0;   // HIGH: twice the largest displacement of the land's map
 const float SHARPEN = 0.75;   // HIGH: unsharp mask of the land's map
 const float ROCK = 1.25;      // HIGH: contrast of bare rock where land is as rough as can be
-const float GRAVEL = 0.55;    // HIGH: what valleys' floors reflect more than the rock beside
+const float GRAVEL = 0.55;    // HIGH: additional reflectance of valley floors over the rock beside them
 const float RELIEF_KM = 0.35; // height of a deck's puffs of full contrast; of puffs that stand apart up to four times as much
 
 // Reflectance of the sea above deep open water: ocean colour and ice. It hardly changes within two by two pixels.
@@ -87,7 +87,7 @@ Detail detail_at(GroundPoint g, vec2 place) {
     return Detail(both, both);
 }
 
-// Optical properties of a surface that hardly change within two by two pixels: how it follows the detail's channels.
+// Optical properties of a surface that hardly change within two by two pixels: its dependence on the detail's channels.
 struct Surface {
     color land;    // mean reflectance of the land
     color patchy;  // change of the land's with the detail's last channel, over it
@@ -100,7 +100,7 @@ struct Surface {
     float thick;   // of clouds: optical depth, as `thin` counts it, in their middles
     float veil;    // and between them
     float mean;    // FAR: of one cloud that is even and returns as much
-    float region;  // HIGH: which kind of cloud
+    float region;  // HIGH: kind of cloud
     float lit;     // root of the light of lamps over that of the map's brightest texels
 };
 
@@ -120,12 +120,12 @@ Surface surface_at(GroundPoint g, vec4 map, vec2 land_uv, Waters waters) {
     root = max(root + sharpen * (root - LAND_ROOT(max(MAP_LEVEL, 0.0) + 2.0)), 0.3 * root);
 #endif
     color reflectance = root * root;
-    // deserts and snow are even: what grows patchily elsewhere does not grow there
+    // deserts and snow are uniform: there is no patchy vegetation
 #if BANDS == 1
     float pale = reflectance;
     s.patchy = GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6);
 #else
-    // what is brighter is yellower: fields beside woods
+    // brighter land is yellower: fields beside woods
     float pale = reflectance.x;
     s.patchy = (GRAIN - clamp(1.4 * pale - 0.1, 0.0, 0.6)) * vec3(1.25, 1.0, 0.7);
 #endif
@@ -198,7 +198,7 @@ vec4 cloud_detail(vec2 place, float region, float level) {
 }
 #endif
 
-// Radiance that a ground point sends to the camera [W m-2 sr-1].
+// Radiance of a ground point towards the camera [W m-2 sr-1].
 color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float puff = detail.cloud.x;
 #if CLOUDS
@@ -210,7 +210,7 @@ color surface_radiance(GroundPoint g, Surface s, Waters waters, Detail detail) {
     float scale = 1.0 / s.share, over = 1.0 + (puff - 1.0) * scale; // 0 at the cloud's edge, 1 at most
     float cloud = cloud_reflectance(max(over, 0.0), s.thick, s.veil, g.thin);
 #if FAR
-    // from far away the puffs are averaged before they are cut: their mean then is that of a cover
+    // from far away the puffs are averaged before the threshold, so that their mean is that of the cover
     cloud = mix(cloud, s.mean / (s.mean + g.thin), clamp(0.2 * KM_LEVEL - 0.2, 0.0, 1.0));
 #endif
 #endif

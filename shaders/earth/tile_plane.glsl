@@ -1,4 +1,4 @@
-// What the corners of a smooth tile see of the ground, as a plane over the tile: mean, slope to the right, slope down,
+// Ground values at the corners of a smooth tile, as a plane over the tile: mean, slope to the right, slope down,
 // each slope per half a tile. STAGE: out in the vertex shader, in in the fragment shader.
 #if HIGH
 #define FOR_EACH_VALUE(F) F(vec4, uv_plane) F(vec4, sun) F(color, light) F(color, lamps) F(color, haze) \

@@ -22,13 +22,13 @@ void main() {
     float open = 1.0 - texelFetch(t_coverage, ivec2(gl_FragCoord.xy), 0).x;
     GlobeRay ray = globe_ray(gl_FragCoord.xy - 0.5);
     if (open <= 0.0 || ray.away || ray.perigee2 > u_globe_limits.y) discard;
-    float share = limb_share(ray); // of the pixel that the ground fills
+    float share = limb_share(ray); // share of the pixel that the ground fills
     color radiance = color(0.0);
     if (share > 0.0) {
         float depth = sqrt(max(ray.disc, 0.0));
         float along = -ray.along - depth;
         vec3 p = u_globe_camera.xyz + along * ray.direction, sun = u_globe_sun.xyz;
-        vec3 n = normalize(vec3(p.xy, p.z * u_globe_limits.z)); // of the ellipsoid, where nothing is stretched
+        vec3 n = normalize(vec3(p.xy, p.z * u_globe_limits.z)); // normal of the ellipsoid, without the stretch
         float mu = dot(n, normalize(vec3(sun.xy, sun.z / u_globe_limits.z)));
 #if AIR
         GroundAir air = table_air(ray);

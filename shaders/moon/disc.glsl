@@ -31,5 +31,5 @@ float moon_share(MoonRay ray) {
     return ray.along < 0.0 ? clamp(ray.disc / moon_slope(ray) + 0.5, 0.0, 1.0) : 0.0;
 }
 
-// Depth under the limb of what the pixel shows: of its middle, at the limb of the middle of its inner part.
+// Depth under the limb at the pixel's middle; at the limb, at the middle of its inner part.
 float moon_depth(MoonRay ray, float share) { return sqrt(max(ray.disc, 0.5 * share * moon_slope(ray))); }

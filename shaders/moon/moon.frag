@@ -38,7 +38,7 @@ color ground_radiance(MoonPoint g) {
     // facets that face the Sun below the horizon lie in the shadow of others
     float dawn = smoothstep(-0.03, 0.05, g.light.x);
     vec2 cosines = (g.light.xy - vec2(dot(slope, g.tilt.xy), dot(slope, g.tilt.zw))) * facet;
-    // what a texel hides of the slopes: some of it still sees a Sun that their mean does not
+    // slopes smaller than a texel: part of it still faces a Sun that the mean does not
     vec2 hidden = vec2(broad.w * age, fine.w * (0.5 + 0.5 * age)) * DEVIATION_MAX;
     float lit = 0.5 * (cosines.x + sqrt(cosines.x * cosines.x + 0.32 * dot(hidden, hidden) * dot(g.tilt.xy, g.tilt.xy)));
     // nothing smaller is lit on a wall that has the Sun behind it, but for what a texel hides of walls

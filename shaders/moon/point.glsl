@@ -1,4 +1,4 @@
-// Where a ray meets the Moon's ground, and the light there: all that changes smoothly from pixel to pixel.
+// The point where a ray meets the Moon, and the light there: everything that changes smoothly between pixels.
 #include "moon/disc.glsl"
 uniform sampler2D t_moon;    // normal albedo over its mean on the near side, / 2.5
 uniform sampler2D t_phase;   // phase function over that of zero phase, by the phase angle over pi
@@ -6,8 +6,8 @@ uniform sampler2D t_umbra;   // share of the Sun's light per band, by the angle 
 
 
 struct MoonPoint {
-    vec4 place;     // of the map; on the craters' plane [km]
-    vec4 tilt;      // of slopes on that plane: to the Sun, to the camera
+    vec4 place;     // coordinates in the map; position on the craters' plane [km]
+    vec4 tilt;      // slopes on that plane: to the Sun, to the camera
     vec4 light;     // cosines of the angles of Sun and camera from the zenith, phase function of the Sun's light, log2 of the footprint [km]
     vec4 incident;  // of the Sun per band; of the Earth, reflected; over the Sun's irradiance
 };
@@ -25,7 +25,7 @@ float reflected(float mu_sun, float mu_view, float phase) {
     return 2.0 * lit / (lit + max(mu_view, 0.02)) * phase; // 0.02: a facet seen edge-on
 }
 
-// depth: of the ground under the limb; footprint: of what the ray stands for, over the pixel's.
+// depth: depth of the ground under the limb; footprint: size of the ray's area over the pixel's.
 MoonPoint moon_point(MoonRay ray, float depth, float footprint) {
     MoonPoint g;
     float t = -ray.along - depth;

@@ -1,4 +1,4 @@
-// Corners of the Moon's tiles. SMOOTH: what they see of the ground, for their pixels to interpolate.
+// Corners of the Moon's tiles. SMOOTH: ground values there, for the pixels to interpolate.
 #include "common/bands.glsl"
 #include "moon/point.glsl"
 uniform vec4 u_window; // x0, y0, width, height of the pixels that hold the Moon

@@ -19,7 +19,7 @@ SAMPLES = 20_000  # vertices at which the deviation is measured
 NEAREST = 6  # surface points whose triangles are tried for each vertex
 SURFACE_POINTS = 300_000  # points on the reduced surface
 FINEST_STEPS = 4000  # cells along the longest side
-BISECTION_STEPS = 12
+BISECTION_STEPS = 12  # attempts to find the finest allowed grid
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class ColumnLoss(_Fault, tag="column_loss", frozen=True, kw_only=True):
 
 
 class HalfFrame(_Fault, tag="half_frame", frozen=True, kw_only=True):
-    """The read-out stops: from one row on a frame is 0."""
+    """The read-out stops early: the rows from ``at`` of the height on are 0."""
 
     chance: Share = 1.0
     at: Share = 0.5

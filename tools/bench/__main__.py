@@ -1,4 +1,4 @@
-"""``python -m tools.bench combinations | fixed | scaling | throughput``: what drawing costs, by all it depends on."""
+"""``python -m tools.bench combinations | fixed | scaling | throughput``: the cost of rendering."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 @app.command()
 def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
-    """Time frames against their pixels, and against their triangles up to a million."""
+    """Time frames of increasing numbers of pixels, and of triangles up to a million."""
     with progress_bar("bench", quiet=as_json) as progress:
-        found = bench_scaling(device_index=gpu, progress=progress)
+        scaling_result = bench_scaling(device_index=gpu, progress=progress)
     if as_json:
-        typer.echo(json.dumps({"schema": "flyaround.scaling", "version": 1, **asdict(found)}, indent=1))
+        typer.echo(
+            json.dumps({"schema": "flyaround.scaling", "version": 1, **asdict(scaling_result)}, indent=1)
+        )
         return
     for what, costs, powers in (
-        ("Earth behind Tango", found.by_pixels, found.pixel_powers),
-        ("dimpled sphere before space", found.by_triangles, found.triangle_powers),
+        ("Earth behind Tango", scaling_result.by_pixels, scaling_result.pixel_powers),
+        ("dimpled sphere before space", scaling_result.by_triangles, scaling_result.triangle_powers),
     ):
         table = Table(
             "pixels", "triangles", "processor ms", "wall ms", "first frame s", "grows as", title=what
@@ -55,7 +57,7 @@ def scaling(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
 
 @app.command()
 def fixed(*, gpu: Gpu = None, as_json: AsJson = False) -> None:
-    """Measure what a frame costs apart from its pixels: processor time of the calling thread, and calls."""
+    """Measure the cost of a frame apart from its pixels: processor time of the calling thread, and calls."""
     costs = bench_fixed_cost(gpu)
     if as_json:
         typer.echo(
@@ -77,16 +79,17 @@ def combinations(
     gpu: Gpu = None,
     as_json: AsJson = False,
 ) -> None:
-    """Time every built-in scenario x camera x mono and RGB, with labels and capture: half an hour."""
+    """Time every built-in scenario x camera x mono and RGB, with labels and capture; takes half an hour."""
     if page is not None and not page.parent.is_dir():
         raise UserError(f"--page {page}: its folder does not exist; make it first")
     scenarios = tuple(scenario or ())
     with progress_bar("bench", quiet=as_json) as progress:
         machine, costs = bench_combinations(scenarios, device_index=gpu, progress=progress)
     if page is not None:
-        chosen = "".join(f" --scene {name}" for name in scenarios)
+        scene_options = "".join(f" --scene {name}" for name in scenarios)
         write_atomic(
-            page, combinations_page(machine, costs, f"python -m tools.bench combinations{chosen}").encode()
+            page,
+            combinations_page(machine, costs, f"python -m tools.bench combinations{scene_options}").encode(),
         )
     goals = goals_of(costs)
     if as_json:
@@ -127,7 +130,7 @@ def throughput(
     gpu: Gpu = None,
     as_json: AsJson = False,
 ) -> None:
-    """Count the frames a second of 1, 2, 4 ... processes that draw at once."""
+    """Measure the frame rate of 1, 2, 4 ... processes that draw at the same time."""
     scenes = tuple(scene or ())
     check_scenes(scenes)
     with progress_bar("bench", quiet=as_json) as progress:

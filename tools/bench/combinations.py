@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 FRAMES = 5
 WARM_UP = 2
-STEP_S = 0.05  # between frames: neighbours, all different
+STEP_S = 0.05  # time between consecutive frames, which all differ
 BASE, CLOSE = "tango-earth-10m", "tango-close-3m"
 PINHOLE, LENS = "speed", "speedplus"
 FISHEYE, PINHOLE_OF_ITS_SIZE = "fisheye-140", "paper"
@@ -45,16 +45,16 @@ _BANDS: tuple[Bands, ...] = ("mono", "rgb")
 
 @dataclass(frozen=True, kw_only=True)
 class CombinationCost:
-    """Medians of one combination [ms a frame], processes' starts left out.
+    """Medians of one combination [ms per frame], without the start of processes.
 
     Parameters
     ----------
     bands : ``mono`` or ``rgb``.
-    variant : what else differs from the scenario: ``sensor NAME``, ``bits N``, ``target NAME``; empty for nothing.
+    variant : other difference from the scenario: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
     frame_ms : render, read-back and sensor; no labels.
-    labels_ms : what truth, mask and all layers add.
+    labels_ms : additional time for truth, mask and all layers.
     capture_ms : a frame with truth and mask, checked and written.
-    reference_ms : the reference pass at this size, in turns with the frames.
+    reference_ms : the reference pass at this size, alternating with the frames.
     """
 
     scenario: str
@@ -73,7 +73,7 @@ class CombinationCost:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A ratio or a time that the combinations of one run should keep to."""
+    """A ratio or a time with its limit."""
 
     name: str
     measured: float
@@ -83,7 +83,7 @@ class Goal:
 
     @property
     def met(self) -> bool:
-        """True if the limit is kept."""
+        """True if the limit is met."""
         return self.measured <= self.limit
 
 
@@ -102,7 +102,7 @@ def bench_combinations(
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> tuple[BenchMachine, tuple[CombinationCost, ...]]:
-    """Time every scenario (or these) x camera x bands, and the base scenario's sensors, bit depths and large craft.
+    """Time every scenario (or the given ones) x camera x bands, and variants of the base scenario.
 
     Raises
     ------
@@ -114,40 +114,40 @@ def bench_combinations(
             raise UserError(
                 f"unknown scenario '{name}' in --scene; with --all choose from {', '.join(list_scenarios())}"
             )
-    wanted = tuple(_combinations(scenarios or list_scenarios()))
+    combinations = tuple(_combinations(scenarios or list_scenarios()))
     costs = []
     with ExitStack() as stack:
         reference = stack.enter_context(ReferencePass(device_index=device_index))
         renderer = stack.enter_context(Renderer(device_index=device_index))
         plans: dict[str, Plan] = {}
-        for done, combination in enumerate(wanted):
+        for done, combination in enumerate(combinations):
             plan = _plan(combination, plans, n_frames)
             costs.append(_cost(renderer, reference, combination, plan, n_frames, device_index))
-            progress(done + 1, len(wanted))
+            progress(done + 1, len(combinations))
         machine = bench_machine(renderer)
     return machine, tuple(costs)
 
 
 def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
-    """Return the goals whose combinations were timed, each with its worst one; a ratio is of two times of this run."""
-    found = {(c.scenario, c.camera, c.bands, c.variant): c for c in costs}
-    base = found.get((BASE, PINHOLE, "mono", ""))
+    """Return the goals whose combinations were timed, each with its worst one; ratios are between times of this run."""
+    by_key = {(c.scenario, c.camera, c.bands, c.variant): c for c in costs}
+    base = by_key.get((BASE, PINHOLE, "mono", ""))
     if base is None:
         return ()
 
     def ratios(
         name: str,
         limit: float,
-        chosen: Callable[[CombinationCost], bool],
+        is_selected: Callable[[CombinationCost], bool],
         what: str = "frame_ms",
         **beside: str,
     ) -> Iterator[Goal]:
-        """Return the worst ratio of the chosen ones to the combination that differs by ``beside``."""
+        """Return the worst ratio of the selected ones to the combination that differs by ``beside``."""
         measured = []
         for c in costs:
             key = {k: getattr(c, k) for k in ("scenario", "camera", "bands", "variant")} | beside
-            mate = found.get((key["scenario"], key["camera"], key["bands"], key["variant"]))
-            if chosen(c) and mate is not None and mate is not c:
+            mate = by_key.get((key["scenario"], key["camera"], key["bands"], key["variant"]))
+            if is_selected(c) and mate is not None and mate is not c:
                 measured.append((getattr(c, what) / getattr(mate, what), c))
         if measured:
             ratio, worst = max(measured, key=lambda one: one[0])
@@ -195,7 +195,7 @@ def goals_of(costs: tuple[CombinationCost, ...]) -> tuple[Goal, ...]:
         ),
     ]
     for camera, limit_ms in ((PINHOLE, 120.0), (LENS, 160.0)):
-        captured = found.get((BASE, camera, "mono", ""))
+        captured = by_key.get((BASE, camera, "mono", ""))
         if captured is not None:
             name = f"captured {BASE}, {camera}"
             goals.append(Goal(name=name, measured=captured.capture_ms, limit=limit_ms, unit="ms", worst=""))
@@ -228,7 +228,7 @@ def _plan(combination: _Combination, plans: dict[str, Plan], n_frames: int) -> P
 
 
 def _flown(scenario: Scenario, n_frames: int) -> Plan:
-    """Return consecutive frames from the middle of the flight; the first two warm up."""
+    """Return consecutive frames from the middle of the flight; the first two are the warm-up."""
     times = tuple(scenario.duration_s / 2 + STEP_S * k for k in range(n_frames + WARM_UP))
     return plan_flight(scenario, times=times)
 
@@ -236,17 +236,17 @@ def _flown(scenario: Scenario, n_frames: int) -> Plan:
 def _varied(scenario: Scenario, variant: str) -> Scenario:
     what, _, value = variant.partition(" ")
     if what == "target":
-        # as far away as makes it as large in the image
+        # at the distance at which it is as large in the image
         ratio = _reach_m(value) / _reach_m(scenario.target)
         x, y, z = (float(ratio * part) for part in scenario.chaser.state_lvlh(0.0, 0.0)[0])
         chaser = Hold(position_lvlh_m=(x, y, z))
         return msgspec.structs.replace(scenario, target=value, chaser=chaser)
-    changed = {"bits": int(value)} if what == "bits" else {"preset": value}
-    return msgspec.structs.replace(scenario, sensor=msgspec.structs.replace(scenario.sensor, **changed))
+    changes = {"bits": int(value)} if what == "bits" else {"preset": value}
+    return msgspec.structs.replace(scenario, sensor=msgspec.structs.replace(scenario.sensor, **changes))
 
 
 def _reach_m(target: str) -> float:
-    """Return the greatest distance of a target's vertex from the centre of its bounding box [m]."""
+    """Return the largest distance of a vertex from the centre of the target's bounding box [m]."""
     vertices = load_target(target).occluders.vertices_m
     return float(np.linalg.norm(vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2, axis=1).max())
 
@@ -285,7 +285,7 @@ def _cost(
 
 
 def _captured_ms(plan: Plan, device_index: int | None) -> float:
-    """Return the median time of a frame that is rendered, labelled, checked and written, without the first ones."""
+    """Return the median time of a frame that is rendered, labelled, checked and written, without the warm-up."""
     ends: list[float] = []
     with TemporaryDirectory() as folder:
         capture(

@@ -18,7 +18,7 @@ def combinations_page(machine: BenchMachine, costs: Sequence[CombinationCost], m
 
     Parameters
     ----------
-    made_by : the command line that measured it.
+    made_by : command line that made the measurement.
     """
     lines = [
         "# Every scenario through every camera",

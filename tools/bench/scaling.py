@@ -1,4 +1,4 @@
-"""Cost of a frame against the pixels of the image and the triangles of a generated mesh, up to a million."""
+"""Cost of a frame by the pixels of the image, and by the triangles of a generated mesh, up to a million."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ PIXEL_SCENE, TRIANGLE_SCENE = "tango-earth-10m", "tango-space-10m"
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Cost of one frame at one size [ms]: processor time of all threads, and wall time; the least of a few.
+    """Cost of one frame at one size [ms]: processor time of all threads, and wall time; the least of several.
 
-    ``first_ms``: the first frame, which makes the mesh's tables and uploads it.
+    ``first_ms`` is that of the first frame, which makes the mesh's tables and uploads it.
     """
 
     pixels: int
@@ -44,12 +44,13 @@ class Cost:
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling:
-    """Costs, and the powers by which they grow between neighbours: 1 is linear.
+    """Costs, and the exponents by which they grow between neighbouring sizes: 1 is linear.
 
     Parameters
     ----------
-    by_pixels : the Earth behind Tango at growing sizes. by_triangles : a craft of growing meshes before space.
-    by_wall : the powers are those of the wall time, as a GPU's work is none of the processor's.
+    by_pixels : the Earth behind Tango at increasing sizes. by_triangles : a craft of increasing meshes in front of
+        space.
+    by_wall : True if the exponents are those of the wall time, because a GPU's work takes no processor time.
     """
 
     by_pixels: tuple[Cost, ...]
@@ -66,7 +67,7 @@ def bench_scaling(
     scales: tuple[float, ...] = SCALES,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Scaling:
-    """Measure both, frame by frame in one process, sensor included, without labels."""
+    """Measure both, frame by frame in one process, with the sensor and without labels."""
     total = len(scales) + len(triangles)
     by_pixels, by_triangles = [], []
     with Renderer(device_index=device_index) as renderer:
@@ -145,5 +146,5 @@ def _cost(renderer: Renderer, scene: SceneState, target: Target) -> Cost:
 
 
 def _powers(costs: list[tuple[int, float]]) -> tuple[float, ...]:
-    """Return the power by which the second number grows with the first, between neighbours."""
+    """Return the exponent by which the second number grows with the first, between neighbours."""
     return tuple(float(np.log(b[1] / a[1]) / np.log(b[0] / a[0])) for a, b in pairwise(costs))

@@ -1,4 +1,4 @@
-"""Frame rate of several processes rendering at once, since one process hardly fills a GPU."""
+"""Frame rate of several processes that render at the same time, because one process hardly loads a GPU."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _START_TIMEOUT_S = 240.0
 class Throughput:
     """Rate at which ``processes`` with a renderer each draw, read back and develop together [frames/s].
 
-    ``reference_ms`` is of a reference pass of the scene's size in a process alone, just before.
+    ``reference_ms`` is the time of a reference pass of the scene's size in a process alone, measured just before.
     """
 
     name: str
@@ -66,10 +66,10 @@ def bench_throughput(
     Raises
     ------
     RuntimeError
-        If a process ends before its time, or does not begin.
+        If a process ends early, or does not start.
     """
     counts = counts_up_to(most)
-    found: list[Throughput] = []
+    results: list[Throughput] = []
     with Renderer(device_index=device_index) as renderer:
         machine = bench_machine(renderer)
     with ReferencePass(device_index=device_index) as reference:
@@ -77,7 +77,7 @@ def bench_throughput(
             camera = bench_views(name, 1)[0].camera
             size = (camera.width_px, camera.height_px)
             for n in counts:
-                found.append(
+                results.append(
                     Throughput(
                         name=name,
                         width_px=size[0],
@@ -87,8 +87,8 @@ def bench_throughput(
                         frames_per_s=_rate(name, n, device_index, seconds),
                     )
                 )
-                progress(len(found), len(names) * len(counts))
-    return machine, tuple(found)
+                progress(len(results), len(names) * len(counts))
+    return machine, tuple(results)
 
 
 def counts_up_to(most: int) -> list[int]:
@@ -98,11 +98,11 @@ def counts_up_to(most: int) -> list[int]:
 
 def _rate(name: str, processes: int, device_index: int | None, seconds: float) -> float:
     context = multiprocessing.get_context("spawn")
-    told: Queue[float] = context.Queue()
+    messages: Queue[float] = context.Queue()
     begin = context.Event()
     running = [
         context.Process(
-            target=_take_frames, args=(name, processes, device_index, seconds, told, begin), daemon=True
+            target=_take_frames, args=(name, processes, device_index, seconds, messages, begin), daemon=True
         )
         for _ in range(processes)
     ]
@@ -110,27 +110,27 @@ def _rate(name: str, processes: int, device_index: int | None, seconds: float) -
         for one in running:
             one.start()
         for _ in running:
-            _next(told, running)
+            _next(messages, running)
         begin.set()
-        rate = sum(_next(told, running) for _ in running)
+        rate = sum(_next(messages, running) for _ in running)
         for one in running:
             one.join(timeout=10)
         return rate
     finally:
-        for one in running:  # all at once: of those that wait none ends by itself
+        for one in running:  # all at once: a waiting process does not end by itself
             one.terminate()
         for one in running:
             one.join()
 
 
-def _next(told: Queue[float], running: list[multiprocessing.context.SpawnProcess]) -> float:
+def _next(messages: Queue[float], running: list[multiprocessing.context.SpawnProcess]) -> float:
     """Return the message of the next process."""
     end = time.monotonic() + _START_TIMEOUT_S
-    while told.empty():
+    while messages.empty():
         if any(one.exitcode not in {None, 0} for one in running) or time.monotonic() > end:
             raise RuntimeError("a process that draws for the bench ended or did not begin; see its message")
         time.sleep(0.02)
-    return told.get()
+    return messages.get()
 
 
 def _take_frames(
@@ -138,22 +138,22 @@ def _take_frames(
     processes: int,
     device_index: int | None,
     seconds: float,
-    told: Queue[float],
+    messages: Queue[float],
     begin: Event,
 ) -> None:
-    """Run in one of ``processes``: say when all is ready, then how many frames a second were taken."""
+    """Run in one of ``processes``: report that it is ready, then its frame rate."""
     keep_freed_memory()
     share_processors(processes)
     plan, scenes = bench_views(name, _DIFFERENT)
     with Renderer(device_index=device_index) as renderer:
         for scene in scenes[:_WARM_UP]:
             take_frame(renderer, scene, plan.target, labels=False)
-        told.put(0.0)
-        if not begin.wait(_START_TIMEOUT_S):  # the starting process is gone
+        messages.put(0.0)
+        if not begin.wait(_START_TIMEOUT_S):  # the starting process has ended
             return
-        start, spent, taken = time.perf_counter(), 0.0, 0
-        while spent < seconds:
-            take_frame(renderer, scenes[taken % len(scenes)], plan.target, labels=False)
-            taken += 1
-            spent = time.perf_counter() - start
-    told.put(taken / spent)
+        start, elapsed_s, n_frames = time.perf_counter(), 0.0, 0
+        while elapsed_s < seconds:
+            take_frame(renderer, scenes[n_frames % len(scenes)], plan.target, labels=False)
+            n_frames += 1
+            elapsed_s = time.perf_counter() - start
+    messages.put(n_frames / elapsed_s)

@@ -1,8 +1,8 @@
-"""Command ``python -m tools.boards``: starts an emulated board, tests it, and writes any board's row of the table.
+"""Command ``python -m tools.boards``: starts an emulated board, tests it, and writes a board's row of the table.
 
 ``prove`` (`make board-qemu`) sends the same images to the host's own estimator and to an emulated board over each of
-its lines; ``start`` leaves a board running for a host of your own; ``service`` holds the unit against its page;
-``compare`` makes a row of two ledgers.
+its lines; ``start`` leaves a board running for another host; ``service`` checks the unit against its documentation;
+``compare`` makes a row from two ledgers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 
 def main() -> int:
-    """Return the exit code: 0; 1 if a board does not agree with the host; 2 if something cannot be done."""
+    """Return the exit code: 0; 1 if a board does not agree with the host; 2 if an error prevents the comparison."""
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     options = _options()
     try:
@@ -91,7 +91,7 @@ def service(options: argparse.Namespace) -> int:
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Print the row of a board from its run and the host's run on the same images."""
+    """Print a board's row from its run and the host's run on the same images."""
     run = compare_runs(options.host, options.board, options.processor, options.system, options.link)
     print(table_head(), run.row(), sep="\n")
     return 0 if run.agreement.holds else 1

@@ -1,4 +1,4 @@
-"""Agreement of two runs on the same images: the host's estimator and the same one on a board."""
+"""Agreement of two runs on the same images: the estimator on the host, and the same one on a board."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-# what a board must reach: share of frames with the same decision, and distance of poses that both accept
+# requirements on a board: share of frames with the same decision, and distance of poses that both accept
 SHARE, NEAR_DEG, NEAR_M = 0.95, 0.1, 0.010
 
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """A board's run next to the host's.
+    """A board's run compared with the host's.
 
     Parameters
     ----------
-    frames : of the host's run. same : as many got the same decision; a dropped frame is another one.
-    accepted : by both. near : of those, poses within ``NEAR_DEG`` and ``NEAR_M`` of each other.
-    largest_deg, largest_m : the greatest differences of poses that both accepted.
-    estimator_ms_p50, estimator_ms_p95 : from the estimator's begin to its end, on the board.
+    frames : number of frames of the host's run. same : number of frames with the same decision; a dropped frame
+        differs.
+    accepted : number of poses that both accepted. near : number of those within ``NEAR_DEG`` and ``NEAR_M`` of each
+        other.
+    largest_deg, largest_m : largest differences of poses that both accepted.
+    estimator_ms_p50, estimator_ms_p95 : time from the start of the estimator to its end, on the board.
     """
 
     frames: int
@@ -50,7 +52,7 @@ class Agreement:
 
 
 def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agreement:
-    """Return a board's rows next to the host's, frame by frame.
+    """Compare a board's rows with the host's, frame by frame.
 
     Raises
     ------
@@ -89,12 +91,12 @@ def agreement(host: Sequence[FrameRecord], board: Sequence[FrameRecord]) -> Agre
 
 @dataclass(frozen=True, kw_only=True)
 class BoardRun:
-    """A run in the table of boards.
+    """A run as a row of the table of boards.
 
     Parameters
     ----------
-    processor, system : as people call them. link : what the frames went over.
-    python, opencv : versions, as the board said them. kernels : native or numpy.
+    processor, system : their usual names. link : connection that carried the frames.
+    python, opencv : versions that the board reported. kernels : native or numpy.
     """
 
     processor: str
@@ -150,12 +152,12 @@ def compare_runs(host: Path, board: Path, processor: str, system: str, link: str
     Raises
     ------
     UserError
-        If a ledger cannot be read, the frames are not the same, or the boards' OpenCV is not of one version.
+        If a ledger cannot be read, the frames are not the same, or the versions of OpenCV differ.
     """
-    reference, told = _told(host), _told(board)
-    if reference["opencv"] != told["opencv"]:
+    reference, reported = _told(host), _told(board)
+    if reference["opencv"] != reported["opencv"]:
         raise UserError(
-            f"the host's estimator ran with OpenCV {reference['opencv']}, the board's with {told['opencv']}:"
+            f"the host's estimator ran with OpenCV {reference['opencv']}, the board's with {reported['opencv']}:"
             " install the same version on both"
         )
     return BoardRun(
@@ -163,7 +165,7 @@ def compare_runs(host: Path, board: Path, processor: str, system: str, link: str
         system=system,
         link=link,
         agreement=agreement(read_ledger(host), read_ledger(board)),
-        **told,
+        **reported,
     )
 
 
@@ -175,8 +177,10 @@ def _told(folder: Path) -> dict[str, str]:
         raise UserError(
             f"{folder} holds no summary of a run ({error}): name a folder of hil host --log"
         ) from error
-    said = "" if summary.board is None else summary.board.name
-    found = re.search(r"Python (\S+), OpenCV (\S+), (\w+)$", said)
-    if found is None:
-        raise UserError(f"the board of {folder} says of itself {said!r}: its bundle is older; write it anew")
-    return dict(zip(("python", "opencv", "kernels"), found.groups(), strict=True))
+    report = "" if summary.board is None else summary.board.name
+    match = re.search(r"Python (\S+), OpenCV (\S+), (\w+)$", report)
+    if match is None:
+        raise UserError(
+            f"the board of {folder} says of itself {report!r}: its bundle is older; write it anew"
+        )
+    return dict(zip(("python", "opencv", "kernels"), match.groups(), strict=True))

@@ -1,7 +1,7 @@
-"""Debian for the emulated board, installed without root's rights in the user's cache folder.
+"""Debian for the emulated board, installed without root privileges in the user's cache folder.
 
-`debootstrap` fetches and verifies the packages, which are unpacked as they are. What they would run to set themselves
-up is aarch64 code, half an hour of it in QEMU, and what the board needs of that is little: users, links, units.
+`debootstrap` fetches and verifies the packages, which are only unpacked. Their installation scripts are aarch64 code
+and would take half an hour in QEMU; the little that the board needs of them is done here: users, links, units.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PACKAGES = (
 # packages needed by an installed kernel only
 LEFT_OUT = ("linux-image", "linux-base", "initramfs-tools", "klibc-utils", "libklibc")
 
-# the very versions that the host's estimator runs with
+# the same versions as the host's estimator
 WHEELS = ("numpy", "opencv-contrib-python-headless")
 PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux2014_aarch64")
 SITE = f"usr/local/lib/python{PYTHON}/dist-packages"
@@ -57,7 +57,7 @@ DISK_BYTES = 2 << 30  # sparse: about half is used
 
 NETWORK = "[Match]\nType=ether\n[Network]\nDHCP=ipv4\n"
 
-# the job is a tar archive in place of a disk: board.pyz, a script named `run`, and whatever that reads
+# the job is a tar archive in place of a disk: board.pyz, a script named `run`, and the files that it reads
 JOB = """\
 [Unit]
 Description=What this start of the emulated board is for
@@ -76,7 +76,7 @@ WantedBy=multi-user.target
 """
 
 FILES = {
-    "etc/machine-id": "b0a2d000000000000000000000000025\n",  # an empty one asks at the first start
+    "etc/machine-id": "b0a2d000000000000000000000000025\n",  # an empty one would ask at the first start
     "etc/hostname": "emulated-board\n",
     "etc/fstab": "",
     "etc/systemd/network/ether.network": NETWORK,
@@ -88,7 +88,7 @@ LINKS = {
     "lib": "usr/lib",
     "sbin": "usr/sbin",
     f"{UNITS}/systemd-binfmt.service": "/dev/null",
-    # a login prompt would take the console from the job
+    # a login prompt would occupy the job's console
     f"{UNITS}/serial-getty@hvc0.service": "/dev/null",
     f"{UNITS}/multi-user.target.wants/flyaround-job.service": f"/{UNITS}/flyaround-job.service",
     f"{UNITS}/multi-user.target.wants/systemd-networkd.service": "/lib/systemd/system/systemd-networkd.service",
@@ -100,7 +100,7 @@ LINKS = {
 
 @dataclass(frozen=True)
 class BoardImage:
-    """Files that QEMU starts from: kernel, initial file system, disk."""
+    """Files from which QEMU starts: kernel, initial file system, disk."""
 
     folder: Path
 
@@ -121,7 +121,7 @@ class BoardImage:
 
 
 def image_name() -> str:
-    """Name of the image in the cache: another recipe or other versions of NumPy and OpenCV have another."""
+    """Return the name of the image in the cache; it depends on the recipe and on the versions of NumPy and OpenCV."""
     return entry_name(
         "board-qemu",
         (board_image, write_initramfs),
@@ -135,7 +135,7 @@ def image_name() -> str:
 
 
 def board_image() -> BoardImage:
-    """Return the image, from the cache if complete, else made in a minute or two.
+    """Return the image, from the cache if complete; otherwise it is made in a minute or two.
 
     Raises
     ------
@@ -149,9 +149,9 @@ def board_image() -> BoardImage:
         image.folder.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=image.folder.parent, prefix="unfinished-") as name:
             _make(Path(name))
-            made = Path(name) / "image"
-            _manifest(made).write_bytes(msgspec.json.encode(_hashes(BoardImage(made))))
-            made.rename(image.folder)
+            folder = Path(name) / "image"
+            _manifest(folder).write_bytes(msgspec.json.encode(_hashes(BoardImage(folder))))
+            folder.rename(image.folder)
     return image
 
 
@@ -169,7 +169,7 @@ def missing_programs() -> None:
     Raises
     ------
     UserError
-        Naming the packages that have them.
+        If one is missing; the message names the packages to install.
     """
     packages = sorted(package for program, package in PROGRAMS.items() if _found(program) is None)
     if packages:
@@ -228,7 +228,7 @@ def _make(work: Path) -> None:
         shutil.copyfile(root / "usr" / "share" / "base-passwd" / f"{name}.master", root / "etc" / name)
     with image.disk.open("wb") as disk:
         disk.truncate(DISK_BYTES)
-    # in its eyes all files are root's
+    # under fakeroot all files belong to root
     _run(
         ["fakeroot", "mke2fs", "-q", "-F", "-t", "ext4", "-d", str(root), str(image.disk)],
         work / "mke2fs.log",
@@ -237,7 +237,7 @@ def _make(work: Path) -> None:
 
 def _unpack(package: Path, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
-    # a folder that is a link to another stays one: /bin is /usr/bin
+    # a folder that is a link to another is kept: /bin is /usr/bin
     script = 'dpkg-deb --fsys-tarfile "$0" | tar -x --keep-directory-symlink --no-same-owner -p -C "$1"'
     _run(["bash", "-o", "pipefail", "-c", script, str(package), str(folder)], folder.with_suffix(".log"))
 
@@ -262,16 +262,16 @@ def _add_wheels(root: Path, folder: Path) -> None:
         zipfile.ZipFile(wheel).extractall(root / SITE)
 
 
-def _run(command: list[str], said: Path) -> None:
+def _run(command: list[str], log: Path) -> None:
     """Run a program at the lowest priority, with its output in a file.
 
     Raises
     ------
     UserError
-        If it fails, with the last lines of what it said.
+        If it fails; the message has the last lines of its output.
     """
     environment = os.environ | {"PATH": os.environ.get("PATH", "") + ":/usr/sbin:/sbin"}
-    with said.open("ab") as out:
+    with log.open("ab") as out:
         code = subprocess.run(
             ["nice", *command],
             stdin=subprocess.DEVNULL,
@@ -282,9 +282,9 @@ def _run(command: list[str], said: Path) -> None:
         ).returncode
     if code:
         program = next(word for word in command if word != "fakeroot" and not word.startswith(("-", "/")))
-        raise UserError(f"{program} failed with code {code} while the emulated board was made: {_tail(said)}")
+        raise UserError(f"{program} failed with code {code} while the emulated board was made: {_tail(log)}")
 
 
-def _tail(said: Path) -> str:
-    lines = said.read_text(encoding="utf-8", errors="replace").split("\n")
+def _tail(log: Path) -> str:
+    lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
     return " / ".join(line.strip() for line in lines if line.strip())[-600:]

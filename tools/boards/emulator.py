@@ -1,4 +1,4 @@
-"""QEMU as a board: its command line, the job passed to it, and its two lines to the host."""
+"""QEMU as a board: its command line, the job that it runs, and its two lines to the host."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
     from tools.boards.debian_image import BoardImage
 
-# A Raspberry Pi 4's processor
+# the processor of a Raspberry Pi 4
 CPU = "cortex-a72"
 
 
 def qemu_command(image: BoardImage, job: Path) -> list[str]:
-    """Return the command line of an emulated board; changes of its disk are discarded at the end.
+    """Return the command line of an emulated board; changes to its disk are discarded at the end.
 
-    Its first serial port (a PL011, ``/dev/ttyAMA0`` there) is a pseudo-terminal here, which QEMU names on standard
-    output; its console, another device, is standard output. The host's loopback is 10.0.2.2 there, and nothing reaches
-    the board from outside.
+    Its first serial port (a PL011, ``/dev/ttyAMA0`` on the board) is a pseudo-terminal of this machine, which QEMU
+    names on standard output; its console, another device, is standard output. The host's loopback is 10.0.2.2 on the
+    board, and nothing reaches the board from outside.
 
     Parameters
     ----------
-    job : tar archive that the board unpacks and whose ``run`` it runs.
+    job : tar archive that the board unpacks, and whose ``run`` it executes.
     """
     return [
         *("qemu-system-aarch64", "-M", "virt", "-cpu", CPU, "-smp", "1", "-m", "1024", "-accel", "tcg"),
@@ -57,7 +57,7 @@ def qemu_command(image: BoardImage, job: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class EmulatedBoard:
-    """Running board: its console output, and the device on this machine that its serial port is connected to."""
+    """A running board: its console output, and the device of this machine to which its serial port is connected."""
 
     process: subprocess.Popen[bytes]
     console: Path
@@ -73,7 +73,7 @@ class EmulatedBoard:
         Raises
         ------
         UserError
-            If they do not come in time, or the board ends before.
+            If they do not appear in time, or the board ends before.
         """
         end_s = time.monotonic() + timeout_s
         while words not in self.said():
@@ -92,8 +92,8 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
 
     Parameters
     ----------
-    files : of the job, by name; the shell script ``run`` is run among them, as root.
-    folder : for the job and what the console says.
+    files : files of the job by name, with the shell script ``run``, which runs as root.
+    folder : folder for the job and the console's output.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
             entry.size = len(content)
             archive.addfile(entry, io.BytesIO(content))
     with console.open("wb") as out:
-        # lowest priority
+        # at the lowest priority
         process = subprocess.Popen(
             ["nice", *qemu_command(image, job)],
             stdin=subprocess.DEVNULL,
@@ -116,13 +116,13 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
         )
     try:
         board = EmulatedBoard(process, console, "")
-        named = re.search(r"redirected to (\S+) \(label uart\)", board.wait_for("(label uart)", 20.0))
-        yield EmulatedBoard(process, console, named[1] if named else "")
+        match = re.search(r"redirected to (\S+) \(label uart\)", board.wait_for("(label uart)", 20.0))
+        yield EmulatedBoard(process, console, match[1] if match else "")
     finally:
         process.kill()
         process.wait()
 
 
 def _drive(name: str, path: Path, option: str) -> str:
-    # a comma in a value is written twice
+    # a comma in a value is doubled
     return f"if=none,id={name},format=raw,{option},file={str(path).replace(',', ',,')}"

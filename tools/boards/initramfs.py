@@ -30,7 +30,7 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
 
     Parameters
     ----------
-    kernel_modules : folder with the ``.ko`` files of the kernel, at any depth. busybox : a static one.
+    kernel_modules : folder with the ``.ko`` files of the kernel, at any depth. busybox : statically linked busybox.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
 
     Parameters
     ----------
-    modules : contents of the files, by name with underscores; what is not there is not built in either.
+    modules : contents of the files, by name with underscores; a missing one is not built into the kernel either.
 
     Raises
     ------
@@ -67,8 +67,8 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
             return
         if name not in modules:
             raise FileNotFoundError(f"the kernel's package has no driver {name}")
-        found = re.search(rb"\0depends=([^\0]*)\0", modules[name])
-        for needed in found[1].decode().split(",") if found else ():
+        match = re.search(rb"\0depends=([^\0]*)\0", modules[name])
+        for needed in match[1].decode().split(",") if match else ():
             if needed:
                 add(_plain(needed))
         order.append(name)
@@ -79,7 +79,7 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
 
 
 def cpio(files: Sequence[tuple[str, int, bytes]]) -> bytes:
-    """Return an archive of the ``newc`` form, of (path, mode, content), owned by root."""
+    """Return an archive of the ``newc`` form, from (path, mode, content), owned by root."""
     out = bytearray()
     for number, (name, mode, content) in enumerate([*files, ("TRAILER!!!", 0, b"")], start=1):
         fields = (number, mode, 0, 0, 1, 0, len(content), 0, 0, 0, 0, len(name) + 1, 0)

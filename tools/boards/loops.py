@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from tools.boards.debian_image import BoardImage
 
 SCENARIO, TARGET = "tango-flyaround", "tango"
-# QEMU carries a byte or a few for each turn of its threads: 88 kB/s on a quiet machine, 6 on a busy one
+# QEMU carries one or a few bytes per turn of its threads: 88 kB/s on a quiet machine, 6 on a busy one
 UART_BAUD = 38_400
 
-# an estimator takes some forty times as long as on the host, the first frame longer
+# an estimate takes some forty times as long as on the host, the first frame longer
 BOARD_WATCHDOG_S, ANSWER_S, READY_S = 600.0, 300.0, 1200.0
-# and holds the interpreter for seconds, in which the board says nothing
+# and holds the interpreter for seconds, in which the board does not answer
 SILENT_S = 120.0
 
 READY = "the board is ready"
 
-# the unit as shipped, by its first lines
+# the unit as shipped, identified by its first lines
 RUN = """\
 set -eu
 useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
@@ -57,8 +57,8 @@ class BoardLine:
 
     Parameters
     ----------
-    name : of the command line. text : for people. scenario : whose images go over it.
-    binning : pixels that its sensor joins, so that the line carries an image in seconds.
+    name : name on the command line. text : name for people. scenario : scenario whose images are sent over it.
+    binning : width and height of a binned pixel, so that the line carries an image in seconds.
     """
 
     name: str
@@ -78,7 +78,7 @@ LINES = {
 
 @contextlib.contextmanager
 def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[tuple[EmulatedBoard, str]]:
-    """Run an emulated board whose agent is a service until the block is left; gives it and the URL for the host.
+    """Run an emulated board whose agent is a service until the block is left; yield it and the URL for the host.
 
     Raises
     ------
@@ -99,14 +99,14 @@ def served_board(image: BoardImage, line: BoardLine, folder: Path) -> Iterator[t
 
 
 def scenario_of(line: BoardLine, folder: Path) -> str:
-    """Return the scenario of a line: a built-in one, or a file of it with binned pixels."""
+    """Return the scenario of a line: a built-in one, or a file with binned pixels."""
     if line.binning == 1:
         return line.scenario
-    flown = load_scenario(line.scenario)
-    sensor = msgspec.structs.replace(flown.sensor, binning=line.binning)
+    scenario = load_scenario(line.scenario)
+    sensor = msgspec.structs.replace(scenario.sensor, binning=line.binning)
     path = folder / "scenario.toml"
     path.write_text(
-        to_toml(msgspec.to_builtins(msgspec.structs.replace(flown, sensor=sensor))), encoding="utf-8"
+        to_toml(msgspec.to_builtins(msgspec.structs.replace(scenario, sensor=sensor))), encoding="utf-8"
     )
     return str(path)
 
@@ -146,7 +146,7 @@ def run_host(scenario: str, images: Path, n: int, url: str, log: Path, wait_s: f
 
 
 def run_here(scenario: str, images: Path, n: int, folder: Path) -> Path:
-    """Run the host's own estimator from the same bundle as a process, and return its ledger's folder.
+    """Run the host's own estimator from the same bundle as a process, and return the folder of its ledger.
 
     Raises
     ------
@@ -175,12 +175,12 @@ def emulated_processor() -> tuple[str, str]:
     version = subprocess.run(
         ["qemu-system-aarch64", "--version"], capture_output=True, text=True, check=True
     ).stdout
-    found = re.search(r"version (\S+)", version)
-    return f"{CPU}, emulated (QEMU {found[1] if found else '?'})", "Debian 12, arm64"
+    match = re.search(r"version (\S+)", version)
+    return f"{CPU}, emulated (QEMU {match[1] if match else '?'})", "Debian 12, arm64"
 
 
-def _flyaround(arguments: list[str], said: Path) -> None:
-    with said.open("wb") as out:
+def _flyaround(arguments: list[str], log: Path) -> None:
+    with log.open("wb") as out:
         code = subprocess.run(
             [sys.executable, "-m", "flyaround", *arguments],
             stdin=subprocess.DEVNULL,
@@ -189,7 +189,7 @@ def _flyaround(arguments: list[str], said: Path) -> None:
             check=False,
         ).returncode
     if code:
-        raise UserError(f"flyaround {' '.join(arguments[:2])} ended with code {code}: see {said}")
+        raise UserError(f"flyaround {' '.join(arguments[:2])} ended with code {code}: see {log}")
 
 
 def free_port() -> int:

@@ -1,4 +1,4 @@
-"""Checks of the service of `--systemd-unit` under an emulated board's systemd, as documented in docs/hil_board.md."""
+"""Checks of the service of `--systemd-unit` under an emulated board's systemd, against docs/hil_board.md."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_service(image: BoardImage, folder: Path) -> list[str]:
     Raises
     ------
     UserError
-        If the checks do not come to their end.
+        If the checks do not finish.
     """
     bundle, port = folder / "board.pyz", free_port()
     write_bundle(bundle, [load_target(TARGET)])
@@ -36,13 +36,16 @@ def check_service(image: BoardImage, folder: Path) -> list[str]:
     )
     with emulated_board(image, {"run": script.encode(), "board.pyz": bundle.read_bytes()}, folder) as board:
         board.wait_for(HOST_WANTED, MAX_S)
-        # it ends with its board gone
+        # it ends when its board disappears
         with contextlib.suppress(UserError):
             run_host(
                 SCENARIO, folder / "pictures", 1, f"tcp://127.0.0.1:{port}", folder / "host", wait_s=60.0
             )
-        said = board.wait_for(DONE, MAX_S)
+        output = board.wait_for(DONE, MAX_S)
     declined = [row.reason for row in read_ledger(folder / "host") if row.outcome == "declined"]
-    told = any("watchdog" in reason for reason in declined)
-    lines = [line for line in said.split("\n") if line.startswith(("holds:", "FAILS:"))]
-    return [*lines, ("holds:" if told else "FAILS:") + " and the host hears why its frame is declined"]
+    has_watchdog = any("watchdog" in reason for reason in declined)
+    lines = [line for line in output.split("\n") if line.startswith(("holds:", "FAILS:"))]
+    return [
+        *lines,
+        ("holds:" if has_watchdog else "FAILS:") + " and the host hears why its frame is declined",
+    ]

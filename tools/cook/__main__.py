@@ -1,6 +1,6 @@
-"""Make the maps of assets/earth that come from others of them: `python -m tools.cook`.
+"""Make the maps of assets/earth that are derived from other maps there: `python -m tools.cook`.
 
-Run it after a change of the maps by day, of the clouds or of the coast (`tools.cook.coast`).
+Run it after a change of the day map, of the clouds or of the coast (`tools.cook.coast`).
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ FOLDER = Path(__file__).parents[2] / "assets" / "earth"
 
 
 def cooked() -> Iterator[tuple[str, ByteArray | Float32Array]]:
-    """Yield names and contents of the files: images as OpenCV writes them, arrays as they are."""
+    """Yield names and contents of the files: images as arrays of pixels for OpenCV, arrays unchanged."""
     sources = day_and_coast()
     mask = make_mask(sources)
     yield MASK, mask
     for bands, name in MAPS.items():
         image = make_ocean_colour(bands, mask > 0, sources)
         yield name, image if bands == 1 else image[..., ::-1]
-    packed = packed_maps(1)[0]
-    yield LAND, land_of_months(packed)
-    yield ALBEDO, np.stack([make_albedo(packed, clouds=clouds) for clouds in (False, True)])
+    texture = packed_maps(1)[0]
+    yield LAND, land_of_months(texture)
+    yield ALBEDO, np.stack([make_albedo(texture, clouds=clouds) for clouds in (False, True)])
     yield TERRAIN, make_terrain_detail()
 
 

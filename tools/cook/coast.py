@@ -3,7 +3,7 @@
     python -m tools.cook.coast ne_10m_land.shp ne_10m_lakes.shp -o assets/earth/coast_sdf_8640x4320.png
 
 Both are in the public domain: https://www.naturalearthdata.com/downloads/10m-physical-vectors/. A lake that is dry in
-the map of the Earth by day stays land.
+the day map stays land.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ WIDTH, HEIGHT = 8640, 4320
 SUBPIXELS = 4
 """Rows and columns of the filled grid per pixel of the map."""
 COUNTS_PER_PIXEL = 16  # eight per forty-eighth of a degree
-_REACH_PX = 9  # farther from the coast the map is saturated
+_REACH_PX = 9  # distance from the coast beyond which the map is saturated
 _BAND_ROWS = 120  # rows of the map processed at once
-_SHORE_PX = 2.0  # pixels of the day map: closer to its shore a lake is mixed with land
+_SHORE_PX = 2.0  # pixels of the day map: nearer to its shore a lake is mixed with land
 _FLAT_RED, _FLAT_RED_TO_GREEN = 100, 1.1  # counts of 255 of a dry salt lake; muddy ones are darker or greener
 _POLYGON = 5  # shape type (ESRI Shapefile Technical Description, 1998)
 
 
 def polygons(shapefile: bytes) -> Iterator[list[Points]]:
-    """Yield the rings of each polygon, (N, 2) longitude and latitude [deg]: outer ones run clockwise, holes against it.
+    """Yield the rings of each polygon, (N, 2) longitude, latitude [deg]: outer ones clockwise, holes counter-clockwise.
 
     Raises
     ------
@@ -77,14 +77,14 @@ class Outlines:
 
     def filled(self, rows: range, width: int) -> NDArray[np.bool_]:
         """Return (R, width), True inside: where the winding number is not zero, so that polygons may overlap."""
-        kept = slice(*np.searchsorted(self.row, (rows.start, rows.stop)))
+        own = slice(*np.searchsorted(self.row, (rows.start, rows.stop)))
         turns = np.zeros((len(rows), width + 1), np.int8)
-        np.add.at(turns, (self.row[kept] - rows.start, self.column[kept]), self.turn[kept])
+        np.add.at(turns, (self.row[own] - rows.start, self.column[own]), self.turn[own])
         return np.asarray(np.cumsum(turns, axis=1, dtype=np.int8)[:, :width] != 0)
 
 
 def outlines(rings: Iterable[Points], width: int, height: int) -> Outlines:
-    """Cut rings on a grid of the whole globe at the centres of its rows."""
+    """Intersect rings with the centres of the rows of a grid over the whole globe."""
     edges = [np.empty((0, 4)), *(np.hstack([ring[:-1], ring[1:]]) for ring in rings)]
     x0, y0, x1, y1 = np.concatenate(edges).T
     x0, x1 = ((x + 180.0) * (width / 360.0) for x in (x0, x1))
@@ -133,7 +133,7 @@ def coast_map(
     Parameters
     ----------
     land, lakes : shapefiles; a lake is cut out of the land.
-    day_bgr : map of the Earth by day, to tell a dry lake by.
+    day_bgr : day map of the Earth, in which dry lakes are detected.
     """
     fine_width, fine_height, reach = SUBPIXELS * width, SUBPIXELS * height, SUBPIXELS * _REACH_PX
     filled = [lake for lake in polygons(lakes) if not is_dry(lake, day_bgr)]

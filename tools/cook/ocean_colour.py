@@ -1,6 +1,6 @@
-"""Cook the maps of ocean colour: reflectance of shallow and turbid water above the open ocean's, from the day map.
+"""Make the maps of ocean colour: reflectance of shallow and turbid water above that of the open ocean.
 
-Banks, reefs, rivers' plumes, lakes full of silt; and a mask of where they are.
+They show banks, reefs, river plumes and silted lakes; a mask tells where they are.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 
     Sources = tuple[ByteArray, ByteArray]
 
-_POWER = 1.2  # power of the map's 8 bits: nearly linear, where the land's darker values are compressed
+# exponent that maps reflectance to 8 bits: nearly linear, unlike the land's, which compresses dark values
+_POWER = 1.2
 _DEEP = (2.0, 5.0, 20.0)  # colour of the open ocean in the map: red, green, blue
-_NOTHING = 2.5  # counts over it that are only the picture's compression
-_ICE = 60.0  # counts in every channel: floating ice, not water
-_OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixtures with land
+_NOTHING = 2.5  # counts above it that are only artefacts of the image's compression
+_ICE = 60.0  # counts in every channel from which a texel is floating ice
+_OFFSHORE = 24  # counts of the coast's distance (7 km): nearer texels are mixed with land
 _ASHORE = 7  # texels over which offshore values are extended to the shore
-_NOTICED = 0.01  # reflectance for which a cell of the screen looks
+_NOTICED = 0.01  # reflectance from which a cell of the screen is tested for such water
 
 
 def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArray:
@@ -37,7 +38,7 @@ def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArra
     mask : (360, 720) of `make_mask`.
     sources : `day_and_coast`.
     """
-    # nothing is left where no cell looks
+    # outside the mask no cell is tested, so the map is zero there
     core = cv2.erode(mask.astype(np.float32), np.ones((3, 3)))
     share = cv2.resize(core, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
     day, coast = sources
@@ -46,21 +47,21 @@ def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArra
 
 
 def day_and_coast() -> Sources:
-    """Return (2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, of the maps."""
+    """Return (2016, 4032, 3) red, green, blue and (2016, 4032) distance to the coast, from the maps."""
     return day_map((WIDTH, HEIGHT))[..., ::-1], decode_map(COAST, cv2.IMREAD_GRAYSCALE, (WIDTH, HEIGHT))
 
 
 def _excess_over_open_ocean(day: ByteArray, coast: ByteArray) -> Float32Array:
-    """Return (2016, 4032, 3) of the map's 8 bits over the open ocean's, 0..1."""
+    """Return (2016, 4032, 3) the map's 8 bits minus those of the open ocean, scaled to 0..1."""
     bright = day.astype(np.float32)
     over = np.clip(bright - (np.array(_DEEP, np.float32) + np.float32(_NOTHING)), 0, None)
     over *= np.float32(1 / (255 - _NOTHING))
     red, green, blue = cv2.split(bright)
     sea = ((coast < 128 - _OFFSHORE) & (cv2.min(cv2.min(red, green), blue) < _ICE)).astype(np.float32)
-    # at the shore, and under ice, use the water further out
-    known = cv2.blur(sea, (_ASHORE, _ASHORE))
+    # at the shore, and under ice, use the water farther out
+    weight = cv2.blur(sea, (_ASHORE, _ASHORE))
     carried = cv2.blur(over * sea[..., None], (_ASHORE, _ASHORE))
-    carried *= ((known > 0) / np.maximum(known, 1e-3))[..., None].astype(np.float32)
+    carried *= ((weight > 0) / np.maximum(weight, 1e-3))[..., None].astype(np.float32)
     return np.where(sea[..., None] > 0, over, carried)
 
 
@@ -80,9 +81,9 @@ def make_mask(sources: Sources) -> ByteArray:
     day, coast = sources
     over = _excess_over_open_ocean(day, coast)
     bright = SCALE * _reflectance(over).max(axis=2) > _NOTICED
-    # rows and columns do not divide by whole texels: each half degree takes what touches it
-    found = np.zeros((360, 720), np.uint8)
+    # rows and columns are not a multiple of whole texels: each half degree uses all that it touches
+    is_bright = np.zeros((360, 720), np.uint8)
     row, column = np.nonzero(bright & (coast < 128 - _OFFSHORE))
-    found[row * 360 // HEIGHT, column * 720 // WIDTH] = 255
-    wrapped = np.pad(found, ((1, 1), (1, 1)), mode="wrap")
+    is_bright[row * 360 // HEIGHT, column * 720 // WIDTH] = 255
+    wrapped = np.pad(is_bright, ((1, 1), (1, 1)), mode="wrap")
     return np.asarray(cv2.dilate(wrapped, np.ones((3, 3), np.uint8))[1:-1, 1:-1], np.uint8)

@@ -1,4 +1,4 @@
-"""Cook what is reduced from the packed maps of the Earth: the land of the monthly maps, and the albedo."""
+"""Make the maps that are reduced from the packed maps of the Earth: the land of the monthly maps, and the albedo."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def land_of_months(packed: ByteArray) -> ByteArray:
 
 
 def make_albedo(packed: ByteArray, *, clouds: bool) -> Float32Array:
-    """Return (2, 64, 128): albedo, and by how much it grows with that of the sea.
+    """Return (2, 64, 128): albedo, and its derivative by the albedo of the sea.
 
     Parameters
     ----------
-    packed : as of `land_of_months`.
+    packed : texture as of `land_of_months`.
     """
-    # every fourth texel is plenty for cells of 3 degrees
+    # every fourth texel suffices for cells of 3 degrees
     part = np.asarray(packed[::4, ::4], np.float32) / 255
     land = part[..., 3] > 0.5
     ground = np.where(land, part[..., 0] ** 2, SEA_ALBEDO)

@@ -1,8 +1,9 @@
-"""Cook the terrain detail below the texels of the maps in `high`: one tiling land of ridges and wadis, cut by rivers.
+"""Make the terrain detail below the texels of the maps in `high`: one periodic land of ridges and wadis, cut by rivers.
 
-Where rivers have cut for long, height rises along each by area^-0.45 (Flint's law), and every point drains the way that
-costs it least: the shortest paths over a land whose steps cost so much. Shortest paths are sought, the land's cost is
-set from the areas that they gather, and after a few turns both agree (optimal channel networks: Rinaldo et al. 1992).
+Where rivers have eroded for long, height rises along each by area^-0.45 (Flint's law), and every point drains along its
+cheapest path: the shortest path over a land whose steps have costs. Shortest paths are computed, the costs are set from
+the drainage areas that they collect, and after a few iterations both agree (optimal channel networks: Rinaldo et al.
+1992).
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 
 SIZE = 1024
 _COARSE = 512
-_TURNS = 3  # until cost and areas agree, on the coarse grid
-_CONCAVITY = 0.45  # Flint's: how slopes fall with the area above (Whipple & Tucker 1999)
-_SLOPE = 0.24  # root mean square: mountains of the desert over 400 m
-_PLAINS = 0.05  # share of the tile to which all flows
+_TURNS = 3  # iterations until cost and areas agree, on the coarse grid
+_CONCAVITY = 0.45  # Flint's exponent: how slopes fall with the area above (Whipple & Tucker 1999)
+_SLOPE = 0.24  # root mean square slope: desert mountains over 400 m
+_PLAINS = 0.05  # share of the tile to which everything drains
 _SEED = 20260320
 
 
@@ -41,10 +42,10 @@ def make_terrain_detail() -> ByteArray:
         0.55 * _spectral_noise(rng, _COARSE, 4.0, -1.0) + 0.35 * rng.standard_normal(base.shape)
     )
     _, area = drainage(plains, hardness, _TURNS)
-    # the same land on the fine grid, whose channels run where the coarse ones do
+    # the same land on the fine grid, with the channels of the coarse one
     fine = _upsampled(hardness) * np.exp(0.4 * rng.standard_normal((SIZE, SIZE)))
-    known = np.exp(_upsampled(np.log(area)))
-    height, area = drainage(_upsampled(plains.astype(float)) > 0.5, fine, 0, known)
+    fine_area = np.exp(_upsampled(np.log(area)))
+    height, area = drainage(_upsampled(plains.astype(float)) > 0.5, fine, 0, fine_area)
     height = _blurred(height, 1.1)
     slopes = [0.5 * (np.roll(height, -1, axis) - np.roll(height, 1, axis)) for axis in (1, 0)]
     steep = _SLOPE / np.sqrt(np.mean(slopes[0] ** 2 + slopes[1] ** 2))
@@ -67,8 +68,8 @@ def drainage(
 
     Parameters
     ----------
-    outlets : (N, N) where all water ends, at height 0. hardness : (N, N) what a step costs where one texel drains.
-    turns : after the first. area : (N, N) that is known to begin with.
+    outlets : (N, N) True where water ends, at height 0. hardness : (N, N) cost of a step where a single texel drains.
+    turns : iterations after the first. area : (N, N) initial drainage area, if known.
     """
     for _ in range(turns + 1):
         height, down = _least_cost_paths(hardness if area is None else hardness * area**-_CONCAVITY, outlets)
@@ -95,7 +96,7 @@ def _least_cost_paths(cost: FloatArray, outlets: BoolArray) -> tuple[FloatArray,
 def _drainage_areas(down: IntArray) -> FloatArray:
     """Return the drainage area of each point [texels], itself included, by the next point down of each."""
     far, hops = down, (down != np.arange(len(down))).astype(int)
-    # doubling: each turn adds as many hops as are known
+    # doubling: each iteration adds as many hops as before
     while hops[far].any():
         hops = hops + hops[far]
         far = far[far]
@@ -117,9 +118,7 @@ def _steps(rng: np.random.Generator, x: FloatArray) -> FloatArray:
 
 
 def _spectral_noise(rng: np.random.Generator, size: int, low: float, power: float) -> FloatArray:
-    """Return the periodic Gaussian noise of a spectrum's power from ``low`` cycles per tile up, standard deviation
-    1.
-    """
+    """Return periodic Gaussian noise of a power spectrum from ``low`` cycles per tile up, with standard deviation 1."""
     f = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size)[None, :])
     f[0, 0] = 1
     noise = np.fft.irfft2(

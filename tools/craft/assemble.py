@@ -62,22 +62,22 @@ def assemble(
 
     Parameters
     ----------
-    pieces : those of one name become one part; they must be of one material.
-    materials : those that no piece uses are left out.
+    pieces : pieces of one name become one part; they must have one material.
+    materials : available materials; unused ones are omitted.
     keypoints : position in the model frame [m] by name, in the order that labels report them.
-    occluders : coarse closed bodies. lumps : the mass distribution.
+    occluders : coarse closed bodies. lumps : mass distribution.
     frames : origin [m] and unit axis by name.
     """
     parts = tuple(part_of(p) for p in gathered(pieces))
-    used = {p.material for p in parts}
-    kept = tuple(m for m in materials if m.name in used)
+    used_names = {p.material for p in parts}
+    used_materials = tuple(m for m in materials if m.name in used_names)
     points = tuple(Keypoint(name=name, position_m=p) for name, p in keypoints.items())
     edges, bodies = tuple(wireframe), welded(merge(occluders))
     target = Target(
         name=name,
         title=title,
-        sha256=content_sha256(kept, parts, points, edges, bodies, pictures),
-        materials=kept,
+        sha256=content_sha256(used_materials, parts, points, edges, bodies, pictures),
+        materials=used_materials,
         parts=parts,
         keypoints=points,
         wireframe=edges,
@@ -93,7 +93,7 @@ def assemble(
 
 
 def gathered(pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces of one name and material joined into one, in order of first appearance.
+    """Return the pieces, with those of one name and material joined, in order of first appearance.
 
     Raises
     ------
@@ -103,14 +103,14 @@ def gathered(pieces: Sequence[Piece]) -> list[Piece]:
     groups: dict[str, list[Piece]] = {}
     for p in pieces:
         groups.setdefault(p.name, []).append(p)
-    joined = []
+    pieces_out = []
     for name, group in groups.items():
         if len({p.material for p in group}) > 1:
             raise ValueError(f"part {name} has two materials")
         if len(group) == 1:
-            joined.append(group[0])
+            pieces_out.append(group[0])
             continue
         if any(p.uv is not None for p in group):
             raise ValueError(f"part {name} has several textured pieces; merge them before")
-        joined.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
-    return joined
+        pieces_out.append(Piece(name, group[0].material, merge([p.mesh for p in group])))
+    return pieces_out

@@ -56,11 +56,11 @@ def box_edges(name: str, lo: Vec3, hi: Vec3) -> list[Edge]:
     corner = np.array([lo, hi], float)
     edges = []
     for axis in range(3):
-        others = [k for k in range(3) if k != axis]
+        other_axes = [k for k in range(3) if k != axis]
         for sides in itertools.product((0, 1), repeat=2):
             a, b = np.zeros(3), np.zeros(3)
             normals, label = [], ""
-            for k, side in zip(others, sides, strict=True):
+            for k, side in zip(other_axes, sides, strict=True):
                 a[k] = b[k] = corner[side, k]
                 n = np.zeros(3)
                 n[k] = 2 * side - 1
@@ -144,7 +144,7 @@ def ring_edges(
 
     Parameters
     ----------
-    segments : those of the lathe at full detail.
+    segments : facets of the lathe at full detail.
     inside : the rim of a bore, whose wall looks towards the axis.
     """
     u, v, w = across(axis)

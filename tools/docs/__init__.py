@@ -1,1 +1,1 @@
-"""Makes the pages and images of docs/ that are made with the software itself."""
+"""Makes the pages and images of docs/ that the software itself generates."""

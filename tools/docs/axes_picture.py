@@ -20,7 +20,7 @@ from flyaround.simulator.reports.pictures import write_jpeg
 
 SEED, WIDTH_PX = 4, 640
 SAMPLES = {"paper-dragon": 33, "paper-soyuz": 19, "paper-tianzhou": 8, "paper-change6": 6}
-"""Sample of each recipe that shows its craft near, whole and in the light."""
+"""Sample of each recipe that shows its craft near, whole and lit."""
 
 
 def main() -> None:

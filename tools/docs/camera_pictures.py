@@ -1,4 +1,4 @@
-"""Makes the two montages of docs/camera.md: what each noise term, and each part of the lens, does to one image."""
+"""Makes the two montages of docs/camera.md: the effect of each noise term and lens property on one image."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ QUIET = Detector(
 
 
 def detector(**changes: Any) -> Sensor:  # noqa: ANN401 - any field of the detector
-    """Return an ideal 12-bit detector with the given properties alone."""
+    """Return an ideal 12-bit detector with only the given properties."""
     return Sensor(preset="picture", bits=12, blur_sigma_px=0.7, detector=replace(QUIET, **changes))
 
 
@@ -105,7 +105,7 @@ def main() -> None:
             t = exposure * light if sensor.detector is not None else 9e-4
             one = replace(scene, sensor=sensor, exposure_s=t, optics=Optics(f_number=2.8))
             image = digitise_scene(one, expose_scene(one, radiance))[y, x]
-            # few digital numbers are shown over the range that they fill
+            # few digital numbers are shown over the range that they occupy
             bits = float(np.log2(21)) if words.startswith("20 digital") else sensor.bits
             tiles.append(tile(image, bits, words))
         cv2.imwrite(str(folder / "camera_noise.jpg"), grid(tiles, 4), [cv2.IMWRITE_JPEG_QUALITY, 43])

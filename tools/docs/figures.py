@@ -13,7 +13,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 LEFT_OUT = ("lab", "adr", "images")
-"""Folders whose pages record one moment and are not kept current."""
+"""Folders whose pages record one moment and are not updated."""
 MIN_WORDS = 6
 """Statements with fewer words are too short to compare."""
 ALIKE = 0.4
@@ -57,7 +57,8 @@ class Statement:
 
     Parameters
     ----------
-    page : relative to ``docs``. text : on one line. figures : numbers with their units. words : without common words.
+    page : path relative to ``docs``. text : text on one line. figures : numbers with their units. words : words that
+        are not common ones.
     """
 
     page: Path
@@ -97,7 +98,7 @@ def repeated(found: Sequence[Statement]) -> Iterable[tuple[Statement, Statement]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the figures by page, or the statements that occur twice; return 1 if some of these differ."""
+    """Print the figures by page, or the statements that occur twice; return 1 if some of these disagree."""
     parser = argparse.ArgumentParser(prog="python -m tools.docs.figures", description=__doc__)
     parser.add_argument("--all", action="store_true", help="print every figure with its statement")
     options = parser.parse_args(arguments)

@@ -53,7 +53,7 @@ def above(
     place: tuple[float, float, float],
     field_deg: float,
     size: tuple[int, int] = SIZE,
-    **more: Any,  # noqa: ANN401 - handed on
+    **more: Any,  # noqa: ANN401 - passed on
 ) -> fa.SceneState:
     """Return a scene without spacecraft."""
     ref = TargetRef(name="tango", sha256=fa.load_target("tango").sha256)
@@ -61,13 +61,13 @@ def above(
 
 
 def radiance(renderer: fa.Renderer, scene: fa.SceneState, target: str = "tango") -> np.ndarray:
-    """Return the linear RGB of a screen, in units in which sunlit white is grey."""
+    """Return the linear RGB radiance of a scene, in units in which sunlit white is grey."""
     bands = renderer.render(scene, fa.load_target(target)).radiance * sunlight_balance("rgb")
     return np.asarray(np.maximum(bands @ np.transpose(SRGB_FROM_BANDS), 0.0))
 
 
 def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndarray:
-    """Return an sRGB image as cameras develop it: paler, a shoulder from four fifths on, a toe, a little grain.
+    """Return an sRGB image with the tone curve of photographic film: paler, with a shoulder, a toe and a little grain.
 
     Parameters
     ----------
@@ -83,12 +83,12 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
 
 
 def exposed(light: np.ndarray, share: float, stops: float = 0.0) -> np.ndarray:
-    """Return an image whose given share lies below the shoulder, or some stops brighter."""
+    """Return an image exposed so that the given share lies below the shoulder, or some stops brighter."""
     return film(light, float(np.quantile(light[light > 0], share)) * 2.0**-stops)
 
 
 def glare(light: np.ndarray) -> np.ndarray:
-    """Return a good lens at full aperture: a core of 0.7 pixels, and a twentieth of the light in ever wider halos."""
+    """Return the image of a good lens at full aperture: a core of 0.7 pixels, halos of a twentieth of the light."""
     shares = {0.7: 0.95, 4.0: 0.03, 16.0: 0.014, 64.0: 0.006}
     return np.asarray(sum(w * cv2.GaussianBlur(light, (0, 0), s) for s, w in shares.items()))
 
@@ -130,7 +130,7 @@ def limb(renderer: fa.Renderer) -> np.ndarray:
 
 
 def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
-    """Return the view of Tango before the limb in the last half minute of sunlight."""
+    """Return the view of Tango in front of the limb in the last half minute of sunlight."""
     epoch, latitude, height_km = "2026-03-20T12:00:00Z", 10.0, 420.0
     now = Instant.from_utc(epoch)
     sun = matrix_from_quat(q_itrs_from_eci(now)) @ sun_eci_m(now.tt1, now.tt2).reshape(3)
@@ -150,7 +150,8 @@ def eclipse_entry(renderer: fa.Renderer) -> np.ndarray:
     scene = scene_with_pose(scene, target, Pose.of("camera", "target", turn, np.array([-0.7, 0.25, 5.6])), 0)
     light = radiance(renderer, scene)
     white = float(np.quantile(light, 0.985))
-    # the Sun's disc is a hundred thousand times as bright as the limb; the lens spreads what the wells can hold of it
+    # the Sun's disc is a hundred thousand times as bright as the limb; the lens spreads what the full wells can hold
+
     well = 2000 * white / np.maximum(light.max(axis=2, keepdims=True), 2000 * white)
     return film(glare(light * well), white)
 
@@ -248,7 +249,7 @@ PICTURES: tuple[tuple[str, Picture, str], ...] = (
 
 
 def write_jpeg(path: Path, rgb: np.ndarray) -> None:
-    """Write an image as well as this many bytes allow."""
+    """Write an image in the best quality that fits into a number of bytes."""
     image = np.ascontiguousarray(rgb[..., ::-1])
     for quality in (JPEG, 70, 55, 40):
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
@@ -258,7 +259,7 @@ def write_jpeg(path: Path, rgb: np.ndarray) -> None:
 
 
 def main(names: list[str] | None = None) -> None:
-    """Draw, write and describe every image, or those that are named."""
+    """Draw, write and describe every image, or the named ones."""
     folder = DOCS / "images" / "gallery"
     folder.mkdir(parents=True, exist_ok=True)
     lines = [

@@ -1,4 +1,4 @@
-"""Test vectors of the protocol: packets as bytes and as fields, for decoders written elsewhere.
+"""Test vectors of the protocol: packets as bytes and as fields, for other decoders.
 
 ``python -m tools.docs.link_vectors > docs/hil_vectors.json`` writes them anew, and with ``--session``
 ``docs/hil_session.txt``.
@@ -203,7 +203,7 @@ SESSION: list[tuple[str, Message]] = [
 
 
 def session_packets() -> list[tuple[str, Message, bytes]]:
-    """Return side, message and packet bytes of each step of `SESSION`; each side counts its own packets from 0."""
+    """Return side, message and packet bytes of each step of `SESSION`; each side numbers its own packets from 0."""
     counts = {"board": 0, "host": 0}
     out = []
     for side, message in SESSION:
@@ -216,7 +216,7 @@ def session_packets() -> list[tuple[str, Message, bytes]]:
 
 
 def session_text() -> str:
-    """Return the session in bytes, as text; more than three zeros in a row as ``00*N``."""
+    """Return the bytes of the session as text; more than three zeros in a row as ``00*N``."""
     lines = []
     for side, message, data in session_packets():
         lines.append(f"{side}: {message.TYPE.name}, {len(data)} bytes")

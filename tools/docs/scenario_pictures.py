@@ -19,7 +19,7 @@ WIDTH_PX, JPEG_QUALITY = 240, 82
 MIDDLE = 0.4
 """Share of the flight after which the image is taken."""
 OTHERWISE = {"tango-eclipse-pass": 0.05}
-"""Scenarios that show more at another one."""
+"""Scenarios that show more at another time."""
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""``python -m tools.mutants``: judges a seeded sample of cosmic-ray's mutants and keeps them in its session file.
+"""``python -m tools.mutants``: judges a seeded sample of cosmic-ray's mutants and records them in its session file.
 
-``cr-report --surviving-only --show-diff SESSION`` prints those that no test noticed. A session that was broken off goes
-on; one of older sources is deleted by hand.
+``cr-report --surviving-only --show-diff SESSION`` prints those that no test noticed. An interrupted session continues;
+a session of older sources must be deleted by hand.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ SCOPE = (
     "hil/evaluate",
 )
 LOOKS = ("evaluation_page.py", "evaluation_plots.py", "failure_tiles.py", "report_plots.py")
-"""Files whose pages and plots have no right and wrong that a fast test could tell."""
-# unions in type hints and decorators that save time: survivors that say nothing
+"""Files whose pages and plots no fast test can judge."""
+# unions in type hints and decorators that save time: their mutants survive without meaning
 LEFT_OUT = ("BitOr", "RemoveDecorator")
 
 
@@ -51,7 +51,7 @@ def files(root: Path, only: Sequence[str] = ()) -> list[str]:
     Parameters
     ----------
     only : sequence of str
-        Beginnings of paths; all unless given.
+        Prefixes of paths; by default all files.
     """
     found = [p for folder in SCOPE for p in (root / folder).rglob("*.py") if p.name not in LOOKS]
     names = sorted(path.relative_to(root).as_posix() for path in found)
@@ -59,7 +59,7 @@ def files(root: Path, only: Sequence[str] = ()) -> list[str]:
 
 
 def draw(root: Path, names: Sequence[str], n: int, seed: int) -> list[WorkItem]:
-    """Draw mutants: a file by its number of lines, one of its lines that can be mutated, and one way to do it."""
+    """Draw mutants: a file by its number of lines, one of its mutable lines, and one mutation of it."""
     chance = random.Random(seed)
     sources = {name: (root / name).read_text(encoding="utf-8") for name in names}
     weights = [source.count("\n") for source in sources.values()]
@@ -79,7 +79,7 @@ def draw(root: Path, names: Sequence[str], n: int, seed: int) -> list[WorkItem]:
 
 
 def _mutants(file: Path, root: Path, source: str) -> dict[int, list[WorkItem]]:
-    """Return cosmic-ray's mutants of a file by line, without lines whose change alters no result."""
+    """Return cosmic-ray's mutants of a file by line, without lines whose change affects no result."""
     quiet: set[int] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Raise) or (

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
 NOTICED = {"killed", "timeout"}
-TEST_S, CASE_S = 300.0, 3600.0  # by the clock: one test, and all of one bug's
+TEST_S, CASE_S = 300.0, 3600.0  # wall-clock limits of one test, and of all tests of one bug
 RESIDENT_BYTES = 12 << 30  # a limit of the address space would stop programs under AddressSanitizer
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
 _OPTIONS = ("-q", "-p", "no:cacheprovider", "--tb=short", "-m", "not slow", "-o", "timeout_method=thread")
@@ -33,13 +33,13 @@ class Case:
     Parameters
     ----------
     name : str
-        Shown next to the verdict.
+        Name shown next to the verdict.
     file : str
         Path relative to the root.
     before, after : str
         Text of the file without and with the bug.
     tests : tuple of str
-        Files and folders of tests, the most telling first.
+        Files and folders of tests, the most relevant first.
     """
 
     name: str
@@ -59,9 +59,9 @@ class Verdict:
         ``killed``, ``timeout`` (also for memory), ``survived``, ``not covered``, or ``invalid`` for a shader that
         does not compile.
     test : str
-        The test that failed, if one did.
+        First test that failed, if one did.
     seconds : float
-        By the clock.
+        Wall-clock time.
     """
 
     word: str
@@ -71,14 +71,14 @@ class Verdict:
 
 @dataclass
 class Copy:
-    """A tree that bugs are planted in, with what running it leaves behind.
+    """A copy of the tree in which bugs are planted, with the files that its tests leave behind.
 
     Parameters
     ----------
     folder : Path
-        Holds ``tree``, ``cache`` and ``temporary``.
+        Folder of ``tree``, ``cache`` and ``temporary``.
     cache : Path
-        Warm cache that each run starts from.
+        Warm cache from which each run starts.
     """
 
     folder: Path
@@ -104,14 +104,14 @@ class Copy:
                 shutil.copy2(root / name, self.tree / name, follow_symlinks=False)
 
     def write(self, file: str, text: str) -> None:
-        """Replace a file's text, with a time that it never had, so that nothing compiled before is taken for it."""
+        """Replace a file's text, with a new modification time, so that nothing compiled before is reused."""
         path = self.tree / file
         path.write_text(text, encoding="utf-8")
         self._stamp += 1
         os.utime(path, (1_000_000_000 + self._stamp, 1_000_000_000 + self._stamp))
 
     def start(self, tests: Sequence[str], *options: str) -> Run:
-        """Run tests with a fresh link of the warm cache, which a bug may have written into."""
+        """Run tests with a fresh link to the warm cache, because a bug may have written into it."""
         for name in ("cache", "temporary"):
             shutil.rmtree(self.folder / name, ignore_errors=True)
         shutil.copytree(self.cache, self.folder / "cache", copy_function=os.link, symlinks=True)
@@ -138,7 +138,7 @@ class Copy:
 
 @dataclass
 class Run:
-    """Tests under way in a session of their own."""
+    """Running tests, in a session of their own."""
 
     process: subprocess.Popen[bytes]
     log: Path
@@ -188,7 +188,7 @@ class Run:
 
 @contextlib.contextmanager
 def copies(root: Path, n: int) -> Iterator[list[Copy]]:
-    """Make copies of a tree with links to the user's cache, and take them away again."""
+    """Make copies of a tree with links to the user's cache, and remove them at the end."""
     os.nice(10)
     cache = Path(os.environ.get("FLYAROUND_CACHE_DIR") or user_cache_path("flyaround"))
     cache.mkdir(parents=True, exist_ok=True)
@@ -206,18 +206,18 @@ def copies(root: Path, n: int) -> Iterator[list[Copy]]:
 
 
 def _link(source: str, to: str) -> None:
-    """Link a file of the user's cache, which others may take away meanwhile."""
+    """Link a file of the user's cache, which other processes may remove meanwhile."""
     with contextlib.suppress(FileNotFoundError):
         os.link(source, to)
 
 
 def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, Verdict], None]) -> None:
-    """Judge every case, one in each copy at a time; however this ends, no tests go on running.
+    """Judge every case, one in each copy at a time; however this ends, no test keeps running.
 
     Parameters
     ----------
     heard : callable
-        Called with each verdict as it comes.
+        Function that is called with each verdict.
     """
     waiting = iter(cases)
     busy: list[tuple[Copy, Case, Run]] = []
@@ -250,7 +250,7 @@ def judge(cases: Iterable[Case], copies: Sequence[Copy], heard: Callable[[Case, 
 
 
 def failing(copy: Copy, verdicts: Iterable[Verdict]) -> set[str]:
-    """Return those tests that noticed a bug and also fail without any, in a copy without one."""
+    """Return those tests that noticed a bug and also fail without one, in an unchanged copy."""
     blamed = sorted({v.test for v in verdicts if v.word in NOTICED and v.test.startswith("tests/")})
     if not blamed:
         return set()

@@ -1,1 +1,1 @@
-"""Bugs of physics, labels and messages chosen by hand, each planted in a copy of the tree and tested there."""
+"""Bugs of physics, labels and messages, chosen by hand; each is planted in a copy of the tree and tested there."""

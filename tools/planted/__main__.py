@@ -1,4 +1,4 @@
-"""``python -m tools.planted [NAME...]``: plants the bugs of ``bugs.toml`` and tells which ones the tests notice."""
+"""``python -m tools.planted [NAME...]``: plants the bugs of ``bugs.toml`` and reports which ones the tests notice."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class PlantedBug(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     Parameters
     ----------
     file : str
-        Relative to the root.
+        Path relative to the root.
     old, new : str
-        Text that stands once in the file, and what replaces it.
+        Text that occurs once in the file, and its replacement.
     wrong : str
-        What a user gets, in a sentence.
+        Effect on a user, in one sentence.
     first : tuple of str
-        Files and folders of tests that are run before the wider ones.
+        Files and folders of tests that run before the wider ones.
     """
 
     name: str
@@ -60,7 +60,7 @@ def read_bugs() -> tuple[PlantedBug, ...]:
 
 
 def case_of(root: Path, bug: PlantedBug, tests: Iterable[str]) -> Case:
-    """Return what the judge needs: the file with and without the bug, and the tests."""
+    """Return the judge's case: the file with and without the bug, and the tests."""
     source = (root / bug.file).read_text(encoding="utf-8")
     return Case(bug.name, bug.file, source, bug.planted(source), tuple(tests))
 

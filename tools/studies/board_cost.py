@@ -1,9 +1,9 @@
-"""Time and memory of the estimator over a data set, in a process that has nothing but what a board has.
+"""Time and memory of the estimator over a data set, in a process with a board's packages only.
 
     python -m tools.studies.board_cost SET --target tango
 
-Processor time, one thread: of the frames that are accepted, of the others, and of each stage; peak memory of the
-process, Python, numpy and OpenCV included (Linux).
+Processor time, one thread: of accepted frames, of the others, and of each stage; peak memory of the process, including
+Python, numpy and OpenCV (Linux).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ print(json.dumps({"rows": rows, "bare": bare, "ready": ready, "peak": memory("Vm
 
 
 def main() -> None:
-    """Run the process over a set, and tell."""
+    """Run the process over a data set, and print the figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--target", default=None, help="the estimator's model (default: the set's own)")

@@ -4,8 +4,9 @@
     python -m tools.studies.confidence_fit fit EVIDENCE.json...
 
 ``collect`` runs the estimator on every feasible frame. ``fit`` prints the weights of a ridge logistic regression for
-``decide/confidence.py``, what each bar accepts by ten-fold cross-validation over frames, and the factor of the
-covariance by which 95 % of the right answers lie inside their bound. Judge both on other sets.
+``decide/confidence.py``, the acceptance at each threshold by ten-fold cross-validation over frames, and the factor of
+the covariance by which 95 % of the right answers lie inside their bound. Test both on other data sets.
+
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ CHI2_95 = 12.592
 
 
 def collected(folder: Path, target: str | None) -> list[dict[str, Any]]:
-    """Return one row for each feasible frame: the terms of its evidence, and whether its answer is right."""
+    """Return one row for each feasible frame: the terms of its evidence, and True if its answer is right."""
     card = read_card(folder)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
     estimator = PoseEstimator(board_model(load_target(target or card.target.name)), camera)

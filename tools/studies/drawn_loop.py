@@ -1,9 +1,9 @@
-"""Closed loops on drawn images without a link: the board's estimator answers in this process, its errors are kept.
+"""Closed loops on drawn images without a link: the board's estimator runs in this process, and its errors are recorded.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9007 --pose truth --any-view   # on the truth
     python -m tools.studies.drawn_loop OUT --seeds 7000-7004               # on the estimator's poses
 
-Each flight writes ``OUT/SCENARIO-SEED.npz``: what came of it, and of every image time, true pose and measured one.
+Each flight writes ``OUT/SCENARIO-SEED.npz``: its outcome, and the time, true pose and measured pose of every image.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ SCENARIOS = ("tango-vbar-closed-loop", "tango-vbar-closed-loop-tumble")
 
 
 class DrawnPoses(LatePoses):
-    """A pose source that draws what it looks at and asks the estimator; every answer is kept.
+    """A pose source that renders its view and runs the estimator; every answer is recorded.
 
     Parameters
     ----------
-    plan : whose scenes are drawn. draw : takes frames. estimator : of the board.
+    plan : plan whose scenes are drawn. draw : frame producer. estimator : estimator of the board.
     """
 
     def __init__(self, plan: Plan, draw: FrameProducer[Frame], estimator: Estimator) -> None:
@@ -56,7 +56,7 @@ class DrawnPoses(LatePoses):
         self.answers: list[tuple[bool, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def look(self, snapshot: Snapshot) -> None:
-        """Draw, estimate, keep."""
+        """Draw and estimate an image, and record the answer."""
         self._draw.submit(
             FrameRequest(scene=scene_flown(self._plan, snapshot, len(self.looks)), labels=False)
         )
@@ -74,7 +74,7 @@ class DrawnPoses(LatePoses):
 
 
 def planned(scenario: str, seed: int, *, any_view: bool) -> Plan:
-    """Return the plan of a flight; with ``any_view`` its target starts at an attitude drawn from the seed."""
+    """Return the plan of a flight; with ``any_view`` its target starts at a random attitude."""
     flown = load_scenario(scenario)
     if any_view:
         q = np.random.default_rng([seed, 2]).standard_normal(4)
@@ -138,14 +138,14 @@ def write(path: Path, result: ClosedLoopResult, drawn: DrawnPoses) -> None:
     write_atomic(path, data.getvalue())
 
 
-def seeds_of(told: str) -> range:
+def seeds_of(text: str) -> range:
     """Parse FIRST-LAST."""
-    first, last = (int(x) for x in told.split("-"))
+    first, last = (int(x) for x in text.split("-"))
     return range(first, last + 1)
 
 
 def main() -> None:
-    """Fly what is requested; a flight whose file is there is not flown again."""
+    """Fly the requested flights; one whose file exists is skipped."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--seeds", default="9000-9003", help="FIRST-LAST")

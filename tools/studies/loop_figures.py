@@ -1,11 +1,11 @@
-"""The proof of docs/hil_closed_loop.md: how many flights arrive, and whether the filter's sigma is right.
+"""The results of docs/hil_closed_loop.md: how many flights arrive, and whether the filter's sigma is right.
 
     python -m tools.studies.loop_figures --seeds 3000-3049   # on noisy poses and on the truth, without images
     python -m tools.studies.loop_figures --drawn OUT         # flights of tools.studies.drawn_loop
 
-It prints a table in Markdown. NEES is of the twelve states that the covariance is of: position and velocity of the
-chaser, attitude and rate of the target, with the poses' biases left out; its mean is over flights and over times from
-the 20th period on.
+It prints a table in Markdown. NEES is that of the twelve states of the covariance: position and velocity of the chaser,
+attitude and rate of the target, without the biases of the poses; its mean is over flights and over times from the 20th
+period on.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """Within what is required of the hold point, and never inside the sphere outside the corridor."""
+        """True if the flight met the requirements of the hold point, and entered the sphere in the corridor only."""
         near = self.error_m <= 0.2 and self.error_deg <= 2.0
         return self.outcome == "arrived" and near and self.violations == 0
 
 
 def flown(scenario: str, seeds: Sequence[int], pose: Literal["noisy", "truth"]) -> list[Flight]:
-    """Return the flights without images."""
+    """Return flights without images."""
     plan = planned(scenario, 0, any_view=False)
     results = [fly_without_pictures(plan, ClosedLoopConfig(seed=seed), pose) for seed in seeds]
     return [

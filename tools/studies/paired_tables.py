@@ -1,4 +1,4 @@
-"""Tables of the studies in Markdown: shares with intervals, paired counts, means of errors in both units."""
+"""Tables of the studies in Markdown: shares with intervals, paired counts, mean errors in both units."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ if TYPE_CHECKING:
     from flyaround.hil.evaluate.pose_errors import FrameScore
     from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
-# A pose within this angle of the truth is of the right figure, however coarse.
+# a pose within this angle of the truth is coarsely right
 RIGHT_DEG = 10.0
 
 
-def mcnemar(gained: int, lost: int) -> float:
-    """Return the exact two-sided probability that frames which two methods answer differently split so unevenly by
-    chance.
+def mcnemar(n_gained: int, n_lost: int) -> float:
+    """Return the exact two-sided probability of so uneven a split of the frames that two methods answer differently.
 
     References
     ----------
     McNemar (1947), Psychometrika 12: under equal success each of them falls to either side with one half.
     """
-    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
+    return float(binomtest(n_gained, n_gained + n_lost).pvalue) if n_gained + n_lost else 1.0
 
 
 def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int, int, float]:
@@ -46,7 +45,7 @@ def paired(rows: Sequence[EvaluatedFrame], first: str, other: str) -> tuple[int,
 
 
 def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ()) -> str:
-    """Return the metrics of each row in Markdown; ``differ``: a last column, by row."""
+    """Return the metrics of each row in Markdown; ``differ`` is a last column, by row."""
     head = (
         "| | coarse | fine | available | false of accepted | median E_R deg, E_T mm (all) | "
         "mean E_T mm accepted (all) | failures |"
@@ -70,7 +69,7 @@ def table(rows: Sequence[tuple[str, MethodMetrics]], differ: Sequence[str] = ())
 
 
 def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
-    """Return the means of position and attitude errors over several choices of frames, in degrees and in radians."""
+    """Return the mean position and attitude errors over several selections of frames, in degrees and in radians."""
     chosen: dict[str, Callable[[FrameScore], bool]] = {
         "every pose": lambda _: True,
         "accepted": lambda r: r.accepted,
@@ -96,7 +95,7 @@ def units_table(records: Sequence[tuple[str, Sequence[FrameScore]]]) -> str:
 
 
 def write_into_page(page: Path, part: str, name: str, text: str) -> None:
-    """Put a table between ``<!-- study PART NAME -->`` and ``<!-- end -->`` of a page; elsewhere it stays as it is.
+    """Write a table between ``<!-- study PART NAME -->`` and ``<!-- end -->`` of a page.
 
     Raises
     ------

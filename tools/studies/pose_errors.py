@@ -1,10 +1,10 @@
-"""The statistics behind `hil.navigation.measurement.PoseNoise`: sizes of errors of poses, and their memory.
+"""The statistics behind `hil.navigation.measurement.PoseNoise`: sizes of pose errors, and their correlation in time.
 
     python -m tools.studies.drawn_loop OUT --seeds 9000-9006 --pose truth --any-view
     python -m tools.studies.pose_errors OUT
 
-It prints two tables in Markdown. An error counts as wrong where any of its parts is beyond five sigma, by a sigma that
-is found without the wrong ones; a filter's gate keeps those out.
+It prints two tables in Markdown. An error counts as wrong if one of its parts is beyond five sigma, where sigma is
+computed without the wrong ones; a filter's gate excludes those.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ PARTS = {"across": slice(0, 2), "along": slice(2, 3), "tilt": slice(3, 5), "roll
 
 @dataclass(frozen=True, eq=False)
 class FlightErrors:
-    """Errors of one flight's accepted poses, one row an image.
+    """Errors of one flight's accepted poses, one row per image.
 
     Parameters
     ----------
-    t_s, range_m : (n,). turn_rad : (n,) that the target has turned in the camera so far.
-    errors : (n, 6) along camera axes, right, down, forward [m], turn about the same [rad]; NaN where none is accepted.
+    t_s, range_m : (n,) time and range. turn_rad : (n,) rotation of the target in the camera so far.
+    errors : (n, 6) errors along camera axes, right, down, forward [m], rotation about the same [rad]; NaN where no pose
+        is accepted.
     """
 
     t_s: np.ndarray
@@ -91,7 +92,7 @@ def by_range(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
 
 
 def by_lag(flights: list[FlightErrors], kept: list[np.ndarray]) -> str:
-    """Return the autocorrelation of the normalised errors over the lag, all parts together."""
+    """Return the autocorrelation of the normalised errors over the lag, with all parts combined."""
     head = " | ".join(str(lag) for lag in LAGS_S)
     lines = [f"| lag [s] | {head} |", "|---" * (len(LAGS_S) + 1) + "|"]
     turning = [f.turn_rad[-1] / f.t_s[-1] > np.radians(0.5) for f in flights]

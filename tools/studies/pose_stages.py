@@ -1,9 +1,9 @@
-"""Stage at which `hybrid` loses a pose: each image of a data set judged stage by stage against the truth.
+"""Stage at which `hybrid` loses a pose: each image of a data set is judged stage by stage against the truth.
 
     python -m tools.studies.pose_stages SET            # a table in Markdown, a line an image
     python -m tools.studies.pose_stages SET --limit 10
 
-A data set is a folder that `flyaround capture` wrote or `flyaround convert` made of another's.
+A data set is a folder that `flyaround capture` or `flyaround convert` wrote.
 
 | column | what it says |
 |---|---|
@@ -56,10 +56,10 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, Any]
 
-# Edges serve from this share, hypotheses within these of the truth, places within these of its place and size.
+# share from which edges suffice, largest error of a hypothesis, and of a place's position and size
 EDGES, NEAR_DEG, NEAR_SHARE, OFF, RATIO = 0.3, 10.0, 0.1, 0.15, 1.2
 
-# A start next to the truth: rotation [rad] about an axis across the line of sight, and factor of the range.
+# a start near the truth: rotation [rad] about an axis across the line of sight, and factor of the range
 TURN_RAD, FARTHER = float(np.radians(3.0)), 1.04
 
 EDGES_PX = 360
@@ -67,7 +67,7 @@ EDGES_PX = 360
 
 @dataclass(frozen=True)
 class StageRow:
-    """One image, stage by stage; see the module."""
+    """One image, stage by stage; the columns are those of the module."""
 
     frame: int
     range_m: float
@@ -219,7 +219,7 @@ def _beside(estimator: PoseEstimator, place: LearnedProposal, q: Array, t: Array
 
 
 def _refined(image: PreparedImage, source: Source, q: Array, t: Array) -> tuple[Hypothesis, float]:
-    """Return a pose next to the truth refined to its end, and the better score of that and of the truth refined."""
+    """Return a pose near the truth after full refinement, and the better score of that and of the refined truth."""
     target, frame = image.setup.target, image.frame
     patch = cut_patch(target, frame, target_box(target, q, t), CLOSE_PX)
     beside = quat.turned(q, np.array([TURN_RAD, 0.0, 0.0]))

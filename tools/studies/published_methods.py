@@ -33,19 +33,19 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
-# The thesis's version draws as few points of a figure as a solver takes; the published one gives it all of them, where
-# P3P and AP3P have no use for the fourth.
+# the thesis's version draws as few points of a figure as a solver needs; the published one gives it all of them,
+# although P3P and AP3P cannot use the fourth
 FEW = tuple(MethodChoice("svd-thesis", s) for s in ("p3p", *(s for s in SOLVERS if s != "p3p")))
 ALL = tuple(MethodChoice("svd-2018", s) for s in SOLVERS if s not in ("p3p", "ap3p"))
 
-# The method's own two streams are the first of ``FEW``.
+# the method's own two streams are the first of ``FEW``
 STREAMS = tuple(
     MethodChoice("svd-thesis", None, k)
     for k in (("wge",), ("sh",), ("lsd",), ("wge", "sh", "lsd"), ("wge", "sh", "harris"))
 )
 PUBLISHED = (*FEW, *ALL, *STREAMS)
 
-# Waves that make up the shift of a wrong model.
+# number of waves that make up the shift of a wrong model
 WAVES = 60
 
 BEST = MethodChoice(HYBRID)
@@ -56,12 +56,12 @@ EXPOSURE_FACTORS = (0.25, 4.0)
 
 
 def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
-    """Return a model bent at random, ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
+    """Return a model distorted at random, by ``sigma_m`` along each axis: wireframe, hiding mesh and drawn faces alike.
 
     Notes
     -----
-    The shift is a smooth random field that varies over a quarter of the model's radius, so that what meets stays joined
-    and the small faces that a large one was cut into stay nearly plane.
+    The shift is a smooth random field that varies over a quarter of the model's radius, so that adjacent parts stay
+    joined and the small faces of a subdivided large one stay nearly plane.
     """
     rng = np.random.default_rng(seed)
     waves = rng.normal(0.0, 4.0 / model.radius_m, (3, WAVES, 3))
@@ -94,7 +94,7 @@ def wrong_model(model: BoardModel, sigma_m: float, seed: int = 7) -> BoardModel:
 
 
 def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None = None) -> Path:
-    """Return the same frames, all or some, drawn again with ``factor`` times the exposure; labels are the same."""
+    """Return the same frames, all or some, rendered with ``factor`` times the exposure; labels are the same."""
     card = read_card(folder)
     asked = range(card.n_frames) if frames is None else frames
     missing = [k for k in asked if is_whole(folder, k) and not is_whole(out, k)]
@@ -109,7 +109,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
             frame = take_frame(renderer, scene, target)
             if frame.truth is None:
                 raise RuntimeError("a labelled frame needs its truth")
-            # a frame counts as feasible by the right exposure
+            # a frame's feasibility is that at the right exposure
             same = msgspec.structs.replace(
                 frame.truth, feasible=truth.feasible, infeasible_reason=truth.infeasible_reason
             )
@@ -119,7 +119,7 @@ def expose(folder: Path, out: Path, factor: float, frames: Sequence[int] | None 
 
 
 def feasible_frames(folder: Path, most: int) -> list[int]:
-    """Return the first ``most`` frames of a set that can be solved."""
+    """Return the first ``most`` solvable frames of a set."""
     found: list[int] = []
     for k in range(read_card(folder).n_frames):
         if len(found) == most:
@@ -134,9 +134,9 @@ class Study:
 
     Parameters
     ----------
-    folder : the data set. reports : folder of the evaluations, gone on with when there are any.
-    feasible : so many of the feasible frames alone; None: all frames. workers : processes.
-    evaluate : True if to evaluate what is missing; else tables are of the frames that every method has answered.
+    folder : folder of the data set. reports : folder of the evaluations; existing ones are continued.
+    feasible : number of feasible frames to use alone; None for all frames. workers : number of processes.
+    evaluate : True to evaluate missing frames; otherwise tables use the frames that every method has answered.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class Study:
         of: Path | None = None,
         model: BoardModel | None = None,
     ) -> list[EvaluatedFrame]:
-        """Return the rows of an evaluation, of the frames that all its methods have answered."""
+        """Return the rows of an evaluation, for the frames that all its methods have answered."""
         place = self.reports / name
         if self.evaluate:
             place.mkdir(parents=True, exist_ok=True)
@@ -180,12 +180,12 @@ class Study:
 
     def published(self, choices: Sequence[MethodChoice], first: MethodChoice) -> str:
         """Return a table of variants of the published methods, with paired counts against one of them."""
-        # each frame by all before the next one: what there is at any time compares
+        # every method answers a frame before the next one, so that an interrupted evaluation can be compared
         rows = self.rows("published", PUBLISHED)
         return compared(rows, [c.label for c in choices], first.label)
 
     def methods(self) -> str:
-        """Return the three methods; the published ones on as many frames as there are."""
+        """Return the three methods; the published ones on as many frames as were evaluated."""
         return compared(
             [*self.rows("methods", METHODS), *self.rows(HYBRID, [BEST])],
             [*(c.label for c in METHODS), BEST.label],
@@ -193,14 +193,14 @@ class Study:
         )
 
     def units(self) -> str:
-        """Return the thesis's means of errors, in which unit."""
+        """Return the thesis's mean errors in both units."""
         rows = self.rows("methods", METHODS)
         return units_table(
             [(c.label, [r.record for r in rows if r.method == c.label]) for c in METHODS[::-1]]
         )
 
     def bent(self) -> str:
-        """Return the best method given a wrong model."""
+        """Return the best method with a wrong model."""
         found = {"exact": self.rows(HYBRID, [BEST])}
         for sigma in MODEL_ERRORS_M:
             wrong = wrong_model(self.model, sigma)
@@ -208,7 +208,7 @@ class Study:
         return together(found)
 
     def exposure(self) -> str:
-        """Return the best method given a wrong exposure."""
+        """Return the best method with a wrong exposure."""
         found = {"right exposure": self.rows(HYBRID, [BEST])}
         for factor in EXPOSURE_FACTORS:
             place = self.reports / f"set-exposure-{factor}"
@@ -228,17 +228,17 @@ def compared(rows: Sequence[EvaluatedFrame], labels: Sequence[str], first: str) 
     return table(metrics, differ)
 
 
-def together(found: dict[str, list[EvaluatedFrame]]) -> str:
-    """Return a table of one method under several conditions, of the frames that it has answered under all of them."""
-    common = set.intersection(*({r.frame for r in rows} for rows in found.values()))
-    first, *_ = found
+def together(by_condition: dict[str, list[EvaluatedFrame]]) -> str:
+    """Return a table of one method under several conditions, for the frames that it has answered under all of them."""
+    common = set.intersection(*({r.frame for r in rows} for rows in by_condition.values()))
+    first, *_ = by_condition
     rows = [
         msgspec.structs.replace(r, method=name)
-        for name, all_rows in found.items()
+        for name, all_rows in by_condition.items()
         for r in all_rows
         if r.frame in common
     ]
-    return compared(rows, list(found), first)
+    return compared(rows, list(by_condition), first)
 
 
 def main() -> int:

@@ -1,10 +1,10 @@
-"""Differences between images of a real mock-up and rendered ones: one cause swapped at a time.
+"""Differences between images of a real mock-up and rendered ones: one cause is replaced at a time.
 
     python -m tools.studies.real_gap FOLDER -o OUT                      # FOLDER: images and test.json in SPEED's form
     python -m tools.studies.real_gap FOLDER -o OUT --page docs/validation/real.md
 
-Each image gets a twin of ours: the craft at its pose under light fitted to it, the mock-up's surfaces, the recipe's
-lens and noise. Then one thing of the twin is replaced by another of ours, or by the image's own:
+Each image gets a rendered twin: the craft at its pose under light fitted to it, with the mock-up's surfaces and the
+recipe's lens and noise. Then one property of the twin is replaced by another of ours, or by the image's own:
 
 | row | what is swapped |
 |---|---|
@@ -19,8 +19,8 @@ lens and noise. Then one thing of the twin is replaced by another of ours, or by
 | inside: theirs | what lies inside for the image's: all but the background |
 | model: bent | the estimator's model for one bent at random, 8 mm along each axis |
 
-NCC is of the silhouette's pixels with the image; the estimator is given `tango` and never the truth. Nothing of the
-images is written.
+NCC is computed between the silhouette's pixels and the image; the estimator is given `tango` and never the truth.
+Nothing of the images is saved.
 """
 
 from __future__ import annotations
@@ -66,16 +66,16 @@ if TYPE_CHECKING:
 MOCKUP, FLIGHT = "tango-mockup", "tango"
 BENT_M, SMOOTH_PX, SEED = 0.008, 24.0, 29601
 
-# Share of a picture's light above black below which its ratio to ours says nothing [DN].
+# light above black of an image below which its ratio to ours is meaningless [DN]
 MIN_DN = 4.0
 
-# Columns of a picture of failures [px].
+# columns of a picture of failures [px]
 SHOWN_PX = 420
 
 
 @dataclass(frozen=True, eq=False)
 class SwapRow:
-    """One image of a row: its likeness to the real one, and how the estimator fares on it."""
+    """One image of a row: its similarity to the real one, and the estimator's result on it."""
 
     ncc: float
     deg: float
@@ -92,7 +92,7 @@ class SwapRow:
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """An image's twin: the scene that it is drawn from, and the silhouette."""
+    """A twin of an image: the scene that renders it, and the silhouette."""
 
     reference: Reference
     scene: SceneState
@@ -101,7 +101,7 @@ class Twin:
 
 
 def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
-    """Return the image of a scene, with a target put into it."""
+    """Return the image of a scene with a given target."""
     named = replace(scene.target, name=target.name, sha256=target.sha256)
     scene = replace(scene, target=named)
     return np.asarray(
@@ -110,7 +110,7 @@ def drawn(renderer: Renderer, scene: SceneState, target: Target) -> ByteArray:
 
 
 def twin_of(renderer: Renderer, reference: Reference, target: Target) -> Twin:
-    """Return the craft at an image's pose under the light that is fitted to it."""
+    """Return the craft at an image's pose under the light fitted to it."""
     basis = light_basis(renderer, reference, target)
     light = fit_light(basis)
     scene = replace(_with_black(basis.scene, light.black_dn), lights=light.lights)
@@ -162,7 +162,7 @@ def swaps(
 
 
 def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
-    """Return the boxes of a frame of the recipe, as they stand about its craft."""
+    """Return the boxes of a frame of the recipe, placed around its craft."""
     plan = plan_recipe(RECIPE, number + 1, seed=SEED)
     other = plan.scene(number)
     shift = np.asarray(scene.t_camera_from_target_m) - np.asarray(other.t_camera_from_target_m)
@@ -173,7 +173,7 @@ def _recipe_lights(scene: SceneState, number: int) -> tuple[Any, ...]:
 
 
 def _soft(on: BoolArray) -> np.ndarray[Any, Any]:
-    """Return the share of the craft in each pixel, a little wider than it: its border is the lens's."""
+    """Return the share of the craft in each pixel, slightly widened by the lens."""
     wide = cv2.dilate(on.astype(np.uint8), np.ones((7, 7), np.uint8))
     return cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 1.5)
 
@@ -183,7 +183,7 @@ def _laid(inside: ByteArray, outside: ByteArray, share: np.ndarray[Any, Any]) ->
 
 
 def _with_their_light(seen: ByteArray, ours: ByteArray, plain: ByteArray, on: BoolArray) -> ByteArray:
-    """Return our image, scaled to the brightness of the real one over many pixels; detail and noise stay."""
+    """Return our image, scaled to the brightness of the real one over many pixels, with its own detail and noise."""
     black = float(np.percentile(plain[~on], 20)) if (~on).any() else 0.0
     their_black = float(np.percentile(seen[~on], 20)) if (~on).any() else 0.0
     weight = on.astype(np.float32)
@@ -217,7 +217,7 @@ def swap_row(estimator: PoseEstimator, image: ByteArray, twin: Twin) -> tuple[Sw
 
 
 def table(rows: dict[str, Sequence[SwapRow]]) -> str:
-    """Return a line for each swap, in Markdown."""
+    """Return a line for each replacement, in Markdown."""
     lines = [
         "| picture | NCC | right (95 %) | median error of the right ones | explained | accepted, wrong |",
         "|---|---|---|---|---|---|",
@@ -268,7 +268,7 @@ def failures_picture(
 
 
 def _window(image: ByteArray, x: int, y: int, size: int) -> ByteArray:
-    """Return a square of the image, moved into it where it reaches out, at the shown size."""
+    """Return a square of the image, moved inside it, at the displayed size."""
     height, width = image.shape
     x, y = min(max(x, 0), max(width - size, 0)), min(max(y, 0), max(height - size, 0))
     padded = cv2.copyMakeBorder(image, size, size, size, size, cv2.BORDER_CONSTANT, value=0)

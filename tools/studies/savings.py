@@ -1,9 +1,9 @@
-"""Gain of each saving of the software path: the bench scenes with all, and with one switched off, in turns.
+"""Gain of each saving of the software path: the bench scenes with all of them, and with one switched off, alternately.
 
-`python -m tools.studies.savings [NAME...]` draws with a renderer for each name next to one that has all, and prints
-the processor time [ms] that a frame takes more, scene by scene, their sum, and the largest difference of the images.
+`python -m tools.studies.savings [NAME...]` renders with all savings and without each named one, and prints the
+additional processor time per frame [ms], scene by scene, their sum, and the largest difference of the images.
 `python -m tools.studies.savings --start [NAME...]` does so for the first start of a process, with an empty cache [s].
-What was found and removed: docs/lab/2026-11-savings.md.
+Results, and the savings that were removed: docs/lab/2026-11-savings.md.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _EARTH, _BLOCK = smooth_earth.SmoothEarthPass, UniformBlock
 
 
 def _changed(owner: object, name: str, after: Any) -> tuple[object, str, object]:  # noqa: ANN401
-    """Wrap a function of an owner so that its result passes through another, with its arguments."""
+    """Wrap a function of an owner so that another function receives its result and arguments."""
     before = vars(owner)[name]
     return owner, name, lambda *a, **k: after(before(*a, **k), *a)
 
@@ -119,7 +119,7 @@ P.frame = lambda self, *, target=True, first=False: frame(self, target=target)
 _ONE_STRIP = (
     "from flyaround.simulator.celestial import earth_maps as maps; maps._STRIPS = [slice(0, maps.HEIGHT)]"
 )
-# before anything is read, and when all is imported that draws
+# set before any file is read, once all modules that draw are imported
 START_WITHOUT = {
     "prebuilt cache": (_NOTHING_SHIPPED, ""),
     "strips": (_ONE_STRIP, ""),
@@ -131,7 +131,7 @@ START_WITHOUT = {
 
 @contextmanager
 def without(name: str) -> Iterator[None]:
-    """Run the code without a saving in the block."""
+    """Switch a saving off within the block."""
     with ExitStack() as stack:
         for owner, attribute, value in WITHOUT.get(name, []):
             stack.callback(setattr, owner, attribute, vars(owner)[attribute])
@@ -140,14 +140,12 @@ def without(name: str) -> Iterator[None]:
 
 
 def least_ms(laps: Sequence[float]) -> float:
-    """Return the mean of the least third, since other programs disturb the caches."""
+    """Return the mean of the smallest third, because other programs disturb the caches."""
     return float(np.sort(laps)[: max(len(laps) // 3, 1)].mean())
 
 
 def scene_costs(renderers: dict[str, Renderer], scene: str) -> dict[str, tuple[float, int]]:
-    """Return the processor time of a frame of one scene [ms], and by how much its image is off the first renderer's
-    [DN].
-    """
+    """Return the time of a frame of a scene [ms], and the difference of its image from the first renderer's [DN]."""
     plan, views = bench_views(scene, TURNS + WARM_UP)
     laps: dict[str, list[float]] = {name: [] for name in renderers}
     off = dict.fromkeys(renderers, 0)
@@ -179,7 +177,7 @@ def frames(names: Sequence[str]) -> None:
 
 
 def starts(names: Sequence[str]) -> None:
-    """Print the table of a first start: the least of several, in turns."""
+    """Print the table of a first start: the least of several, measured alternately."""
     found: dict[str, list[float]] = {name: [] for name in ("all", *names)}
     for _ in range(STARTS):
         for name, taken in found.items():

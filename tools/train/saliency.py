@@ -1,9 +1,9 @@
-"""Trains the saliency of the target on labelled data sets: measures of cells inside and outside of its mask.
+"""Trains the saliency of the target on labelled data sets: features of cells inside and outside of its mask.
 
     python -m tools.train.saliency DIR... -o hil/board/hybrid/propose/saliency.npz
 
 The shipped weights were trained on frames of ``eval-earth`` (seed 4201, and frames 40 to 149 of seed 4102) and a few of
-``eval-black``, each once as it is and once with other exposure, more noise and mirrored.
+``eval-black``, each once unchanged and once mirrored, with other exposure and more noise.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 HIDDEN, EPOCHS, BATCH = 24, 30, 512
 
-# Cells drawn from one frame: on the craft, anywhere else, and just beside it.
+# cells drawn from one frame: on the craft, anywhere else, and just beside it
 ON, OFF, BESIDE = 150, 450, 100
 
 
 def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Measures (N, F) and truth (N,) of cells of every frame of a data set.
+    """Yield features (N, F) and truth (N,) of cells of every frame of a data set.
 
     Parameters
     ----------
-    varied : change exposure, noise and side of each frame by chance.
+    varied : True to change exposure, noise and side of each frame at random.
     """
     for k in range(read_card(folder).n_frames):
         if not is_whole(folder, k):
@@ -64,7 +64,7 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
 
 
 def train(x: FloatArray, y: FloatArray, seed: int = 0) -> dict[str, FloatArray]:
-    """Two layers by Adam (Kingma & Ba 2015) on the cross-entropy, measures left out by chance."""
+    """Train two layers by Adam (Kingma & Ba 2015) on the cross-entropy, with dropout of the features."""
     rng = np.random.default_rng(seed)
     mean, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
     z = (x - mean) / scale

@@ -1,1 +1,1 @@
-"""The proof: comparisons with analytic results and with independent programs. Nothing here is needed to simulate."""
+"""Validation: comparisons with analytic results and with independent programs. Nothing here is needed to simulate."""

@@ -1,4 +1,4 @@
-"""A bare stage for proofs: a target before the camera, the Sun where it is requested, nothing else."""
+"""A minimal scene for validation: a target in front of the camera, the Sun in a given direction, nothing else."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def bare_scene(
     sunlit: bool = True,
     quality: Quality = "default",
 ) -> SceneState:
-    """Return a target at a pose in the camera's frame, lit from a direction in it."""
+    """Return the scene of a target at a pose in the camera's frame, lit from a direction in it."""
     ref = TargetRef(name=target.name, sha256=target.sha256)
     scene = scene_above(
         "2026-03-20T12:00:00Z",

@@ -1,8 +1,8 @@
 """A target's outline against an image of the real craft: ``python -m tools.validation.outline PICTURE --side=+x``.
 
-Pose and focal length are fitted to the image's outline, and what is left is the model's fault: the overlap of the two
-filled outlines (area of both over area of either) and the distance from one to the other. The image's outline comes
-from a JSON file of polygons traced by hand (``--outline``), or from its brightness where the sky behind is black.
+Pose and focal length are fitted to the image's outline; the remaining difference is the model's: the overlap of the two
+filled outlines (intersection over union) and the distance between them. The image's outline comes from a JSON file of
+polygons traced by hand (``--outline``), or from its brightness in front of a black sky.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ SIDES = {
     "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
 }
-"""Camera axes (right, down, forward) in the target's, to start from: upright as Tango's public images are."""
+"""Initial camera axes (right, down, forward) in the target's: upright as in Tango's public images."""
 TILTS_RAD = tuple(itertools.product((-0.06, 0.0, 0.06), repeat=2))
 START_RANGES = (6.0,)
-"""First guesses of the range in widths of the craft."""
+"""Initial ranges in widths of the craft."""
 STEP = np.array([0.015, 0.015, 0.005, 0.003, 0.003, 0.05, 0.005])
-"""Steps of the derivatives: turns [rad], shifts in widths of the craft, log range at the same size, log size."""
+"""Steps of the derivatives: rotations [rad], shifts in widths of the craft, log range at the same size, log size."""
 ROBUST_PX = (12.0, 4.0, 1.5)
-"""Distances beyond this hardly pull: what the model lacks must not bend the fit. Wide first, to reach it at all."""
+"""Distances beyond which a point hardly counts, so that missing parts do not bias the fit; decreasing."""
 POINTS = 500
 POLISH = 200
 """Evaluations of the overlap itself at the end."""
 FILL_SHIFT = 4
 BLUR_PX = 1.2
 MIN_AREA_PX = 40
-"""Least area of a bright region that counts as craft in an image with black sky, after the blur."""
+"""Least area of a bright region that counts as craft in front of a black sky, after the blur."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,12 +74,12 @@ class _Mesh:
 
 
 def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target | None = None) -> Fit:
-    """Fit pose and focal length of a pinhole with its axis in the image's middle; measure what is left.
+    """Fit pose and focal length of a pinhole with its axis in the image's middle, and measure the residual.
 
     Parameters
     ----------
     reference : (H, W) the craft's filled outline, nonzero inside.
-    side : the axis that the camera looks from, to start from. coarse : fewer triangles to fit with.
+    side : axis from which the camera looks at first. coarse : model of fewer triangles for the fit.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
 
 
 def filled(mask: ByteArray) -> ByteArray:
-    """Return the mask without holes, since a hand traces the outside."""
+    """Return the mask without holes, because a hand-drawn outline is the outer one."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     out = np.zeros_like(mask)
     cv2.drawContours(out, outlines, -1, 1, cv2.FILLED)
@@ -145,7 +145,7 @@ def _width_m(mesh: _Mesh) -> float:
 
 
 def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) -> FloatArray:
-    """Return parameters that look straight at the side from a few widths away, of the outline's size and place."""
+    """Return parameters that look straight at the side from a few widths away, at the outline's size and place."""
     seen = mesh.positions_m @ np.array(SIDES[side], float).T / _width_m(mesh)
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     v, u = np.nonzero(reference)
@@ -156,9 +156,7 @@ def _start(reference: ByteArray, mesh: _Mesh, side: str, range_widths: float) ->
 
 
 def _pose(mesh: _Mesh, side: str, x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return the rotation, translation [m] and focal length [px] of the parameters: x[6] is the log of the size on
-    the image.
-    """
+    """Return rotation, translation [m] and focal length [px] of the parameters; x[6] is the log of the image size."""
     R = Rotation.from_rotvec(x[:3]).as_matrix() @ np.array(SIDES[side], float)
     return R, np.array([x[3], x[4], np.exp(x[5])]) * _width_m(mesh), float(np.exp(x[5] + x[6]))
 
@@ -171,7 +169,7 @@ def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink
     uv = (seen[:, :2] / np.maximum(seen[:, 2:], 1e-3) * focal + middle + 0.5) / shrink - 0.5
     image = np.zeros((shape[0] // shrink, shape[1] // shrink), np.uint8)
     corners = np.rint(np.clip(uv, -1e4, 1e4) * 2**FILL_SHIFT).astype(np.int32)[mesh.triangles]
-    # half the triangles look at the camera and cover all that the others do
+    # the front-facing half of the triangles covers everything
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     for triangle in corners[a[:, 0] * b[:, 1] < a[:, 1] * b[:, 0]]:
         cv2.fillConvexPoly(image, triangle, 1, cv2.LINE_8, FILL_SHIFT)
@@ -179,9 +177,7 @@ def _drawn(shape: tuple[int, ...], mesh: _Mesh, side: str, x: FloatArray, shrink
 
 
 def _distances(reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, shrink: int) -> FloatArray:
-    """Return the distance of points of the reference's outline to the model's [px of the image], signed: positive
-    inside.
-    """
+    """Return the distance of points of the reference's outline to the model's [px of the image], positive inside."""
     outlines, _ = cv2.findContours(reference, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     points = np.concatenate([o[:, 0] for o in outlines]).astype(float)
     points = points[np.linspace(0, len(points) - 1, POINTS).astype(int)]
@@ -214,7 +210,7 @@ def _misfit(r: FloatArray, robust_px: float) -> float:
 def _descend(
     reference: ByteArray, mesh: _Mesh, side: str, x: FloatArray, steps: int, shrink: int, robust_px: float
 ) -> FloatArray:
-    """Minimise the distances by Gauss-Newton, weighted so that missing parts of the model do not pull (Cauchy)."""
+    """Minimise the distances by Gauss-Newton, with weights that suppress missing parts of the model (Cauchy)."""
     damping = 1e-2
     r = _distances(reference, mesh, side, x, shrink)
     for _ in range(steps):
@@ -273,7 +269,7 @@ def overlay(image: ByteArray, fit: Fit) -> ByteArray:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Fit one image, print what was found, write the overlay; 2 for a user's mistake."""
+    """Fit one image, print the result, write the overlay; return 2 for a user's mistake."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.outline", description=__doc__)
     parser.add_argument("picture", type=Path)
     parser.add_argument("--side", choices=SIDES, default="+z", help="axis that the camera looks from")

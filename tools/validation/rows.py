@@ -1,4 +1,4 @@
-"""Rows of the accuracy page: what is compared, with what, how far apart it may be and is."""
+"""Rows of the accuracy page: quantity, reference, goal and measurement."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Row:
 
     Attributes
     ----------
-    asked : False for what is reported next to a goal that another row must reach.
+    asked : False for a figure without a goal of its own, reported next to another row's.
     """
 
     what: str
@@ -38,19 +38,19 @@ class Row:
 
     @property
     def passed(self) -> bool:
-        """True if the page may stand: the goal is reached, or not requested here."""
+        """True if the goal is reached, or not requested here."""
         return self.met or not self.asked
 
     @property
     def verdict(self) -> str:
-        """The table's last word."""
+        """Last cell of the table's row."""
         if self.met:
             return "met"
         return "**missed**" if self.asked else "above it, not asked here"
 
 
 def arcsec(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the angles between (..., 3) directions [arcsec], without loss at small ones."""
+    """Return the angles between (..., 3) directions [arcsec], accurate for small ones."""
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.asarray(np.degrees(np.arctan2(sine, np.sum(a * b, axis=-1))) * 3600)
 
@@ -61,19 +61,19 @@ def read_table(path: Path) -> FloatArray:
     Raises
     ------
     UserError
-        If it is not there.
+         If it is missing.
     """
     require_reference(path)
     return np.genfromtxt(path, delimiter=",", skip_header=1)
 
 
 def require_reference(path: Path) -> None:
-    """Refuse to go on without a reference output.
+    """Raise if a reference output is missing.
 
     Raises
     ------
     UserError
-        If it is not there.
+         If it is missing.
     """
     if not path.is_file():
         raise UserError(

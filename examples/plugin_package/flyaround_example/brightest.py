@@ -1,4 +1,4 @@
-"""An estimator: whatever is bright is the target, two metres away; it never stands by that."""
+"""An estimator that takes everything bright for the target, two metres away, and never accepts its own answer."""
 
 from dataclasses import dataclass, field
 
@@ -20,10 +20,10 @@ class Answer:
 
 
 class Brightest:
-    """Made once for a target and a camera, then asked image by image."""
+    """Created once for a target and a camera, then called image by image."""
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
-        # the model holds the target's wireframe, keypoints and so on
+        # the model holds the target's wireframe, keypoints and more
         self._model, self._camera = model, camera
 
     def estimate(self, image: np.ndarray) -> Estimate:

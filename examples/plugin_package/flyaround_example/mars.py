@@ -41,6 +41,6 @@ MARS = Mars(
     reach_m=5.77e8,
     albedo=0.25,  # Bond
     sun_distance_m=1.5237 * AU_M,
-    # CO2 of 610 Pa at 210 K, which scatters 2.4 times as much a molecule as the Earth's air; no dust
+    # 610 Pa of CO2 at 210 K, which scatters 2.4 times as much per molecule as the Earth's air; no dust
     air=BodyAir(rayleigh_m_um4=2.45e-8, rayleigh_height_m=11_100.0, thickness_m=80_000.0),
 )

@@ -4,7 +4,7 @@ from flyaround.plugins import DatasetFormat
 
 
 class PoseListWriter:
-    """Keeps a line of each frame, and writes them in the end."""
+    """Collects a line for each frame, and writes them at the end."""
 
     def __init__(self, output, card) -> None:
         self._output, self._lines = output, [f"# {card.scenario_name}: frame, q wxyz, t [m]"]

@@ -1,4 +1,4 @@
-"""A sensor: a flash rangefinder of 32 x 20 cells that looks along the camera, one centimetre noisy."""
+"""A sensor: a flash rangefinder of 32 x 20 cells along the boresight, with one centimetre of noise."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ NOISE_M = 0.01
 
 
 def measure(frame: Frame, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Nearest depth in each cell [m], NaN where nothing is; random numbers from ``rng`` alone."""
+    """Return the nearest depth in each cell [m], NaN for none; random numbers come from ``rng`` only."""
     depth = frame.depth_m
     rows = np.array_split(np.arange(depth.shape[0]), CELLS[0])
     columns = np.array_split(np.arange(depth.shape[1]), CELLS[1])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 WIDER = 1.02
 """Half the width of the box, over the radius of the craft."""
-_TURN_RAD = 0.38
+_TURN_RAD = 0.38  # rotation of the box about the light
 
 
 def light_matrix(center_m: FloatArray, radius_m: float, along: FloatArray) -> FloatArray:

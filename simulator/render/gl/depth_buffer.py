@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import moderngl
 
 MOST_RANGES = 15  # depth ranges between two clears
+# constants of OpenGL
 _DEPTH_CLAMP = 0x864F
 _TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 

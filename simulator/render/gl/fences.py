@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     import moderngl
 
+# constants of OpenGL
 _COMMANDS_COMPLETE, _ALREADY_SIGNALED = 0x9117, 0x911A
 _AT_LEAST = 16
 """Number of fences held before the oldest are checked."""

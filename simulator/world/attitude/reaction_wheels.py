@@ -94,26 +94,26 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     """
     J, h = np.array(wheels.inertia_kg_m2), wheels.period_s
     spring, damper = wheels.bandwidth_rad_s**2, 2 * wheels.damping * wheels.bandwidth_rad_s
-    wanted_q, wanted_rate = reference(0.0)
-    q = quat_multiply(quat_conjugate(wanted_q), quat_from_rotvec(np.radians(wheels.start_error_deg)))
-    omega, momentum = wanted_rate, np.zeros(3)
+    reference_q, reference_rate = reference(0.0)
+    q = quat_multiply(quat_conjugate(reference_q), quat_from_rotvec(np.radians(wheels.start_error_deg)))
+    omega, momentum = reference_rate, np.zeros(3)
     rows = []
     for k in range(int(np.ceil(duration_s / h))):
         next_q, next_rate = reference(min((k + 1) * h, duration_s))
         # the reference attitude relative to the present one
-        apart = quat_multiply(quat_conjugate(q), quat_conjugate(wanted_q))
-        apart = apart if apart[0] >= 0 else -apart
-        angle = 2 * float(np.arctan2(np.linalg.norm(apart[1:]), apart[0]))
-        R = matrix_from_quat(apart)
-        ahead = (next_rate - wanted_rate) / h
-        asked = J * (R @ ahead + spring * 2 * apart[1:] + damper * (R @ wanted_rate - omega))
-        asked = asked + np.array(cross_of(omega.tolist(), (J * omega + momentum).tolist()))
-        torque = np.clip(asked, -wheels.torque_nm, wheels.torque_nm)
-        full = wheels.momentum_nms
-        torque = np.clip(torque, (momentum - full) / h, (momentum + full) / h)
+        error_q = quat_multiply(quat_conjugate(q), quat_conjugate(reference_q))
+        error_q = error_q if error_q[0] >= 0 else -error_q
+        angle = 2 * float(np.arctan2(np.linalg.norm(error_q[1:]), error_q[0]))
+        R = matrix_from_quat(error_q)
+        acceleration = (next_rate - reference_rate) / h
+        command = J * (R @ acceleration + spring * 2 * error_q[1:] + damper * (R @ reference_rate - omega))
+        command = command + np.array(cross_of(omega.tolist(), (J * omega + momentum).tolist()))
+        torque = np.clip(command, -wheels.torque_nm, wheels.torque_nm)
+        limit = wheels.momentum_nms
+        torque = np.clip(torque, (momentum - limit) / h, (momentum + limit) / h)
         rows.append(np.concatenate([q, omega, momentum, torque, [angle]]))
         q, omega, momentum = wheel_step(wheels, (q, omega, momentum), torque, h)
-        wanted_q, wanted_rate = next_q, next_rate
+        reference_q, reference_rate = next_q, next_rate
     table = np.array(rows)
     return WheelTrack(
         wheels=wheels,

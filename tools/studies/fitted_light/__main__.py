@@ -1,4 +1,4 @@
-"""Images of a folder next to ours at the same poses, under light fitted to each: a page, and fit.json next to it."""
+"""Writes a page and fit.json about a folder's images and renderings at their poses, under light fitted to each."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The light of an image whose pose is known: boxes about the craft, their radiances by least squares.
+"""The light of an image whose pose is known: boxes around the craft, with radiances by least squares.
 
-Light adds up, so the craft is drawn once under each of many boxes, small, and their radiances are the non-negative
-weights whose sum is nearest to the image. What is clipped there asks for at most that the sum is clipped too.
+Light is additive, so the craft is rendered once under each of many boxes, at a small size; their radiances are the
+non-negative weights whose sum is nearest to the image. Where the image is clipped, the sum must only be clipped too.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ RECIPE = "lightbox"
 CANDIDATES = 48
 DISTANCE_M, SIDE_M = 2.5, 1.0
 CLIPPED_DN = 245.0
-_UNIT = 1000.0  # radiance that candidates are drawn with [W m-2 sr-1]
+_UNIT = 1000.0  # radiance with which candidates are rendered [W m-2 sr-1]
 _ACROSS_PX = 260  # size of the craft in the small images
 _ROUNDS = 8  # rounds of excluding clipped pixels
-_MIN_SHARE = 0.02  # share of an image's light: fainter boxes are left out
+_MIN_SHARE = 0.02  # share of an image's light below which a box is omitted
 _ALTERNATIONS = 4
 _FACTORS = (0.2, 5.0)
 _MIN_PIXELS = 30
@@ -48,13 +48,13 @@ _MIN_PIXELS = 30
 
 @dataclass(frozen=True, eq=False)
 class LightBasis:
-    """An image, small, and the craft under each candidate box.
+    """A reduced image, and the craft under each candidate box.
 
     Parameters
     ----------
-    scene : at full size, without lights. lights : (K) of radiance `_UNIT`.
-    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) the image's.
-    material : (P,) index into the target's materials. inner : (P,) whether it is the neighbours' too.
+    scene : scene at full size, without lights. lights : (K) boxes of radiance `_UNIT`.
+    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) those of the image.
+    material : (P,) index into the target's materials. inner : (P,) True if all neighbours have the same material.
     """
 
     scene: SceneState
@@ -67,7 +67,7 @@ class LightBasis:
 
 @dataclass(frozen=True, eq=False)
 class FittedLight:
-    """Boxes of an image, its black level, and what the sum leaves [DN rms]."""
+    """The boxes fitted to an image, its black level, and the residual [DN rms]."""
 
     lights: tuple[AreaLight, ...]
     black_dn: float
@@ -75,7 +75,7 @@ class FittedLight:
 
 
 def scene_at_pose(reference: Reference, target: Target) -> SceneState:
-    """Return the laboratory's scene with the craft at a reference's pose, dark, the reference's camera.
+    """Return the laboratory's scene with the craft at a reference's pose, without light, in the reference's camera.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
 
     Parameters
     ----------
-    factors : (M,) by which each material is brighter than the target's. most : boxes.
+    factors : (M,) brightness of each material relative to the target's. most : largest number of boxes.
     """
     scale = np.ones(len(basis.seen)) if factors is None else factors[basis.material]
     columns = np.arange(len(basis.lights))
@@ -202,9 +202,11 @@ def _weights(drawn: FloatArray, seen: FloatArray) -> tuple[FloatArray, float]:
 
 
 def fit_materials(bases: Sequence[LightBasis], target: Target) -> FloatArray:
-    """Return the (M,) factors of the materials' brightness over several images, alternating with their light.
+    """Return the (M,) factors of the materials' brightness over several images, fitted in turns with their light.
 
-    The material with the most pixels that tell has a factor of one: the light's radiance holds the common scale.
+
+    The material with the most informative pixels has a factor of one, because the light's radiance sets the common
+    scale.
     """
     count = len(target.materials)
     factors = np.ones(count)
@@ -238,6 +240,6 @@ def repainted(target: Target, factors: FloatArray) -> Target:
         replace(m, base_color=vec3(np.minimum(np.asarray(m.base_color) * f, 1.0)))
         for m, f in zip(target.materials, factors, strict=True)
     )
-    # another look is another target to a renderer, which keeps what it drew by the sum of its file
+    # a target of another look needs another hash: a renderer caches targets by the hash of their file
     digest = hashlib.sha256(target.sha256.encode() + np.asarray(factors, float).tobytes()).hexdigest()
     return replace(target, materials=materials, sha256=digest)

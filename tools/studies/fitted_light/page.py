@@ -1,4 +1,4 @@
-"""The page of images next to ours under fitted light: each craft twice, and what was measured."""
+"""The page of images next to renderings under fitted light: each craft twice, and the measurements."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ABOUT = (
 def write_fitted(
     folder: Path, pairs: Sequence[FittedPair], materials: Mapping[str, float], title: str
 ) -> dict[str, Any]:
-    """Write ``index.html``, its images and ``fit.json`` into an empty folder; returns what the JSON holds."""
+    """Write ``index.html``, its images and ``fit.json`` into an empty folder; return the content of the JSON file."""
     document: dict[str, Any] = {
         "schema": "flyaround.light_fit",
         "version": 1,

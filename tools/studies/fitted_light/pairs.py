@@ -1,4 +1,4 @@
-"""Images of a craft whose pose is known next to ours at the same pose, under light fitted to each."""
+"""Images of a craft whose pose is known next to renderings at the same pose, under light fitted to each."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class CraftLook:
 
     Parameters
     ----------
-    dark_dn, noise_dn : mean of the darkest tenth of all blocks of 16 x 16 pixels, and the spread inside them: second
-        differences tell too little where a file's compression has smoothed the noise.
+    dark_dn, noise_dn : mean of the darkest tenth of all blocks of 16 x 16 pixels, and the deviation inside them: second
+        differences are unreliable where compression has smoothed the noise.
     clipped : share of the pixels inside the craft's convex hull at 250 DN or above.
     """
 
@@ -57,14 +57,15 @@ class CraftLook:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FittedPair:
-    """An image and ours at its pose.
+    """An image and the rendering at its pose.
 
     Parameters
     ----------
-    image : ours. window : x0, y0, x1, y1 of the craft's box.
+    image : rendering. window : x0, y0, x1, y1 of the craft's box.
     ncc, ssim : correlation and structural similarity inside the silhouette.
     gradient_moved_dn : earth mover's distance of the histograms of gradients inside it [DN per pixel].
-    outline_px : from our outline, where it shows, to the nearest edge of theirs, median; None where none shows.
+    outline_px : median distance from the visible outline of the rendering to the nearest edge of the image; None
+        without outline.
     fitted_on : True if the materials were fitted on this image.
     """
 
@@ -110,11 +111,11 @@ def fit_pictures(
     materials: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[list[FittedPair], dict[str, float]]:
-    """Fit the light of every reference, draw ours under it and measure both.
+    """Fit the light of every reference, render it under that light, and measure both.
 
     Parameters
     ----------
-    materials : fit the brightness of the materials too, on every second image, and use it in all.
+    materials : True to fit the brightness of the materials too, on every second image, and use it in all.
 
     Returns
     -------
@@ -211,7 +212,7 @@ def correlation(a: ByteArray, b: ByteArray) -> float:
 
 
 def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.float64]:
-    """Return the (H, W) structural similarity of two 8-bit images, Gaussian window of 11 pixels.
+    """Return the (H, W) structural similarity of two 8-bit images, with a Gaussian window of 11 pixels.
 
     References
     ----------
@@ -230,11 +231,11 @@ def structural_similarity(a: ByteArray, b: ByteArray) -> np.typing.NDArray[np.fl
 
 
 def _outline_px(theirs: ByteArray, ours: ByteArray, on: BoolArray) -> float | None:
-    """Return the median distance from the ridges of our gradient along the outline to the nearest of theirs [px]."""
+    """Return the median distance from the rendering's gradient ridges along the outline to those of the image [px]."""
     solid, near = np.asarray(on, np.uint8), np.ones((5, 5), np.uint8)
     along = cv2.dilate(solid, near) > cv2.erode(solid, near)
     ridge, edge = _ridges(theirs), _ridges(ours) & along
-    # along the picture's border the craft is cut off
+    # at the picture's border the craft is cut off
     edge[[0, 1, -2, -1]] = edge[:, [0, 1, -2, -1]] = False
     if not ridge.any() or not edge.any():
         return None
@@ -254,7 +255,7 @@ def check_pictures(references: Sequence[Reference], camera: Camera) -> None:
     Raises
     ------
     UserError
-        If one has no pose, is in colour, or has another shape than the camera's.
+        If one has no pose, is in colour, or has another aspect ratio than the camera.
     """
     without = [one.path.name for one in references if one.pose is None]
     if without:

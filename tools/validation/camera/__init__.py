@@ -1,1 +1,1 @@
-"""The camera measured as one measures a real one. `python -m tools.validation.camera` writes the page."""
+"""The camera, measured like a real one. `python -m tools.validation.camera` writes the page."""

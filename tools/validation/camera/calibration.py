@@ -1,4 +1,4 @@
-"""Calibrates the simulated camera as one calibrates a real one: OpenCV, and twenty images of a board."""
+"""Calibrates the simulated camera like a real one: OpenCV, and twenty images of a board."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Calibration:
 
     Parameters
     ----------
-    names, true, found, sigma : (K,) parameters; sigma as the calibration itself reports it.
-    rms_px : of the reprojection. corners : number of corners used.
+    names, true, found, sigma : (K,) parameters; sigma as the calibration reports it.
+    rms_px : reprojection error. corners : number of corners used.
     """
 
     lens: str
@@ -68,7 +68,7 @@ class Calibration:
 
 
 def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int = 1) -> Calibration:
-    """Draw a board twenty times through a lens and let OpenCV find the lens again."""
+    """Render a board twenty times through a lens and let OpenCV calibrate it."""
     camera = LENSES[lens]
     found = [corners(image) for image in pictures(renderer, camera, boards, seed)]
     views = [(points, pixels) for points, pixels in found if len(points) >= 20]
@@ -81,7 +81,7 @@ def calibrate(renderer: Renderer, lens: str, *, boards: int = BOARDS, seed: int 
 
 
 def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[ByteArray]:
-    """8-bit images of the chessboard all over the image: a lens of 0.7 px blur, half a digital number of noise."""
+    """Return 8-bit images of the chessboard all over the image, with 0.7 px of blur and half a number of noise."""
     plan = replace(plan_recipe("calibration-chessboard", count, seed=seed, quality="high"), camera=camera)
     sensor = replace(sensor_preset("ideal"), blur_sigma_px=0.7, gaussian_variance=(0.5 / 255) ** 2)
     images = []
@@ -93,9 +93,7 @@ def pictures(renderer: Renderer, camera: Camera, count: int, seed: int) -> list[
 
 
 def corners(image: ByteArray) -> tuple[FloatArray, FloatArray]:
-    """Return the object points (70, 3) and pixels (70, 2) of the chessboard's inner corners; none where it is not
-    found.
-    """
+    """Return the object points (70, 3) and pixels (70, 2) of the chessboard's inner corners; none if not found."""
     seen, start = cv2.findChessboardCorners(image, (COLUMNS - 1, ROWS - 1))
     if not seen:
         return np.empty((0, 3)), np.empty((0, 2))
@@ -136,7 +134,7 @@ def _opencv(
 def _fisheye(
     camera: Camera, objects: list[FloatArray], pixels: list[FloatArray]
 ) -> tuple[tuple[str, ...], FloatArray, FloatArray, float]:
-    """OpenCV's fisheye calibration; its sigmas from the Jacobian at its own solution, as it reports none."""
+    """Return OpenCV's fisheye calibration, with sigmas from the Jacobian at its solution, because it reports none."""
     # OpenCV 4 has these constants in its fisheye module, OpenCV 5 with the others
     home = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2
     flags = home.CALIB_RECOMPUTE_EXTRINSIC + home.CALIB_FIX_SKEW + home.CALIB_USE_INTRINSIC_GUESS

@@ -1,4 +1,4 @@
-"""Counts drawn by the simulated detector against their exact laws, by chi-square."""
+"""Counts drawn by the simulated detector against their exact distributions, by chi-square."""
 
 from __future__ import annotations
 
@@ -20,13 +20,11 @@ if TYPE_CHECKING:
 SAMPLES = 100_000
 SHAPE = (250, 400)
 MIN_EXPECTED = 20.0
-_REACH = 9.0  # standard deviations either side that the laws are summed over
+_REACH = 9.0  # standard deviations on either side over which the distributions are summed
 
 
 def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, int, float]:
-    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects at least
-    twenty.
-    """
+    """Return the statistic, degrees of freedom and p-value; neighbouring bins are joined until each expects 20."""
     ends = []
     total = 0.0
     for k, value in enumerate(expected):
@@ -41,7 +39,7 @@ def chi_square(counts: NDArray[np.int_], expected: FloatArray) -> tuple[float, i
 
 
 def electron_chance(mean_e: float, *, seed: int = 3) -> tuple[float, int, float]:
-    """Test 1e5 drawn electron counts against the Poisson law."""
+    """Test 1e5 drawn electron counts against the Poisson distribution."""
     source = bit_source(seed, round(mean_e * 10))
     drawn = poisson(np.full(SHAPE, mean_e, np.float32), source).astype(int).ravel()
     top = int(mean_e + _REACH * np.sqrt(mean_e) + _REACH)
@@ -59,7 +57,7 @@ def reading_chance(sensor: Sensor, mean_e: float, *, seed: int = 3) -> tuple[flo
 
 
 def reading_law(sensor: Sensor, mean_e: float) -> FloatArray:
-    """Return the chance of each digital number, (2^bits,)."""
+    """Return the probability of each digital number, (2^bits,)."""
     d = sensor.detector
     if d is None:
         raise ValueError(f"sensor {sensor.preset} counts no electrons")
@@ -73,7 +71,7 @@ def reading_law(sensor: Sensor, mean_e: float) -> FloatArray:
     reach_dn = _REACH * d.read_noise_per_pixel_e / d.gain_e_per_dn + 2
     full = 2**sensor.bits - 1
     first, last = np.clip((middle_dn + np.array([-1, 1]) * reach_dn).astype(int), 0, full)
-    # the chance of a number of at most k, for k between
+    # the probability of a number of at most k, for every k between
     edges_e = (np.arange(first, last) + 0.5 - d.black_level_dn) * d.gain_e_per_dn
     below = weight @ norm.cdf((edges_e - charge[:, None]) / d.read_noise_per_pixel_e)
     law = np.zeros(full + 1)

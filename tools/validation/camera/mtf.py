@@ -1,4 +1,4 @@
-"""Measures the modulation transfer function from a slanted edge, computed or rendered, after ISO 12233."""
+"""Measures the modulation transfer function of a slanted edge, computed or rendered, after ISO 12233."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ CASES: dict[str, tuple[Sensor, Optics]] = {
 
 
 def edge() -> FloatArray:
-    """Return a bright half plane whose edge is 5 degrees off the columns: each pixel holds the share that it covers."""
+    """Return a bright half plane whose edge is 5 degrees off the columns; each pixel holds its covered share."""
     fine = 64
     y = np.arange(SIZE)[:, None] + ((np.arange(fine) + 0.5) / fine - 0.5)
     position = SIZE / 2 + SLANT * (y - SIZE / 2)  # (H, fine): where the edge crosses each fine row
@@ -48,9 +48,7 @@ def edge() -> FloatArray:
 
 
 def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
-    """Return the same half plane as the renderer draws it: a sunlit plate that covers the image from there to the
-    right.
-    """
+    """Return the same half plane as rendered: a sunlit plate that covers the image to the right of the edge."""
     z_m, focal_px = 10.0, 2.0 * SIZE
     far = SIZE * z_m / focal_px
     plate = flat_plate("plate", (0.0, far), (-far, far), 0.0)
@@ -65,9 +63,9 @@ def drawn_edge(renderer: Renderer, quality: Quality = "high") -> FloatArray:
 
 
 def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
-    """MTF across a nearly upright edge at frequencies [cycles per pixel]; the pixel's own is in it.
+    """Return the MTF across a nearly upright edge at frequencies [cycles per pixel], including that of the pixel.
 
-    The edge is found in the image: a straight line through each row's centroid of slope.
+    The edge is detected in the image: a straight line through each row's centroid of slope.
 
     References
     ----------
@@ -101,11 +99,11 @@ def measured_mtf(image: FloatArray, frequency: FloatArray) -> FloatArray:
 
 
 def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """MTF measured, MTF of the optics times the pixel, and MTF of the blur carried out times the pixel.
+    """Return the measured MTF, the optics' MTF times the pixel's, and that of the applied blur times the pixel's.
 
     Parameters
     ----------
-    picture : of the edge; without it, the one that is computed.
+    picture : image of the edge; by default a computed one.
     """
     sensor, optics = CASES[case]
     sharp = edge() if picture is None else picture

@@ -1,6 +1,6 @@
-"""Data sets read back from formats of others, by the libraries that people use where there are any.
+"""Data sets read back from foreign formats, by their usual libraries where there are any.
 
-Each reader gives what is wrong with one format against the native layout, a sentence a frame.
+Each reader yields the differences of one format from the native layout, one sentence per frame.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Frames = dict[int, LabelledFrame]
 
 SHORT = {"": "train", "train": "train", "validation": "val", "test": "test"}
-_JPEG_DN = 2.0  # mean of what lossy compression may change once both are smoothed
+_JPEG_DN = 2.0  # largest mean difference due to lossy compression, after smoothing
 
 
 def read_back(folder: Path, name: str) -> list[str]:

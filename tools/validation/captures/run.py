@@ -48,7 +48,7 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
         lacks = _REFUSED.search(" ".join(done.stderr.split()))
         if done.returncode != 2 or lacks is None:
             break
-        # said before anything is drawn, and nothing is left behind
+        # reported before anything is drawn; no file remains
         refused[lacks[1]] = lacks[2]
         formats.remove(lacks[1])
     found: dict[str, Any] = {"recipe": recipe, "n": n, "refused": refused, "capture_rc": done.returncode}
@@ -73,9 +73,7 @@ def prove(recipe: str, n: int, workers: int, width_px: int | None, out: Path) ->
 
 
 def _small_camera(recipe: str, width_px: int, out: Path) -> list[str]:
-    """Return the options that render a recipe's field of view on fewer pixels; none for several data sets, which
-    differ.
-    """
+    """Return the options for fewer pixels at the same field of view; none for several data sets, which differ."""
     if load_recipe(recipe).members:
         return []
     camera = plan_recipe(recipe, 1).camera
@@ -90,7 +88,7 @@ def _processor_s() -> float:
 
 
 def main() -> int:
-    """Prove all recipes, or those named; return 1 if something is wrong."""
+    """Test all recipes, or the named ones; return 1 if there is an error."""
     parser = argparse.ArgumentParser(prog="python -m tools.validation.captures", description=__doc__)
     parser.add_argument("-n", type=int, default=40, help="images of each recipe")
     parser.add_argument("--recipe", action="append", help="this one alone; may be given again")
@@ -129,7 +127,7 @@ def _row(row: dict[str, Any]) -> str:
 
 
 def tell(log: Path) -> int:
-    """Print a table of all that was found; 1 if something is wrong."""
+    """Print a table of all results; return 1 if there is an error."""
     rows = [json.loads(line) for line in log.read_text().splitlines()]
     print(
         "| recipe | images | faults | read back wrong | burnt out [%] | images/s | processor s each | cannot hold it |"

@@ -1,1 +1,1 @@
-"""Labels of images of every recipe against rays through each pixel, cast on the exported mesh by another program."""
+"""Labels of images of every recipe against rays through each pixel of the exported mesh, by an independent program."""

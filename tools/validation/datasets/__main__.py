@@ -1,4 +1,4 @@
-"""Draws images of every recipe and proves their labels: ``python -m tools.validation.datasets``."""
+"""Draws images of every recipe and tests their labels: ``python -m tools.validation.datasets``."""
 
 import sys
 

@@ -1,7 +1,8 @@
-"""A ray through every pixel, cast on the exported mesh: trimesh reads the .glb, Embree casts, OpenCV knows the lens.
+"""A ray through every pixel, cast on the exported mesh: trimesh reads the .glb, Embree casts, OpenCV applies the lens.
 
-Nothing here is shared with what draws or labels: the file is what a stranger would get; pose, camera and label images
-are the record's.
+
+No code is shared with drawing or labelling: the file is the exported one; pose, camera and label images are those of
+the record.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
 _TURNED_BACK = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From a glTF viewer's y up to the model's z up."""
 
-# A raster rounds corners to 1/256 px, so at outlines, cracks and rods thinner than that rays slightly off the centre
-# may differ. If the ray at a pixel's centre disagrees, rays on three rings are cast; if those disagree too, the raster
-# is repeated there in integers (most rays miss faces thinner than its steps).
+# A raster rounds corners to 1/256 px, so rays slightly off the centre may differ at outlines, cracks and thinner rods.
+# If the ray at a pixel's centre disagrees, rays on three rings are cast; if those disagree too, the raster is repeated
+# there in integers (most rays miss faces thinner than its steps).
 _RINGS_PX = (0.03, 0.1, 0.5)
 _DIRECTIONS = 12
 _COPLANAR_M = 2e-3  # a decal and the surface below it
@@ -42,9 +43,9 @@ class Disagreement:
 
     Parameters
     ----------
-    n_on : pixels of the mask. n_rays : pixels asked.
-    mask, parts : pixels whose label neither a ray about them gives nor the rounding of a raster.
-    twice : pixels in the visible masks of two parts, or of the mask and in none of them, or in one and not of the mask.
+    n_on : pixels of the mask. n_rays : pixels tested.
+    mask, parts : pixels whose label neither a ray near them nor the rounding of a raster explains.
+    twice : pixels in the visible masks of two parts, in the mask and in no part, or in a part and not in the mask.
     """
 
     n_on: int
@@ -55,11 +56,11 @@ class Disagreement:
 
 
 class ExportedMesh:
-    """A target as its file has it, ready for rays.
+    """An exported target, prepared for rays.
 
     Parameters
     ----------
-    target : is written to a .glb in memory, which trimesh reads.
+    target : target to write to a .glb in memory, which trimesh reads.
     """
 
     def __init__(self, target: Target) -> None:
@@ -70,7 +71,7 @@ class ExportedMesh:
             faces.append(mesh.faces + first)
             parts.append(np.full(len(mesh.faces), number))
             first += len(mesh.vertices)
-        # every node hangs on one root, which turns z up to y up: the meshes' own numbers are the model's
+        # every node is a child of one root, which rotates z up to y up: the meshes' own coordinates are the model's
         _check_root(scene)
         self.n_parts = len(parts)
         self._parts = np.concatenate(parts)
@@ -78,15 +79,13 @@ class ExportedMesh:
         self._rays = RayMeshIntersector(self._mesh)
 
     def first_parts(self, truth: Truth, pixels_px: NDArray[Any]) -> NDArray[Any]:
-        """Return the number of the part that the ray through each pixel (K, 2) meets first; 0 for none."""
+        """Return the number of the part that the ray through each pixel (K, 2) hits first; 0 for none."""
         origins, ways = _rays(truth, pixels_px)
         hit = self._rays.intersects_first(origins, ways)
         return np.where(hit >= 0, self._parts[hit], 0)
 
     def near_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Return the parts that the ray through one pixel meets first, or within a decal's height behind that; 0 for
-        none.
-        """
+        """Return the parts that the ray through one pixel hits first, or within a decal's height behind; 0 for none."""
         origins, ways = _rays(truth, pixel_px[None])
         places, _, triangles = self._rays.intersects_location(origins, ways, multiple_hits=True)
         if not len(places):
@@ -95,9 +94,7 @@ class ExportedMesh:
         return set(self._parts[triangles[far <= far.min() + _COPLANAR_M]].tolist())
 
     def rounded_parts(self, truth: Truth, pixel_px: NDArray[Any]) -> set[int]:
-        """Return the parts that a raster may show at one pixel's centre, 0 for none; of a lens, from the place
-        without it.
-        """
+        """Return the parts that a raster may show at one pixel, 0 for none; with a lens, at the undistorted place."""
         R, t_m, K = _rotation(truth), np.array(truth.t_camera_from_target_m), _matrix(truth)
         depth_m = self._mesh.vertices @ R[2] + t_m[2]
         ahead = np.all(depth_m[self._mesh.faces] > _NEAR_M, axis=1)
@@ -186,18 +183,14 @@ def _about(pixel: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_seen(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], on: bool) -> bool:  # noqa: FBT001 - the label
-    """Return True if a ray near a pixel's centre agrees with its mask, or raster rounding can explain the
-    difference.
-    """
+    """Return True if a ray near a pixel's centre agrees with its mask, or raster rounding explains the difference."""
     if np.any((mesh.first_parts(truth, _about(pixel)) > 0) == on):
         return True
     return any((part > 0) == on for part in mesh.rounded_parts(truth, pixel))
 
 
 def _shows(truth: Truth, mesh: ExportedMesh, pixel: NDArray[Any], part: int) -> bool:
-    """Return True if the ray at or near a pixel's centre meets a part first, or just behind the first, or raster
-    rounding may show it.
-    """
+    """Return True if the ray at or near a pixel hits a part first or just behind the first, or rounding may show it."""
     if part in mesh.near_parts(truth, pixel.astype(float)) or np.any(
         mesh.first_parts(truth, _about(pixel)) == part
     ):

@@ -1,4 +1,4 @@
-"""Images of every recipe, drawn small, each by `check` and by rays on the exported mesh; a table of what was found."""
+"""Small images of every recipe, each tested by `check` and by rays on the exported mesh; a table of the results."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The world against physics and independent programs. `python -m tools.validation.dynamics` writes the page."""
+"""The world against theory and independent programs. `python -m tools.validation.dynamics` writes the page."""

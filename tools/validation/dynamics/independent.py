@@ -1,4 +1,4 @@
-"""The world against independent programs, whose raw outputs and generators lie in ``tests/reference``."""
+"""The world against independent programs, whose raw outputs and generators are in ``tests/reference``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 EARTH_EPOCH = "2025-03-21T06:00:00Z"
 MOON_EPOCH = "2024-06-06T05:00:00Z"
 EARTH_ORBIT_S, MOON_ORBIT_S = 6_100.0, 7_700.0
-"""A revolution and a little, to the next row of the reference."""
+"""A little more than a revolution, to the next row of the reference."""
 
 
 def independent(reference: Path) -> list[Row]:
@@ -40,7 +40,7 @@ def independent(reference: Path) -> list[Row]:
     Raises
     ------
     UserError
-        If the reference outputs are not there.
+         If the reference outputs are missing.
     """
     return [
         *against_basilisk(reference),
@@ -51,9 +51,7 @@ def independent(reference: Path) -> list[Row]:
 
 
 def against_basilisk(reference: Path) -> list[Row]:
-    """Return a day of two craft 10 m apart: about the Earth (600 km, EGM96 20x20, Sun, Moon) and about the Moon (200
-    km).
-    """
+    """Compare a day of two craft 10 m apart: 600 km above the Earth (EGM96 20x20, Sun, Moon), 200 km above the Moon."""
     rows = []
     epoch = Instant.from_utc(EARTH_EPOCH)
     earth = EarthForces(
@@ -103,7 +101,7 @@ def _day(
 
 
 def against_skyfield(reference: Path) -> list[Row]:
-    """Compare the apparent Sun and Moon 2000 to 2050, and the Earth's orientation where UT1 is measured."""
+    """Compare the apparent Sun and Moon from 2000 to 2050, and the Earth's orientation where UT1 is measured."""
     table = read_table(reference / "skyfield.csv")
     jd = table[:, 0]
     turned = []
@@ -128,7 +126,7 @@ def against_skyfield(reference: Path) -> list[Row]:
 
 
 def against_astropy(reference: Path) -> Row:
-    """GCRS to ITRS, polar motion and UT1 included, from the same table."""
+    """Compare GCRS to ITRS, with polar motion and UT1 from the same table."""
     path = reference / "astropy.csv"
     require_reference(path)
     worst = 0.0
@@ -142,7 +140,7 @@ def against_astropy(reference: Path) -> Row:
 
 
 def against_sgp4() -> list[Row]:
-    """TLE: Vallado's verification cases, which the package ``sgp4`` ships, up to 30 days from their epochs."""
+    """Compare TLE: Vallado's verification cases, included in the package ``sgp4``, up to 30 days from their epochs."""
     folder = files("sgp4")
     lines = [
         line[:69]
@@ -159,7 +157,7 @@ def against_sgp4() -> list[Row]:
                 epoch = _instant_of_utc(satellite.jdsatepoch, days)
                 r, v = state_from_tle(line1, line2, epoch)
             except UserError:
-                # a few cases are there to fail: decayed, or further than a month from the epoch
+                # a few cases must fail: decayed, or more than a month from the epoch
                 continue
             R = R_eci_from_teme(epoch)
             position = max(position, float(np.linalg.norm(R.T @ r - np.array(state[:3]) * 1e3)))

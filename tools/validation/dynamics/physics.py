@@ -27,7 +27,7 @@ def physics() -> list[Row]:
 
 
 def conservation() -> list[Row]:
-    """Check energy and momentum where the model conserves them."""
+    """Test energy and momentum where the model conserves them."""
     r, v = state_from_elements(
         Elements(semi_major_axis_m=6978e3, eccentricity=0.01, inclination_rad=1.7, raan_rad=0.4)
     )
@@ -36,7 +36,7 @@ def conservation() -> list[Row]:
     for gravity, name in ((Gravity(j2=0.0), "two-body"), (Gravity(), "two-body + J2")):
         track = propagate(r, v, DAY_S, gravity)
         energy = [float(v @ v) / 2 + gravity.potential(r) for r, v in map(track, times)]
-        # about the pole the field is symmetric: that component of the momentum stays in both models
+        # the field is symmetric about the pole: that component of the momentum is conserved in both models
         momentum = [float(np.cross(r, v)[2]) for r, v in map(track, times)]
         for what, values in (("energy", energy), ("axial momentum", momentum)):
             rows.append(
@@ -52,7 +52,7 @@ def conservation() -> list[Row]:
 
 
 def tumbles() -> list[Row]:
-    """Check that a free tumble conserves energy and momentum; an axisymmetric one has Euler's closed solution."""
+    """Test that a free tumble conserves energy and momentum; an axisymmetric one has Euler's closed solution."""
     J = np.diag([2.5, 2.7, 3.9])
     track = propagate_attitude([1, 0, 0, 0], [0.03, -0.02, 0.01], J, DAY_S)
     states = [track(float(t)) for t in np.linspace(0.0, DAY_S, 400)]
@@ -91,10 +91,10 @@ def tumbles() -> list[Row]:
 
 
 def axisymmetric_errors(span_s: float = 3600.0) -> tuple[float, float]:
-    """Return the worst error of rate [rad s-1] and attitude [rad] of a body with two equal moments.
+    """Return the largest error of rate [rad s-1] and attitude [rad] of a body with two equal moments.
 
-    In the body the rate precesses about its axis; in space the body turns about the momentum at ``L / J1``, and
-    about its own axis at what is left.
+    In the body, the rate precesses about its axis; in space, the body rotates about the momentum at ``L / J1``, and
+    about its own axis at the difference.
 
     References
     ----------
@@ -129,7 +129,7 @@ def _turn(rate_rad_s: FloatArray, t_s: float) -> FloatArray:
 
 
 def linear_models() -> list[Row]:
-    """Measure the growth of the linear models' error with the distance; its power should be 2."""
+    """Measure how the linear models' error grows with the distance; its exponent should be 2."""
     rows = []
     round_earth = Gravity(j2=0.0)
     for name, e in (("Clohessy-Wiltshire, circle", 0.0), ("Yamanaka-Ankersen, e = 0.4", 0.4)):

@@ -1,4 +1,4 @@
-"""The accuracy of the world, measured: ``python -m tools.validation.dynamics`` writes the table.
+"""The measured accuracy of the world: ``python -m tools.validation.dynamics`` writes the table.
 
 It compares with the raw outputs of independent programs in ``tests/reference``, so it runs from a checkout.
 """
@@ -27,7 +27,7 @@ def measure(reference: Path) -> list[Row]:
     Raises
     ------
     UserError
-        If the reference outputs are not there.
+         If the reference outputs are missing.
     """
     return [*independent(reference), *physics()]
 
@@ -60,7 +60,7 @@ def page(rows: list[Row]) -> str:
 
 
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    """Measure, print and write the page; 0 when every goal is met."""
+    """Measure, print and write the page; return 0 if every goal is met."""
     parser = argparse.ArgumentParser(description="Measure the accuracy of the world.")
     parser.add_argument("--reference", type=Path, default=REFERENCE, help="folder of the reference outputs")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")

@@ -1,1 +1,1 @@
-"""Proof of the bridge's times, as docs/validation/hil.md has them. Not in the wheel."""
+"""Measurement of the bridge's latencies in docs/validation/hil.md. Not in the wheel."""

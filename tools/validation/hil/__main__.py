@@ -1,7 +1,7 @@
-"""The camera's constant latency: 300 pre-drawn images looped at 30 Hz; figures for docs/validation/hil.md.
+"""Measurement of the camera's constant latency: 300 stored images in a loop at 30 Hz, for docs/validation/hil.md.
 
-``make proof-latency SECONDS=600``: exit 1 where a goal is missed. With ``--saturate`` images come faster than the
-line takes them, and what is judged is the round trip of clock requests meanwhile.
+``make proof-latency SECONDS=600``: exit 1 if a goal is missed. With ``--saturate`` images come faster than the line can
+carry them, and the round trip of clock requests in the meantime is judged.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ EDGES_MS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.
 
 
 def main() -> int:
-    """Run, print, judge."""
+    """Run, print the figures and judge them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=30.0)

@@ -1,7 +1,7 @@
-"""Timing of the host's camera: looped images, at a constant latency, to a board that answers at once.
+"""Timing of the host's camera: images in a loop, at a constant latency, to a board that answers immediately.
 
-Each image carries its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so
-that pixels and ledger are held against each other in every frame.
+Each image has its frame number and time in a corner (`flyaround.hil.corner_code`); the board reads it back, so that
+pixels and ledger are compared in every frame.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EXPOSURE_S = 0.01
 
 
 class CodeReader:
-    """A board's estimator that does nothing but read the code; its reason says what it read."""
+    """A board's estimator that only reads the code, and reports it as its reason."""
 
     accepted, confidence = True, 1.0
     q_camera_from_target_wxyz = (1.0, 0.0, 0.0, 0.0)
@@ -61,9 +61,9 @@ class LatencyResult:
 
     Parameters
     ----------
-    handover_error_ms : size of (handed over - end of exposure - latency), each frame.
-    on_board_ms : frame whole at the board after end of exposure and latency, by the clock offset.
-    codes_agree : frames whose code, read from the pixels, says the ledger's number and time.
+    handover_error_ms : size of (handed over - end of exposure - latency) of each frame.
+    on_board_ms : time at which the board has the whole frame, after end of exposure and latency, by the clock offset.
+    codes_agree : number of frames whose code, read from the pixels, equals the ledger's number and time.
     """
 
     summary: LedgerSummary
@@ -74,7 +74,7 @@ class LatencyResult:
 
 
 def drawn_pictures(n: int, width_px: int, height_px: int, seed: int = 1) -> Pictures:
-    """Return images of noise with a moving brighter square: as incompressible as a sensor's."""
+    """Return images of noise with a moving brighter square, as incompressible as a sensor's."""
     rng = np.random.default_rng(seed)
     base = rng.normal(60, 8, (height_px + n, width_px)).clip(0, 255).astype(np.uint8)
     return [np.ascontiguousarray(base[k : k + height_px]) for k in range(n)]
@@ -87,7 +87,7 @@ def looped_frames(pictures: Pictures, n_frames: int, rate_hz: float) -> Iterator
     camera = replace(scene.camera, width_px=width, height_px=height)
     start_ns = nanoseconds_utc(scene.epoch_utc)
     for k in range(n_frames):
-        # whole microseconds, as a frame's epoch has them
+        # whole microseconds, as in a frame's epoch
         time_us = (start_ns + round(1e9 * k / rate_hz)) // 1000
         epoch = datetime.fromtimestamp(time_us // 1_000_000, UTC).replace(microsecond=time_us % 1_000_000)
         at = replace(
@@ -116,7 +116,7 @@ def measure_latency(
     latency_s: float = 0.05,
     log_dir: Path | None = None,
 ) -> LatencyResult:
-    """Run host, link process and board process, each its own, over loopback TCP."""
+    """Run host, link and board, each in its own process, over loopback TCP."""
     rows: list[FrameRecord] = []
     boards: list[Any] = []
 
@@ -135,7 +135,7 @@ def measure_latency(
     boards[0].join(10.0)
     rows.sort(key=lambda row: row.frame_id)
     agree = sum(row.reason == f"{row.frame_id} {nanoseconds_utc(row.epoch_utc)}" for row in rows)
-    # sending begins at send_lag after the frame was due, and the frame is whole at the board uplink later
+    # sending begins at send_lag after the frame was due, and the board has the whole frame uplink later
     on_board = [
         row.send_lag_ms + row.uplink_ms
         for row in rows

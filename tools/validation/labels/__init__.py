@@ -1,1 +1,1 @@
-"""Labels of random frames checked by other means. `python -m tools.validation.labels` writes the page."""
+"""Labels of random frames, tested by other methods. `python -m tools.validation.labels` writes the page."""

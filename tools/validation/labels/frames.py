@@ -1,4 +1,4 @@
-"""Random scenes for the proof of labels: any target, lens, detector, light and motion, from (seed, k) alone."""
+"""Random scenes for testing labels: any target, lens, detector, light and motion, a function of (seed, k)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
     """Return the scene and request of frame k."""
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seed, spawn_key=(k, 0x7AB))))
     names = list_targets()
-    # nearly all at the lowest level of detail: their triangles are fewer, their labels made in the same way
+    # nearly all at the lowest level of detail: fewer triangles, the same labelling
     level = "@low" if rng.random() < 0.97 else ""
     target = cached_target(names[int(rng.integers(len(names)))] + level)
     camera = _camera(rng)
@@ -85,9 +85,7 @@ def random_frame(seed: int, k: int) -> tuple[SceneState, LabelRequest]:
 
 
 def _camera(rng: Generator) -> Camera:
-    """Return a small image through a lens of 8 to 70 degrees, bent or not, its axis off centre, its pixels not
-    square.
-    """
+    """Return a camera of 8 to 70 degrees, perhaps with distortion, its axis off centre, its pixels not square."""
     for _ in range(100):
         width, height = int(rng.integers(64, 161)), int(rng.integers(48, 129))
         f = width / 2 / np.tan(np.radians(rng.uniform(8, 70)) / 2)
@@ -113,9 +111,7 @@ def _camera(rng: Generator) -> Camera:
 
 
 def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, float]:
-    """Return the range at which the craft's sphere takes 0.1 to 1.6 of the image's height, with the camera outside
-    of it.
-    """
+    """Return limits of the range at which the craft spans 0.1 to 1.6 image heights, with the camera outside of it."""
     radius = float(max(np.linalg.norm(p.positions_m, axis=1).max() for p in target.parts))
     size = 10 ** rng.uniform(-1, 0.2)
     z = max(2 * radius * camera.fy_px / (size * camera.height_px), 1.3 * radius)
@@ -123,7 +119,7 @@ def _range_m(rng: Generator, target: Target, camera: Camera) -> tuple[float, flo
 
 
 def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
-    """Return every third scene with the craft moved across the image's edge."""
+    """Return the scene; in every third one the craft is moved across the image's edge."""
     if rng.random() > 1 / 3:
         return scene
     c, t = scene.camera, np.asarray(scene.t_camera_from_target_m)
@@ -139,7 +135,7 @@ def _off_centre(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
-    """Return every tenth scene with the Sun in any direction, also behind the Earth."""
+    """Return the scene; in every tenth one the Sun is in any direction, also behind the Earth."""
     if rng.random() > 0.1:
         return scene
     d = rng.standard_normal(3)
@@ -149,7 +145,7 @@ def _in_other_light(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _moving(rng: Generator, scene: SceneState) -> SceneState:
-    """Return a tumble of up to 5 deg s-1 and a drift of up to 5 cm s-1."""
+    """Return the scene with a tumble of up to 5 deg s-1 and a drift of up to 5 cm s-1."""
     spin = rng.standard_normal(3)
     spin *= np.radians(rng.uniform(0, 5)) / np.linalg.norm(spin)
     drift = rng.standard_normal(3)
@@ -163,9 +159,7 @@ def _moving(rng: Generator, scene: SceneState) -> SceneState:
 
 
 def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndarray:
-    """Return the velocity of the model's origin, camera frame: that of the centre of mass and the turn about it [m
-    s-1].
-    """
+    """Return the velocity of the model's origin, camera frame: that of the centre of mass plus the rotation [m s-1]."""
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     R_ct = matrix_from_quat(scene.q_camera_from_target_wxyz)
     com = R_ce @ np.subtract(scene.r_target_eci_m, scene.r_camera_eci_m)
@@ -174,7 +168,7 @@ def _velocity(scene: SceneState, spin: np.ndarray, drift: np.ndarray) -> np.ndar
 
 
 def _shutter(rng: Generator) -> Shutter:
-    """Return shutters, mostly global; one in thirty rolls."""
+    """Return a shutter, usually global; one in thirty rolls."""
     if rng.random() < 1 / 30:
         return Shutter(kind="rolling", readout_s=float(rng.uniform(0.01, 0.5)))
     return Shutter()

@@ -1,11 +1,11 @@
-"""Random frames over all targets, cameras and lighting, each label checked: how many are wrong.
+"""Random frames over all targets, cameras and lighting, each label tested: how many are wrong.
 
     python -m tools.validation.labels -n 1000 --seed 1 --results results.jsonl
 
-Frame k depends on (seed, k) alone. Two processes draw and check; the results file grows by a line a frame, and a run
-that is started again goes on where it stopped. Every tenth frame is checked from its files, the others as drawn; of one
-in five a label is spoilt on purpose where the craft is large enough to tell, and must be caught. After a mend,
-``--again`` takes the frames that were wrong once more; the page names the commits that the results come from.
+Frame k is a function of (seed, k). Two processes draw and check; the results file grows by a line per frame, and an
+interrupted run continues. Every tenth frame is checked from its files, the others as drawn; in one of five a label is
+corrupted if the craft is large enough to decide, and must be detected. After a correction, ``--again`` tests the frames
+again that were wrong; the page names the commits of the results.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SPOILT_EVERY = 5
 
 
 def check_one(renderer: Renderer, seed: int, k: int) -> dict[str, Any]:
-    """Draw frame k, check it, and say what was found."""
+    """Draw frame k, check it, and return the result."""
     scene, request = random_frame(seed, k)
     target = cached_target(scene.target.name)
     start = time.process_time()
@@ -88,7 +88,7 @@ def _check(k: int, frame: Frame, card: DatasetCard) -> list[str]:
 
 
 def _through_files(folder: Path, frame: Frame) -> Frame:
-    """Return the frame as a reader finds it on the disk."""
+    """Return the frame as read from disk."""
     (folder / "images").mkdir()
     k = frame.scene.frame_index
     write_frame(folder, k, frame)
@@ -138,14 +138,14 @@ def _work(seed: int, wanted: list[int], results: multiprocessing.Queue[dict[str,
 
 
 def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
-    """Yield results of frames as they come.
+    """Yield results of frames as they arrive.
 
     Raises
     ------
     RuntimeError
-        If a process died before its frames were done.
+         If a process died before its frames were done.
     """
-    # pictures this small are drawn fastest by the process itself, without threads to wait for
+    # images this small are drawn fastest without threads
     os.environ.setdefault("LP_NUM_THREADS", "0")
     context = multiprocessing.get_context("spawn")
     results: multiprocessing.Queue[dict[str, Any]] = context.Queue()
@@ -168,7 +168,7 @@ def run(seed: int, wanted: list[int], workers: int) -> Iterator[dict[str, Any]]:
 
 
 def _commit() -> str:
-    """Return the commit of this checkout, with a + where files differ from it."""
+    """Return the commit of this checkout, with a + if files differ from it."""
     try:
         run_git = partial(
             subprocess.run, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
@@ -181,7 +181,7 @@ def _commit() -> str:
 
 
 def newest(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the last result of each frame, with ``mended`` where an earlier one was wrong."""
+    """Return the last result of each frame, with ``mended`` if an earlier one was wrong."""
     by_frame: dict[int, dict[str, Any]] = {}
     for line in lines:
         before = by_frame.get(line["k"])
@@ -212,10 +212,10 @@ def summary(lines: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def page(found: dict[str, Any], seed: int) -> str:
+def page(results: dict[str, Any], seed: int) -> str:
     """Return the summary as a page."""
-    command = f"python -m tools.validation.labels -n {found['frames']} --seed {seed} --page"
-    spoilt, missed = found["spoilt"], sum(found["spoilt_and_missed"].values())
+    command = f"python -m tools.validation.labels -n {results['frames']} --seed {seed} --page"
+    spoilt, missed = results["spoilt"], sum(results["spoilt_and_missed"].values())
     lines = [
         "# Labels of random frames",
         "",
@@ -224,19 +224,19 @@ def page(found: dict[str, Any], seed: int) -> str:
         "",
         "| | |",
         "|---|---|",
-        f"| frames | {found['frames']} |",
-        f"| labels | {found['labels']} |",
-        f"| frames with a wrong label | {found['wrong_frames']} |",
+        f"| frames | {results['frames']} |",
+        f"| labels | {results['labels']} |",
+        f"| frames with a wrong label | {results['wrong_frames']} |",
         f"| labels spoilt on purpose, and missed | {spoilt}, {missed} |",
-        f"| frames wrong at first, right after a mend | {', '.join(map(str, found['mended'])) or 'none'} |",
-        f"| frames by commit | {_counts(found['commits'])} |",
-        f"| processor time of a frame (median) | {found['draw_ms']:.0f} ms |",
-        f"| processor time of its check (median) | {found['check_ms']:.0f} ms |",
-        f"| lenses | {_counts(found['lenses'])} |",
-        f"| shutters | {_counts(found['shutters'])} |",
-        f"| targets | {_counts(found['targets'])} |",
+        f"| frames wrong at first, right after a mend | {', '.join(map(str, results['mended'])) or 'none'} |",
+        f"| frames by commit | {_counts(results['commits'])} |",
+        f"| processor time of a frame (median) | {results['draw_ms']:.0f} ms |",
+        f"| processor time of its check (median) | {results['check_ms']:.0f} ms |",
+        f"| lenses | {_counts(results['lenses'])} |",
+        f"| shutters | {_counts(results['shutters'])} |",
+        f"| targets | {_counts(results['targets'])} |",
     ]
-    lines += [f"| frame {w['k']} | {'; '.join(w['faults'])} |" for w in found["first_faults"]]
+    lines += [f"| frame {w['k']} | {'; '.join(w['faults'])} |" for w in results["first_faults"]]
     return "\n".join(lines) + "\n"
 
 
@@ -245,7 +245,7 @@ def _counts(counter: dict[str, int]) -> str:
 
 
 def main() -> int:
-    """Run from the command line; the exit code is 1 when a label is wrong or a spoilt one passes."""
+    """Run from the command line; the exit code is 1 if a label is wrong or a corrupted one passes."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about brushed metal: its lobe against an integral of its own, and in a white furnace."""
+"""Rows of the rendering page about brushed metal: its lobe against an integral, and in a white furnace."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def rows(renderer: Renderer) -> list[Row]:
 
 
 def sphere_row(renderer: Renderer) -> Row:
-    """Return the largest error over a brushed sphere's lit face, of the highest radiance; the Sun's disc is summed."""
-    # enough pixels that the centre of one, which is compared, has the mean radiance of its area, which is rendered
+    """Return the largest error over a brushed sphere's lit face, relative to its maximum; the Sun's disc is summed."""
+    # enough pixels that the radiance at a pixel's centre equals the rendered mean over its area
     drawn = draw_lit_ball(renderer, BRUSHED, 160, 40, quality="high")
     n = drawn.normals
     across = np.cross(n, np.asarray(BRUSHED.grain))
@@ -46,16 +46,16 @@ def sphere_row(renderer: Renderer) -> Row:
         what="Radiance of a brushed metal sphere under the Sun's disc",
         against="numeric integration",
         unit="1",
-        goal=0.03,  # light between microfacets is kept by a fit; sampled finely: it is about the lobe
+        goal=0.03,  # a fit conserves the light between microfacets, with fine sampling: it concerns the lobe
         measured=float(error),
     )
 
 
 def furnace_row(renderer: Renderer) -> Row:
-    """Return the largest departure from one of the sunlight that a white brushed plate returns, summed over the Sun's
-    places.
+    """Return the largest deviation from one of the sunlight that a white brushed plate returns, summed over the Sun.
 
-    What a plate sends one way, over every direction of the Sun, is by reciprocity what it returns of a beam from there.
+    By reciprocity, what a plate emits in one direction, over every direction of the Sun, is what it returns of a beam
+    from there.
     """
     white = Material(
         name="m", base_color=(1.0,) * 3, metallic=1.0, roughness=0.45, anisotropy=0.6, grain=(1.0, 0.3, 0)
@@ -113,9 +113,7 @@ def _masking(v: FloatArray, light: FloatArray) -> FloatArray:
 
 
 def _single_albedo(v: FloatArray) -> FloatArray:
-    """Return the (K,) share of light from everywhere that a white brushed mirror returns once, by sampling its
-    normals.
-    """
+    """Return the (K,) share of uniform light that a white brushed mirror returns once, by sampling its normals."""
     a, b = _widths()
     i = np.arange(_SAMPLES) + 0.5
     u, turn = i / _SAMPLES, 2 * np.pi * ((i * 0.6180339887498949) % 1)

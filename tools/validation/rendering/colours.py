@@ -1,4 +1,4 @@
-"""Rows of the rendering page about colour: three bands against whole spectra, and what they look like to the eye."""
+"""Rows of the rendering page about colour: three bands against complete spectra, and the colours that the eye sees."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ LAMPS_K = (2000.0, 4000.0)
 """Black bodies of a colour like that of sodium and white lamps."""
 MAN_MADE = len(PAINTS) + len(LAMPS_K)
 MAN_MADE_WEIGHT = 2.0
-"""Largest whole weight of these few among a hundred limbs that leaves the limbs within their goal."""
+"""Largest integer weight of these few among a hundred limbs that leaves the limbs within their goal."""
 # CIE 1931: Wyman, Sloan & Shirley (2013), J. Comput. Graph. Tech. 2(2): height, middle [nm], widths below and above
 LOBES = (
     ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
@@ -191,7 +191,7 @@ def fitted(light: Colours) -> FloatArray:
 
 
 def rows(renderer: Renderer | None = None) -> list[Row]:  # noqa: ARG001 - colour; that pictures have it is another row
-    """Return every comparison, measured now."""
+    """Measure and return every comparison."""
     light = colours()
     brightness = light.exact.sum(axis=1, keepdims=True)
     seen = (light.ours @ np.transpose(SRGB_FROM_BANDS) - light.srgb) / brightness

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 SUN_RAD = SUN_RADIUS_M / AU_M
 EDGE_ANGLES_DEG = tuple(2.5 * k for k in range(-36, 36))
 EDGE_CAMERA = square_camera(128, 600.0)
-# with the axis far off the image's middle, where the plate is: its edges bend there
+# with the axis far off the image's middle, where the plate is: distortion bends its edges there
 _LENS = replace(square_camera(128, 150.0), cx_px=-20.0, cy_px=0.0)
 EDGE_CAMERAS = {
     "": EDGE_CAMERA,
@@ -43,10 +43,11 @@ EDGE_CAMERAS = {
     ),
     " through a fisheye": replace(_LENS, distortion=Distortion("kannala_brandt", (0.03, -0.01, 0.002, 0.0))),
 }
-STEP_M = 0.01  # step of depth between neighbouring pixels, off a plane, at which one part ends before another
-MITSUBA_SKY_W_M2_SR = 30.0  # an even sky, as bright as a sunlit Earth
-# rotation vector of Tango [rad] and direction to the Sun, camera frame: panel, bottom and a side; and samples a pixel
-# of Sun and sky for a noise below 0.5 %: the side is in shade for the most part
+# step of depth between neighbouring pixels, relative to a plane, at which one part ends in front of another
+STEP_M = 0.01
+MITSUBA_SKY_W_M2_SR = 30.0  # a uniform sky, as bright as a sunlit Earth
+# rotation vector of Tango [rad] and direction to the Sun, camera frame: panel, bottom and a side; and samples per pixel
+# of Sun and sky for a noise below 0.5 %: the side is mostly in shade
 MITSUBA_VIEWS = (
     ((2.4, 0.3, 0.2), (-1.0, -0.6, -0.9), 2560, 2560),
     ((0.4, 0.2, 0.1), (0.8, -0.5, -0.6), 2560, 2560),
@@ -69,12 +70,12 @@ alone.
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return every comparison, measured now.
+    """Measure and return every comparison.
 
     Raises
     ------
     UserError
-        If Mitsuba is missing: a page without its rows would look whole.
+         If Mitsuba is missing: a page without its rows would look complete.
     """
     load()
     return [*quick_rows(renderer), *edge_rows(renderer), *mitsuba_rows(renderer)]
@@ -96,14 +97,12 @@ def quick_rows(renderer: Renderer) -> list[Row]:
 
 
 def edge_rows(renderer: Renderer) -> list[Row]:
-    """Return the edges of every slope by both presets."""
+    """Return the edges of every slope in both presets."""
     return [*_edges(renderer, "default", 0.04, 0.1), *_edges(renderer, "high", 0.02, 0.05)]
 
 
 def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
-    """Return the largest error over a sphere's lit face, of the highest radiance; the Sun's disc is summed point by
-    point.
-    """
+    """Return the largest error over a sphere's lit face, relative to the highest radiance; the Sun's disc is summed."""
     drawn = draw_lit_ball(renderer, material, 128, 100)
     exact = np.mean([_gltf(material, drawn.normals, drawn.views, d) for d in drawn.sun], axis=0)
     exact *= drawn.irradiance_w_m2
@@ -118,7 +117,7 @@ def _sphere(renderer: Renderer, what: str, material: Material) -> Row:
 
 
 def _gltf(material: Material, n: FloatArray, v: FloatArray, light: FloatArray) -> FloatArray:
-    """Return the (N,) reflected radiance over irradiance: glTF 2.0, appendix B, with multiple scattering put back."""
+    """Return the (N,) reflected radiance over irradiance: glTF 2.0, appendix B, with multiple scattering."""
     base, alpha2 = material.base_color[0], material.roughness**4
     h = v + light
     h = h / np.linalg.norm(h, axis=1, keepdims=True)
@@ -136,9 +135,7 @@ def _gltf(material: Material, n: FloatArray, v: FloatArray, light: FloatArray) -
 
 
 def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
-    """Return the (N,) share of light from everywhere that a white rough mirror reflects once; by sampling its
-    normals.
-    """
+    """Return the (N,) share of uniform light that a white rough mirror reflects once, by sampling its normals."""
     nodes, count = np.linspace(0.02, 1, 40), 20_000
     i = np.arange(count) + 0.5
     u, turn, alpha2 = i / count, 2 * np.pi * ((i * 0.6180339887498949) % 1), roughness**4
@@ -159,7 +156,7 @@ def _directional_albedo(roughness: float, n_v: FloatArray) -> FloatArray:
 
 
 def penumbra_row(renderer: Renderer) -> Row:
-    """Return the light across the shadow of a straight edge 0.4 m above a wall, rms error over the penumbra."""
+    """Return the light across the shadow of a straight edge 0.4 m above a wall, as rms error over the penumbra."""
     height, size = 0.4, 96
     target = bare_target(
         [
@@ -184,12 +181,12 @@ def penumbra_row(renderer: Renderer) -> Row:
     y, x = np.mgrid[:size, :size]
     across = ((x - camera.cx_px) * np.cos(turn) + (y - camera.cy_px) * np.sin(turn)) * 5.0 / camera.fx_px
     lit = image[across < -0.009].mean()
-    # share of a disc past a chord, at the angle from its centre; the Sun slants along x
+    # share of a disc beyond a chord, at the angle from its centre; the Sun moves along x
     towards = np.asarray(scene.sun_direction_camera)
     angle = across * towards[2] ** 2 / height / SUN_RAD
     bounded = np.clip(angle, -1, 1)
     exact = 0.5 - (np.arcsin(bounded) + bounded * np.sqrt(1 - bounded**2)) / np.pi
-    # means along the edge, whose turn takes it over every phase of the map's texels
+    # means along the edge, whose slope covers every phase of the map's texels
     bins = np.round(angle / 0.1).astype(int)
     error = [(image / lit - exact)[bins == k].mean() for k in range(-12, 13)]
     return Row(
@@ -202,7 +199,7 @@ def penumbra_row(renderer: Renderer) -> Row:
 
 
 def _furnace(renderer: Renderer) -> Row:
-    """Return the largest departure from the sky's radiance of white spheres under an even sky."""
+    """Return the largest deviation from the sky's radiance of white spheres under a uniform sky."""
     worst = 0.0
     for metallic, roughness in ((1.0, 0.1), (1.0, 0.5), (1.0, 1.0), (0.0, 0.5)):
         white = Material(name="m", base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
@@ -214,9 +211,7 @@ def _furnace(renderer: Renderer) -> Row:
 
 
 def _even_earth() -> Row:
-    """Return the largest error of irradiance on plates of every direction 500 km over an evenly bright Earth, of the
-    highest.
-    """
+    """Return the largest relative error of irradiance on plates of every direction 500 km over a uniform Earth."""
     rim = float(np.sqrt(1 - (6371.0 / 6871.0) ** 2))
     directions = spherical_fibonacci(50_000, rim)
     angle = 2 * np.pi * (1 - rim) / len(directions)
@@ -239,10 +234,8 @@ def edge_errors(
     angles_deg: ArrayLike = EDGE_ANGLES_DEG,
     camera: Camera = EDGE_CAMERA,
 ) -> FloatArray:
-    """Return the position by coverage of a plate's edge in every row (or column) it crosses, less OpenCV's
-    projection [px].
-    """
-    size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate: about as large in the image
+    """Return the edge position of a plate by coverage, in every row or column that it crosses, minus OpenCV's [px]."""
+    size = EDGE_CAMERA.fx_px / camera.fx_px  # size of the plate: about the same in the image
     middle = 5 * camera.unproject(np.array([(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]))
     place = (middle[0] + 0.0137 * size, middle[1] + 0.0071 * size, 5.0)
     target = bare_target(
@@ -281,7 +274,7 @@ def _edges(renderer: Renderer, quality: Quality, rms_px: float, largest_px: floa
         errors = edge_errors(renderer, quality, camera=camera)
         values = (
             ("rms", rms_px, np.sqrt(np.mean(errors**2))),
-            # a sample between two pieces of a bent edge may count for the wrong one
+            # a sample between two pieces of a distorted edge may count for the wrong one
             ("largest", 0.2 if lens and quality == "default" else largest_px, np.abs(errors).max()),
         )
         rows += [
@@ -307,13 +300,13 @@ def _beside_steps(depth_m: FloatArray) -> BoolArray:
 
 
 def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
-    """Compare Tango at 6 m in three views by two presets; return the worst of the views, and the reference's own noise.
+    """Compare Tango at 6 m in three views and two presets; return the worst view, and the reference's own noise.
 
     Parameters
     ----------
-    most_spp : samples a pixel for each of Sun and sky, at most.
+    most_spp : largest number of samples per pixel for each of Sun and sky.
     """
-    # busbars and films of cells are of our shader; below a coat of nine tenths it draws what glTF says
+    # busbars and films of cells are our shader's own; below a coat of nine tenths it follows glTF
     target = load_target("tango")
     plain = tuple(replace(m, clearcoat=0.9) if has_films(m) else m for m in target.materials)
     digest = sha256(repr(plain).encode() + target.sha256.encode()).hexdigest()
@@ -331,7 +324,7 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
                 sky=uniform_field(np.array([MITSUBA_SKY_W_M2_SR])),
             )
             coverage = np.asarray(seen.coverage, float)
-            # the even sky is behind the craft too
+            # the uniform sky is behind the craft too
             ours = np.asarray(seen.radiance, float) + (1 - coverage) * MITSUBA_SKY_W_M2_SR
             full = np.pad(coverage > 0.999, 1)
             inner = np.all([np.roll(full, s, axis=a) for a in (0, 1) for s in (-1, 0, 1)], axis=0)[1:-1, 1:-1]

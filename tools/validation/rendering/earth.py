@@ -52,7 +52,7 @@ means of the waxing and the waning Moon. "Twin": the same physics in double prec
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return every comparison, measured now."""
+    """Measure and return every comparison."""
     return [*_earth(renderer), *_air(renderer), *_moon(renderer), *_sun_and_stars(renderer)]
 
 
@@ -77,9 +77,7 @@ def _error(measured: float, published: float) -> float:
 
 
 def earth_disc(renderer: Renderer, phase_deg: float) -> float:
-    """Return the light of the whole Earth over that of a white Lambert disc facing the Sun, mean of six views at an
-    equinox.
-    """
+    """Return the light of the whole Earth over that of a white Lambert disc, mean of six equinox views."""
     camera, world = _square(FIELD_RAD), Environment(moon=False, stars=False, planets=False, sun=False)
     shares = []
     for hour in (1, 9, 17):
@@ -96,7 +94,7 @@ def _earth(renderer: Renderer) -> list[Row]:
     light = [earth_disc(renderer, phase) for phase in PHASES_DEG]
     angle = np.radians([0.0, *PHASES_DEG, 180.0])
     fine = np.linspace(0, np.pi, 361)
-    # logarithms are nearly straight between the phases
+    # logarithms are nearly linear between the phases
     curve = np.exp(np.interp(fine, angle, np.log([light[0], *light, light[-1] / 4])))
     bond = 2 * np.trapezoid(curve * np.sin(fine), fine)
     return [
@@ -159,9 +157,7 @@ def _air(renderer: Renderer) -> list[Row]:
 
 
 def _limb_profile() -> tuple[FloatArray, FloatArray]:
-    """Return the blue radiance over irradiance by tangent height [m], the Sun 60 deg from the zenith of the tangent
-    point.
-    """
+    """Return the blue radiance over irradiance by tangent height [m], the Sun 60 deg from that point's zenith."""
     air = earth_atmosphere("rgb")
     table = MultipleScattering(np.asarray(air_tables("rgb", 100e3).multiple, float), 100e3)
     height = np.linspace(1e3, 80e3, 159)
@@ -179,7 +175,7 @@ def _limb_profile() -> tuple[FloatArray, FloatArray]:
 
 
 def _twin_db(renderer: Renderer, bands: Bands, hour: int) -> float:
-    """PSNR of the drawn air beyond the limb [dB]."""
+    """Return the PSNR of the drawn air beyond the limb [dB]."""
     world = msgspec.structs.replace(NOTHING, earth=True, atmosphere=True)
     camera = Camera(width_px=SIZE, height_px=SIZE, fx_px=300.0, fy_px=300.0, cx_px=63.5, cy_px=63.5)
     ref = TargetRef(name="tango", sha256=load_target("tango").sha256)

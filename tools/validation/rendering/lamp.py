@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return the largest error of the irradiance on a slanted Lambert plate, of the highest, over beams and an
-    offset lamp.
-    """
-    # a metal without light would be black: base colour alone, no specular part, is roughness 1 less its gloss
+    """Return the largest relative error of the irradiance on a slanted Lambert plate, over beams and an offset lamp."""
+    # a metal would be black here: a base colour alone, without a specular part, is a rough plate minus its gloss
     matt = Material(name="m", base_color=(0.5, 0.5, 0.5), roughness=1.0)
     black = replace(matt, base_color=(0.0, 0.0, 0.0))
     plate = flat_plate("plate", (-1.5, 1.5), (-1.5, 1.5), 0.0)
@@ -40,7 +38,7 @@ def rows(renderer: Renderer) -> list[Row]:
         places = rays * (n[2] * 4.0 / (rays @ n))[..., None]
         normals = np.broadcast_to(n, places.shape)
         exact = lamp.irradiance_w_m2(places.reshape(-1, 3), normals.reshape(-1, 3), "mono").reshape(x.shape)
-        # gloss of the two is alike, so that the difference is the diffuse part, less what Fresnel took
+        # both have the same gloss, so that the difference is the diffuse part, minus the Fresnel reflection
         half = (places / -np.linalg.norm(places, axis=-1, keepdims=True)) + _unit(
             np.asarray(lamp.offset_m) - places
         )

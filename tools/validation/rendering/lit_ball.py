@@ -1,4 +1,4 @@
-"""A smooth ball in sunlight as the renderer draws it, with what an integral of its radiance needs."""
+"""A smooth ball in sunlight as rendered, with everything that an integral of its radiance needs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Material
 
 _RADIUS_M, _RANGE_M = 0.5, 5.0
-_LIT, _FACING = 0.06, 0.15  # cosines: nearer to the terminator and the limb facets and shadow texels decide
+# cosines: nearer to the terminator and the limb, facets and shadow texels dominate
+_LIT, _FACING = 0.06, 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,8 @@ class LitBall:
     ----------
     normals, views : (K, 3) unit vectors, outwards and towards the camera.
     sun : (D, 3) directions to points of the Sun's disc, of equal weight.
-    irradiance_w_m2 : of sunlight, across its direction.
-    radiance : (K,) as drawn [W m-2 sr-1].
+    irradiance_w_m2 : irradiance of sunlight, perpendicular to it.
+    radiance : (K,) rendered radiance [W m-2 sr-1].
     """
 
     normals: FloatArray
@@ -44,7 +45,7 @@ class LitBall:
 def draw_lit_ball(
     renderer: Renderer, material: Material, size_px: int, points_of_sun: int, *, quality: Quality = "default"
 ) -> LitBall:
-    """Return a ball of one material, ``size_px`` a side of the image."""
+    """Return a ball of one material in an image of ``size_px`` squared."""
     target, camera = bare_target([ball(_RADIUS_M)], [material]), square_camera(size_px, 3.75 * size_px)
     scene = bare_scene(target, camera, (0, 0, _RANGE_M), sun_camera=(0.5, -0.3, -0.8), quality=quality)
     seen = renderer.render(scene, target, labels=True)

@@ -1,6 +1,6 @@
-"""Tango path traced by Mitsuba 3: the same mesh, materials, Sun, even sky and camera, as an independent image.
+"""Tango path traced by Mitsuba 3: the same mesh, materials, Sun, uniform sky and camera, as an independent image.
 
-Needs the extra ``[validation]``, and for Mitsuba's LLVM back end a newer libLLVM than many systems have.
+Needs the extra ``[validation]``, and a newer libLLVM for Mitsuba's LLVM back end than many systems have.
 
 References
 ----------
@@ -36,8 +36,8 @@ SUN_POINTS = 32
 DEPTH = 6
 SAMPLES_PER_PASS = 64
 OLDEST_LLVM = 17
-# Mitsuba starts its rays off a surface by 9e-5 of (1 + the largest coordinate): of metres about a camera 6 m away that
-# is 0.6 mm, which moves shadows and opens gaps. Its world is about the craft instead, in centimetres.
+# Mitsuba offsets rays from a surface by 9e-5 of (1 + the largest coordinate): in metres about a camera 6 m away that is
+# 0.6 mm, which moves shadows and opens gaps. Its world is therefore centred on the craft, in centimetres.
 UNITS_PER_M = 100.0
 
 
@@ -48,7 +48,7 @@ class Difference:
     Parameters
     ----------
     median, p95 : relative difference of radiance on the target's inner pixels.
-    flip : mean HDR-FLIP over the whole image, 0..1, seen at 67 pixels a degree; NaN without its evaluator.
+    flip : mean HDR-FLIP over the whole image, 0..1, at 67 pixels per degree; NaN without its evaluator.
     """
 
     median: float
@@ -61,7 +61,7 @@ def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Diffe
 
     Parameters
     ----------
-    inner : pixels wholly on the target. Those below 2 % of the brightest are left out of the relative difference.
+    inner : pixels wholly on the target. Those below 2 % of the brightest are excluded from the relative difference.
 
     References
     ----------
@@ -88,7 +88,7 @@ def load() -> Any:  # noqa: ANN401 - a module without types
     Raises
     ------
     UserError
-        If it is not installed, or finds no LLVM that it can use.
+         If it is not installed, or finds no usable LLVM.
     """
     try:
         import mitsuba  # noqa: PLC0415 - an extra
@@ -97,7 +97,7 @@ def load() -> Any:  # noqa: ANN401 - a module without types
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         found = sorted((int(m[1]), str(p)) for p in Path("/usr/lib").glob("*/libLLVM*.so*")
                        if (m := re.match(r"libLLVM[-.a-z]*(\d+)", p.name)))  # fmt: skip
-        # it ends the process on 15 and 16 instead of refusing them
+        # it ends the process on 15 and 16 instead of raising
         if not found or found[-1][0] < OLDEST_LLVM:
             raise UserError(
                 f"Mitsuba needs LLVM {OLDEST_LLVM} or newer: apt install libllvm19, or name a libLLVM.so in "
@@ -120,8 +120,8 @@ class Traced:
 
     Parameters
     ----------
-    radiance : (H, W) in the panchromatic band [W m-2 sr-1].
-    noise : (H, W) standard error of it, from the spread of independent passes.
+    radiance : (H, W) radiance in the panchromatic band [W m-2 sr-1].
+    noise : (H, W) standard error of the radiance, from the spread of independent passes.
     """
 
     radiance: FloatArray
@@ -129,14 +129,16 @@ class Traced:
 
 
 def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: int, sky_spp: int) -> Traced:
-    """Return the radiance under the scene's Sun and the same sky from everywhere.
+    """Return the radiance under the scene's Sun and a uniform sky.
 
-    Sun and sky are traced apart and added: one sampler that had to choose between 33 lights would be noisier. What was
-    traced is kept in the cache folder: it takes a minute of a processor for 1000 samples of an image of 320 pixels.
+
+    Sun and sky are traced separately and added: one sampler that had to choose between 33 lights would be noisier.
+    Results are kept in the cache folder: 1000 samples of an image of 320 pixels take a minute of a processor.
 
     Parameters
     ----------
-    scene : square camera, no lens, mono. sun_spp, sky_spp : samples per pixel, in passes of `SAMPLES_PER_PASS`.
+    scene : scene of a square monochrome camera without distortion. sun_spp, sky_spp : samples per pixel, in passes of
+        `SAMPLES_PER_PASS`.
     """
     lights: list[tuple[dict[str, Any], int]] = []
     if sky_w_m2_sr > 0:
@@ -202,7 +204,7 @@ def _empty_world(mi: Any, scene: SceneState) -> dict[str, Any]:  # noqa: ANN401
 
 
 def _meshes(mi: Any, scene: SceneState, target: Target, folder: Path) -> dict[str, Any]:  # noqa: ANN401
-    """Return the craft along the camera's axes about its own origin, one mesh a material."""
+    """Return the craft along the camera's axes about its own origin, one mesh per material."""
     R = matrix_from_quat(scene.q_camera_from_target_wxyz)
     meshes: dict[str, Any] = {}
     for material in target.materials:
@@ -295,12 +297,10 @@ def _register(mi: Any) -> None:  # noqa: ANN401
             return dr.select((wi.z > 1e-4) & (wo.z > 1e-4), value * wo.z, 0)
 
         def _shares(self, wi: Any) -> Any:  # noqa: ANN401
-            """Return the samples of the matt, glossy and coat lobes, where the light goes: by their reflectance for
-            this view.
-            """
+            """Return the shares of samples for the matt, glossy and coat lobes: their reflectances for this view."""
             fifth = dr.clip(1 - wi.z, 0, 1) ** 5
             gloss, coat = self.f0 + (1 - self.f0) * fifth, self.coat * (0.04 + 0.96 * fifth)
-            # a rough lobe meets flatter facets than the mean one, so that it is never left out
+            # a rough lobe meets flatter facets than the mean one, so that it is never omitted
             parts = [
                 self.base * (1 - self.metallic) * (1 - gloss) * (1 - coat),
                 (gloss + 0.003) * (1 - coat),

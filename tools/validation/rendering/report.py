@@ -1,6 +1,6 @@
-"""The image's radiometry, measured: ``python -m tools.validation.rendering`` writes the table.
+"""The measured radiometry of images: ``python -m tools.validation.rendering`` writes the table.
 
-Each module of ``PARTS`` gives rows by its function ``rows(renderer)``.
+Each module of ``PARTS`` yields rows by its function ``rows(renderer)``.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def page(tables: list[tuple[str, list[Row], str]], driver: str) -> str:
 
 
 def main(arguments: list[str] | None = None, say: Callable[[str], None] = print) -> int:
-    """Measure, print and write the page; 0 when every goal that is requested is met."""
+    """Measure, print and write the page; return 0 if every requested goal is met."""
     parser = argparse.ArgumentParser(description="Measure the radiance of the picture.")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the limb's place, a star's photons, the Sun's penumbra and moonlight."""
+"""Rows of the rendering page about the limb's position, a star's photons, the Sun's penumbra and moonlight."""
 
 from __future__ import annotations
 
@@ -47,11 +47,12 @@ rays that meet the ellipsoid, summed along the limb's normal.
 
 @dataclass(frozen=True, eq=False)
 class LimbError:
-    """Error of the drawn limb against the ellipsoid's.
+    """Error of the drawn limb against that of the ellipsoid.
 
     Parameters
     ----------
-    offset_px : mean along the limb. columns_px : (K,) of each column of pixels. share_rms : of the limb's pixels.
+    offset_px : mean offset along the limb. columns_px : (K,) offset in each column of pixels. share_rms : error of the
+        limb's pixels.
     """
 
     offset_px: float
@@ -60,7 +61,7 @@ class LimbError:
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return every comparison, measured now."""
+    """Measure and return every comparison."""
     return [*limb_rows(renderer), *light_rows(renderer)]
 
 
@@ -119,7 +120,7 @@ def _empty(
     off_nadir_deg: float = 0.0,
     look_at: str = "earth",
 ) -> SceneState:
-    """Return a scene in one band without spacecraft; parameters as of `scene_above`."""
+    """Return a scene in one band without spacecraft; parameters as in `scene_above`."""
     return scene_above(
         epoch,
         place,
@@ -140,9 +141,9 @@ def _draw(renderer: Renderer, scene: SceneState, **changes: bool) -> FloatArray:
 
 
 def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: float = 9000.0) -> LimbError:
-    """Return the Sun half down behind the limb of 700 km over 40 N, against the area counted ray by ray."""
+    """Return the Sun half set behind the limb of 700 km over 40 N, against the area counted by rays."""
     low, high = 60.0, 170.0
-    for _ in range(24):  # the evening's longitude by bisection
+    for _ in range(24):  # the longitude of sunset by bisection
         longitude = (low + high) / 2
         place = (40.0, longitude, 700.0)
         scene = _empty("2026-03-20T12:00:00Z", place, square_camera(size, focal_px), look_at="sun")
@@ -157,7 +158,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
     exact = _ground_share(scene, size, focal_px)
     wrong = np.where(disc, hidden - exact, 0.0)
     edge = disc & (exact > 0) & (exact < 1)
-    # columns whose whole limb is on the disc
+    # columns whose whole limb is in front of the disc
     limb = (exact > 0) & (exact < 1)
     columns = edge.any(axis=0) & ~(limb & ~disc).any(axis=0)
     row, column = np.nonzero(edge)
@@ -170,7 +171,7 @@ def limb_error(renderer: Renderer, roll_deg: float, size: int = 120, focal_px: f
 
 
 def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48) -> FloatArray:
-    """Return the (size, size) share of each pixel's rays that meet the ellipsoid."""
+    """Return the (size, size) share of each pixel's rays that hit the ellipsoid."""
     R_ie = scene.body("earth").R_fixed_from_eci
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz) @ R_ie.T
     c = R_ie @ scene.r_camera_eci_m
@@ -194,7 +195,7 @@ def _ground_share(scene: SceneState, size: int, focal_px: float, rays: int = 48)
 
 
 def star_electrons(renderer: Renderer) -> tuple[float, float]:
-    """Return the electrons of Vega in a drawn image, and its photons counted by hand."""
+    """Return the electrons of Vega in a drawn image, and those computed from its photons."""
     pitch, focal, number, exposure, efficiency = 5.86e-6, 17.6e-3, 2.0, 0.5, 0.5
     scene = _empty("2026-03-20T12:00:00Z", (0.0, 0.0, 700.0), square_camera(96, focal / pitch))
     field = stars(scene.epoch_utc, "mono")
@@ -216,15 +217,13 @@ def star_electrons(renderer: Renderer) -> tuple[float, float]:
     drawn = float(image[middle, middle].sum()) * float(
         np.squeeze(electrons_per_radiance(sensor, optics, exposure, 1))
     )
-    # 3.05e-11 W m-2 nm-1 over the 300 nm of the band, whose mean wavelength in Vega's light is 563 nm
+    # 3.05e-11 W m-2 nm-1 over the 300 nm of the band, with mean wavelength 563 nm in Vega's light
     photons = 3.05e-11 * 300 / (PLANCK_J_S * LIGHT_M_S / 563e-9)
     return drawn, photons * np.pi / 4 * (focal / number) ** 2 * exposure * efficiency
 
 
 def penumbra_difference(points: int = 400) -> float:
-    """Return the largest difference of the Sun's visible share over eleven places of the penumbra at the equator and
-    the poles.
-    """
+    """Return the largest difference of the Sun's visible share over eleven places of equatorial and polar penumbras."""
     grid = (np.arange(points) + 0.5) / points * 2 - 1
     y, z = (v.ravel() for v in np.meshgrid(grid, grid))
     disc = np.stack([np.zeros_like(y), y, z], axis=-1)[y * y + z * z < 1] * SUN_RADIUS_M
@@ -234,7 +233,7 @@ def penumbra_difference(points: int = 400) -> float:
     for up in (np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
         for height in 1 / float(sphere @ up) + np.linspace(-9e3, 9e3, 11):
             r = np.array([-2e6, 0.0, 0.0]) + height * up
-            # in units of the ellipsoid's axes it is a sphere of radius one
+            # in units of the ellipsoid's axes it is a unit sphere
             d, q = (sun + disc - r) * sphere, r * sphere
             d /= np.linalg.norm(d, axis=-1, keepdims=True)
             open_sky = np.linalg.norm(q - (d @ q)[:, None] * d, axis=-1) > 1
@@ -243,9 +242,7 @@ def penumbra_difference(points: int = 400) -> float:
 
 
 def moonlight_difference(renderer: Renderer) -> float:
-    """Return the largest relative difference of a moonlit night from the same ground by day, in the Moon's share of
-    the light.
-    """
+    """Return the largest relative difference of a moonlit night from a scaled day over the same ground."""
     world = msgspec.structs.replace(NOTHING, earth=True, clouds=True, ocean_glint=True, moon=True)
     camera = square_camera(96, 140.0)
     day = _empty("2026-06-20T08:30:00Z", (38.0, 24.0, 420.0), camera, world, 40.0, 30.0)

@@ -1,4 +1,4 @@
-"""Rows of the rendering page about the Earth's surfaces from above the air: day side by kind, city lights."""
+"""Rows of the rendering page about the Earth's surfaces from above the air: daylit kinds, and city lights."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import Quality, SceneState
 
 SUN_DEG = (20.0, 45.0, 65.0)
-"""The Sun's distance from the zenith."""
+"""Zenith angle of the Sun."""
 SIZE_PX = 64
 _HEIGHT_KM = 700.0
 _CLEAR = Environment(clouds=False, stars=False, planets=False, moon=False)
@@ -42,7 +42,7 @@ et al. 2017) around large cities, 50 km wide, clear and moonless; no table of su
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of surface: where it is, and its reflectance above the air at `SUN_DEG`."""
+    """A kind of surface: its position, and its reflectance above the air at `SUN_DEG`."""
 
     name: str
     place: tuple[float, float]
@@ -125,7 +125,7 @@ def city_radiance(
 
 
 def rows(renderer: Renderer) -> list[Row]:
-    """Return every comparison, measured now."""
+    """Measure and return every comparison."""
     out = []
     for kind in KINDS:
         for sun_deg, published in zip(SUN_DEG, kind.published, strict=True):

@@ -32,12 +32,9 @@ class GltfMaterials:
 
     Parameters
     ----------
-    document : the parsed JSON.
-    reader : reads the images.
-    image_bytes : callable
-        Returns the bytes of an embedded image; None for a separate file.
-    lost : set of str
-        Collects properties that are not carried over.
+    document : parsed JSON. reader : reader of images.
+    image_bytes : function that returns the bytes of an embedded image; None for a separate file.
+    lost : set to which properties are added that are not carried over.
     """
 
     def __init__(
