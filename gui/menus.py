@@ -21,7 +21,7 @@ NO_ICON = " " * 6
 """As wide as an icon, so that titles stand in one column."""
 TEXT = """
 File
-  panel.scenarios
+  panel.scenarios scenario.back
   Scenario text: panel.editor scenario.*
   Export: picture.save film.* window.screenshot log.* panel.command-line
   Keep the flight: timeline.keep timeline.dataset timeline.hil
