@@ -19,7 +19,7 @@ GROUPS = {
     "scenarios": ("scenario", "file"),
     "editor": ("scenario",),
     "world": ("world",),
-    "steering": ("steer", "guide", "burn"),
+    "steering": ("steer", "guidance", "burn"),
     "keys": ("help", "window"),
 }
 """Groups of the commands of a panel that is not called as they are."""

@@ -191,7 +191,7 @@ class DockingHud:
     @staticmethod
     def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
         """Draw letters of which ``share`` lies left of the place: 0.5 centres them."""
-        canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
+        canvas.label((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]
