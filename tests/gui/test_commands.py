@@ -210,7 +210,7 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console.press([stop])
     assert console.session.craft.mode == "guidance"
     assert [m.text for m in console.messages] == [
-        "keys do not fly: arm hand control first (Ctrl+H or Insert)"
+        "keys and mouse do not fly: arm hand control first (Ctrl+H or Insert)"
     ]
     console.do("steer.arm", True)
     console.press([stop])
