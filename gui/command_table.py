@@ -92,7 +92,9 @@ class Argument:
             value = math.nan
         if not (math.isfinite(value) and self.least <= value <= self.most):
             bounds = f" from {self.least:g} to {self.most:g}" if math.isfinite(self.most - self.least) else ""
-            raise UserError(f"{command}: {self.name} is '{text}', allowed: a {self.kind} number{bounds}")
+            raise UserError(
+                f"{command}: {self.name} is '{text}', allowed: a {'whole ' * (self.kind == 'whole')}number{bounds}"
+            )
         return value
 
 

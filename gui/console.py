@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 Level = Literal["note", "caution", "warning"]
 KEPT_MESSAGES, KEPT_RECENT = 500, 6  # numbers of messages and of recent scenarios that are kept
-UNARMED = "keys do not fly: arm hand control first (Ctrl+H or Insert)"
+UNARMED = "keys and mouse do not fly: arm hand control first (Ctrl+H or Insert)"
 MODIFIERS = {"coarse": COARSE_GAIN, "fine": FINE_GAIN}
 STEERING = frozenset(f"steer.{switch}" for switch in SWITCHES)
 """Names of the commands whose keys thrust or rotate."""
@@ -58,7 +58,7 @@ class HandControl:
     Attributes
     ----------
     armed : bool
-        True while keys fly the chaser. Commands, buttons, scripts, sticks and the abort key always do.
+        True while keys and the mouse fly the chaser. Commands, buttons, scripts, sticks and the abort key always do.
     thrust, turn : tuple of float
         Demand of the stick or the mouse, each axis from -1 to 1.
     """
@@ -127,6 +127,7 @@ class Help:
     about: dict[str, tuple[str, str]] = field(default_factory=dict)
     panel: str = ""
     hovered: str = ""
+    behind: set[str] = field(default_factory=set)
     rects: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
     tour_step: int = 0
 
@@ -168,6 +169,8 @@ class Console:
     """Text on the render process's preparations; empty without any."""
     source: str = ""
     """Built-in name or file of the flown scenario; empty if it is in no file."""
+    former: tuple[FlightSession, str] | None = None
+    """Previous flight and its source."""
     recent: list[str] = field(default_factory=list)
     """Built-in names and files of recent scenarios, newest first."""
     saved_truth: str = ""
@@ -317,13 +320,24 @@ class Console:
         except UserError as error:
             self.say(str(error), "caution")
             return
-        if session is None:
-            return
+        if session is not None:
+            self._begin(session, self.opener.source)
+
+    def go_back(self) -> None:
+        """Return to the flight before this one, paused where it was left; once more returns to this one."""
+        if self.former is None:
+            raise UserError("there was no flight before this one")
+        self.former[0].clock.paused = True
+        self._begin(*self.former)
+
+    def _begin(self, session: FlightSession, source: str) -> None:
+        """Fly this from now on; nothing that was flown before is lost."""
         recorder = self.session.look_back.recorder
         if recorder is not None:
             self.session.look_back.recorder = None
             self.say("the recording ends with the scenario that was flown", "caution")
-        self.session, self.source = session, self.opener.source
+        self.former = self.session, self.source
+        self.session, self.source = session, source
         self.remember(self.source)
         self.hand.armed = False
         self.hand.centre_sticks()

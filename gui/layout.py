@@ -43,7 +43,7 @@ PRESETS: dict[str, frozenset[str]] = {
     "first": frozenset(p.name for p in PANELS if p.shown),
     "fly": frozenset({"camera", "chaser", "lvlh-map", "earth-map", "orbit-camera", "steering"}),
     "dock": frozenset({"camera", "docking", "chaser", "lvlh-map", "orbit-camera"}),
-    "capture": frozenset({"camera", "capture", "picture", "world", "sensor", "target", "parts", "depth"}),
+    "capture": frozenset({"camera", "capture", "picture", "sensor", "target", "parts", "depth"}),
     "estimate": frozenset({"camera", "estimator", "keypoints", "parts", "picture"}),
     "link": frozenset({"camera", "board-link", "chaser", "log"}),
 }
@@ -98,7 +98,8 @@ def panel_commands() -> tuple[Command, ...]:
         console.open_panel(name, shown=state)
 
     def shown(name: str, console: Console) -> bool:
-        return console.shown.get(name, False)
+        # what lies behind another tab is brought to the front, not closed
+        return console.shown.get(name, False) and name not in console.help.behind
 
     def preset(name: str, console: Console) -> None:
         console.window.preset = name
@@ -299,6 +300,7 @@ class Layout:
             self._docked.add(panel.name)
         note_window(imgui, console, panel.name)
         hovered = False
+        (console.help.behind.discard if visible else console.help.behind.add)(panel.name)
         if visible:
             panel.draw(console)
             hovered = not over and imgui.is_window_hovered(imgui.HoveredFlags_.child_windows)

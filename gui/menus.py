@@ -22,7 +22,7 @@ NO_ICON = " " * 6
 """Width of an icon, for aligning titles."""
 TEXT = """
 File
-  panel.scenarios
+  panel.scenarios scenario.back
   Scenario text: panel.editor scenario.*
   Export: picture.save film.* window.screenshot log.* panel.command-line
   Keep the flight: timeline.keep timeline.dataset timeline.hil

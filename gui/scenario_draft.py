@@ -6,8 +6,11 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
+from flyaround.simulator.runtime.toml_text import to_toml
 from flyaround.simulator.scenario.load import list_scenarios, load_scenario, parse_scenario
 from flyaround.simulator.scenario.scenario import Scenario
 from flyaround.simulator.scenario.show import show_scenario
@@ -52,6 +55,11 @@ class ScenarioDraft:
             text, folder = path.read_text("utf-8-sig"), path.parent
         self.text, self.folder, self.problem, self.changed = text, folder, "", False
         self.name = Path(name_or_path).stem
+
+    def begin(self, scenario: Scenario) -> None:
+        """Begin from a scenario that is in no file."""
+        self.text, self.name = to_toml(msgspec.to_builtins(scenario)), scenario.name
+        self.problem, self.changed = "", False
 
     def check(self) -> Scenario:
         """Return the scenario of the text.

@@ -26,11 +26,8 @@ class StatusLine:
     def draw(self, console: Console) -> None:
         """Draw into the current frame."""
         imgui, w = self._w.window.imgui, self._w
-        flags = (
-            imgui.WindowFlags_.no_scrollbar
-            | imgui.WindowFlags_.no_saved_settings
-            | imgui.WindowFlags_.menu_bar
-        )
+        kinds = imgui.WindowFlags_
+        flags = kinds.no_scrollbar | kinds.no_saved_settings | kinds.menu_bar
         height = imgui.get_frame_height()
         if (
             imgui.internal.begin_viewport_side_bar(
@@ -41,7 +38,7 @@ class StatusLine:
             note_window(imgui, console, "status")
             self._master_caution(console)
             rates = rates_text(console)
-            free = w.width - imgui.calc_text_size(rates).x - 32 * self._w.window.scale
+            free = w.width - imgui.calc_text_size(rates).x - 44 * self._w.window.scale
             text, colour = self._message(console)
             if free > 40:
                 w.one_line(w.elided(text, free), colour)
@@ -49,7 +46,7 @@ class StatusLine:
                     console.do("panel.log", True)
                 w.tip(f"{text}\na click opens the log of all messages")
             imgui.same_line(
-                imgui.get_window_width() - imgui.calc_text_size(rates).x - 16 * self._w.window.scale
+                imgui.get_window_width() - imgui.calc_text_size(rates).x - 28 * self._w.window.scale
             )
             w.one_line(rates, style.QUIET)
             w.tip(f"how often the window and the pictures are drawn a second; window by {console.window_gl}")

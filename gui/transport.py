@@ -57,7 +57,7 @@ class TransportStrip:
         imgui.align_text_to_frame_padding()
         w.one_line(text, style.WARN if session.look_back.active else style.INK)
         w.tip(
-            "where one is, and the end of what was flown [h:min:s since the start]; orange while looking back"
+            "where one is, and the end of what was flown [h:min:s since the start]; yellow while looking back"
         )
         imgui.same_line()
         right = 17 * em
@@ -164,11 +164,14 @@ class RunningJob:
 def running_jobs(jobs: Jobs) -> list[RunningJob]:
     """Return the running jobs."""
     rows = []
+    if jobs.estimates.on:
+        rows.append(RunningJob(f"{jobs.estimates.method} {jobs.estimates.doing}", None, "estimator.run"))
     capture = jobs.capture
     if capture.running and capture.request is not None:
         left = "" if capture.left_s is None else f", {time_text(capture.left_s)} left"
         text = f"capture {capture.done} of {capture.request.frames}{left}"
-        rows.append(RunningJob(text, min(capture.done / max(capture.request.frames, 1), 1.0), "capture.stop"))
+        share = min(capture.done / max(capture.request.frames, 1), 1.0)
+        rows.append(RunningJob(text, share, "capture.stop"))
     if jobs.film is not None:
         rows.append(RunningJob(f"film {jobs.film.pictures} pictures", None, "film.stop"))
     if jobs.hil.on:

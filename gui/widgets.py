@@ -185,10 +185,7 @@ class Widgets:
         """Draw a button of a colour, also when hovered; return True if it was clicked."""
         imgui = self.imgui
         if fill is not None:
-            # dark text on a bright fill
-            self.coloured(
-                style.GROUND if style.luminance(style.over(fill, style.GROUND)) > 0.2 else style.INK
-            )
+            self.coloured(style.letters_on(fill))
             lighter = style.over((*style.INK[:3], 0.08), style.over(fill, style.GROUND))
             for which, colour in ((imgui.Col_.button, fill), (imgui.Col_.button_hovered, lighter)):
                 imgui.push_style_color(which, imgui.ImVec4(*colour))

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import Argument, command, word
+from flyaround.gui.commands.scenario import built_in_name
 from flyaround.gui.jobs.capture_job import MOST_FRAMES, MOST_WORKERS, CaptureRequest
 from flyaround.gui.jobs.program import new_folder
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.runtime.toml_text import to_toml
-from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -28,8 +28,8 @@ def _what(console: Console, what: str) -> str:
     if what != THIS:
         return what
     scenario = console.session.plan.scenario
-    if scenario.name in list_scenarios() and load_scenario(scenario.name) == scenario:
-        return scenario.name
+    if name := built_in_name(scenario):
+        return name
     FOLDER.mkdir(parents=True, exist_ok=True)
     path = FOLDER / f"{scenario.name}-flown.toml"
     write_atomic(path, to_toml(msgspec.to_builtins(scenario)).encode())

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from flyaround.gui.command_table import command, word
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
+    from flyaround.simulator.scenario.scenario import Scenario
 
 
 def _open(console: Console, scenario: str) -> None:
@@ -18,8 +20,18 @@ def _open(console: Console, scenario: str) -> None:
     console.say(f"opening {scenario} ...")
 
 
+def built_in_name(scenario: Scenario) -> str:
+    """Return the name of a built-in scenario; empty for another one, also of the same name."""
+    name = scenario.name
+    return name if name in list_scenarios() and load_scenario(name) == scenario else ""
+
+
 def _edit(console: Console, scenario: str | None = None) -> None:
-    console.draft.edit(console.session.plan.scenario.name if scenario is None else scenario)
+    flown = console.session.plan.scenario
+    if named := scenario or console.source or built_in_name(flown):
+        console.draft.edit(named)
+    else:
+        console.draft.begin(flown)
     console.open_panel("editor", shown=True)
 
 
@@ -47,6 +59,7 @@ COMMANDS = (
     command(
         "scenario.edit", _edit, arguments=(word("scenario", "built-in name or TOML file", optional=True),)
     ),
+    command("scenario.back", lambda console: console.go_back()),
     command("scenario.check", _check),
     command("scenario.save", _save, arguments=(word("path", "file that ends in .toml"),)),
     command("scenario.fly", _fly),

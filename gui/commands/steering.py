@@ -39,7 +39,7 @@ def _track(console: Console) -> None:
 
 def _arm(console: Console, state: bool) -> None:  # noqa: FBT001 - a switch
     console.hand.armed = state
-    console.say("keys fly the chaser" if console.hand.armed else "keys do not fly the chaser")
+    console.say("keys and mouse fly the chaser" if console.hand.armed else "hand control is off")
 
 
 def _toggle(console: Console) -> None:

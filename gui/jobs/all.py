@@ -66,7 +66,7 @@ class Jobs:
             if len(accepted) == 1 and accepted[0] is estimates.newest:
                 first = accepted[0]
                 self.say(
-                    f"{first.method}: first accepted pose, {first.E_R_deg:.2f} deg and "
+                    f"{first.method}: first accepted pose, {first.E_R_deg:.2f}° and "
                     f"{1e3 * (first.E_T_m or 0.0):.0f} mm off at {first.range_m:.1f} m"
                 )
         for trouble in estimates.take_troubles():

@@ -26,10 +26,12 @@ if TYPE_CHECKING:
     from flyaround.gui.jobs.estimator_process import Answer
     from flyaround.gui.picture.feed import Picture
 
-State = Literal["off", "starting", "waiting", "estimating"]
+State = Literal["off", "starting", "waiting for a picture", "at work"]
 
 LIMIT_S = 20.0
 """Time without processor use, while an answer is due, after which the process is restarted."""
+SLOW_S = 3.0
+"""Time after which the estimate's own time is shown."""
 KEPT = 2000
 """Number of answers kept for the plots."""
 
@@ -128,8 +130,15 @@ class Estimates:
         if not self.on:
             return "off"
         if self._under_way is not None:
-            return "estimating"
-        return "starting" if self._worker is None or not self._answered else "waiting"
+            return "at work"
+        return "starting" if self._worker is None or not self._answered else "waiting for a picture"
+
+    @property
+    def doing(self) -> str:
+        """State for people, with the time that the estimate under way has taken, or the rate."""
+        if self.busy_s > SLOW_S:
+            return f"{self.state} for {self.busy_s:.0f} s"
+        return f"{self.state}, {self.per_s:.1f}/s" if self.on and self.per_s else self.state
 
     @property
     def pid(self) -> int | None:

@@ -35,7 +35,6 @@ class DockingPanel(Panel):
         text, colour = status(console)
         w.text(text, colour, "what flies, and what it waits for")
         w.buttons(console, ("docking.approach", "docking.go", "docking.no-go"), 3)
-        w.button(console, "docking.abort", width=w.width, fill=style.GUARDED)
         w.switch(console, "overlay.docking", "Display over the view")
         figures = docking.figures(session.craft.chaser, session.flight)
         w.section(docking.port.name.capitalize())

@@ -28,11 +28,8 @@ class EditorPanel(Panel):
             w.text("No scenario is being edited.", style.QUIET)
             w.button(console, "scenario.edit", label="Edit the one that flies")
             return
-        w.text(
-            f"{draft.name}{' (changed)' if draft.changed else ''}",
-            style.ACCENT,
-            "the scenario that is edited",
-        )
+        changed = " (changed)" if draft.changed else ""
+        w.text(f"{draft.name}{changed}", style.ACCENT, "the scenario that is edited")
         w.buttons(console, ("scenario.check", "scenario.fly"), 2)
         imgui.set_next_item_width(max(w.width - 8 * imgui.get_font_size(), 6 * imgui.get_font_size()))
         _, self._path = imgui.input_text("##path", self._path)

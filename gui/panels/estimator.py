@@ -21,14 +21,6 @@ PLOT_HEIGHT = 92.0
 LEAST_DEG, LEAST_M = 1e-3, 1e-4
 """Least error on the logarithmic scale; smaller ones are drawn on its edge."""
 THUMB = 150.0  # least width of a small picture
-SLOW_S = 3.0
-"""Time after which the panel shows how long it has been at work."""
-STATES = {
-    "off": "off",
-    "starting": "starting its process ...",
-    "waiting": "waits for a picture",
-    "estimating": "at work",
-}
 
 
 class EstimatorPanel(Panel):
@@ -50,17 +42,14 @@ class EstimatorPanel(Panel):
         label = "Stop estimating" if estimates.on else "Estimate"
         fill = None if estimates.on else style.PRIMARY
         w.button(console, "estimator.run", label=label, width=w.width, on=estimates.on, fill=fill)
-        state = STATES[estimates.state]
-        if estimates.state in ("starting", "estimating") and estimates.busy_s > SLOW_S:
-            state = f"{state} for {estimates.busy_s:.0f} s; the first time prepares the target's tables"
-        elif estimates.per_s:
-            state = f"{state}, {estimates.per_s:.1f}/s"
-        w.text(state, style.GOOD if estimates.on else style.QUIET, "what it is at, and estimates a second")
+        colour = style.GOOD if estimates.on else style.QUIET
+        w.text(estimates.doing, colour, "what it is at, and estimates a second")
         self._choose(console)
         newest = estimates.newest
         if newest is None:
             w.text(
-                "The pose in the newest picture, drawn over the view; full detail gives it every pixel.",
+                "The pose in the newest picture, drawn over the view; full detail gives it every pixel. "
+                "The first one prepares the target's tables.",
                 style.QUIET,
             )
         else:
@@ -104,7 +93,7 @@ class EstimatorPanel(Panel):
         )
         if e.E_R_deg is not None and e.E_T_m is not None:
             w.row(
-                "Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against its picture's truth [deg]"
+                "Attitude", (e.E_R_deg,), "{:.3f}°", "error of the attitude against its picture's truth [°]"
             )
             w.row(
                 "Position", (1e3 * e.E_T_m,), "{:.1f} mm", "error of the position against its picture's truth"
@@ -129,7 +118,7 @@ class EstimatorPanel(Panel):
         turn = np.array([np.nan if e.E_R_deg is None else max(e.E_R_deg, LEAST_DEG) for e in rows])
         shift = np.array([np.nan if e.E_T_m is None else max(e.E_T_m, LEAST_M) for e in rows])
         sure = np.array([e.answer.confidence for e in rows])
-        self._plot("attitude error [deg]", t, turn, good, log=True)
+        self._plot("attitude error [°]", t, turn, good, log=True)
         self._plot("position error [m]", t, shift, good, log=True)
         self._plot("confidence", t, sure, good, log=False)
         self._w.text("dots: accepted; rings: declined", style.QUIET)

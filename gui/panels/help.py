@@ -19,7 +19,7 @@ GROUPS = {
     "scenarios": ("scenario", "file"),
     "editor": ("scenario",),
     "world": ("world",),
-    "steering": ("steer", "guide", "burn"),
+    "steering": ("steer", "guidance", "burn"),
     "keys": ("help", "window"),
 }
 """Command groups of panels whose name differs from the group's."""

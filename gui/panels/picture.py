@@ -50,7 +50,7 @@ class PicturePanel(Panel):
 class WorldPanel(Panel):
     """Layers of the world, drawn or left out."""
 
-    name, title, place, shown = "world", "World", "right-low", True
+    name, title, place, shown = "world", "World", "right-low", False
 
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""

@@ -1,4 +1,4 @@
-"""The scenarios to choose from, with a picture each; recipes apart."""
+"""The scenarios to choose from, with a picture each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from flyaround.gui import style
 from flyaround.gui.widgets import Panel
-from flyaround.simulator.scenario.load import list_recipes, list_scenarios, load_scenario
+from flyaround.simulator.scenario.load import list_scenarios, load_scenario
 
 if TYPE_CHECKING:
     from flyaround.gui.console import Console
@@ -34,23 +34,6 @@ class ScenarioChooser(Panel):
     def draw(self, console: Console) -> None:
         """Draw into the current panel."""
         w, imgui = self._w, self._w.imgui
-        if not imgui.begin_tab_bar("scenarios"):
-            return
-        if imgui.begin_tab_item_simple("To fly"):
-            self._fly(console)
-            imgui.end_tab_item()
-        if imgui.begin_tab_item_simple("To capture"):
-            w.text("Recipes of data sets: capture draws them, nothing flies.", style.QUIET)
-            for name in list_recipes():
-                w.text(name)
-                w.tip(f"flyaround capture {name} -n 40 -o DIR; flyaround recipes --show {name}")
-            imgui.end_tab_item()
-        imgui.end_tab_bar()
-
-    def _fly(self, console: Console) -> None:
-        w, imgui = self._w, self._w.imgui
-        if console.opener.is_busy():
-            w.text(f"opening {console.opener.name} ...", style.ACCENT)
         imgui.set_next_item_width(-1)
         _, self._wanted = imgui.input_text_with_hint(
             "##find", "find, or the path of a TOML file", self._wanted
@@ -61,9 +44,8 @@ class ScenarioChooser(Panel):
             w.button(console, "scenario.open", query, label="Open this file", width=w.width)
         if not self._cards:
             self._cards = [(name, *_card(name)) for name in list_scenarios()]
-        cards = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in query.lower().split())]
-        if query.endswith(".toml"):
-            cards = self._cards
+        words = [] if query.endswith(".toml") else query.lower().split()
+        cards = [c for c in self._cards if all(x in f"{c[0]} {c[1]}".lower() for x in words)]
         # recently flown ones first
         recent = {name: k for k, name in enumerate(console.recent)}
         cards = sorted(cards, key=lambda card: recent.get(card[0], len(recent)))

@@ -84,7 +84,7 @@ class SteeringPanel(Panel):
     def _to_a_point(self, console: Console) -> None:
         """Draw three numbers that can be used as a position or as a displacement."""
         w, imgui = self._w, self._w.imgui
-        w.section("Fly to a point")
+        w.section("Fly to: radial, along, cross")
         imgui.set_next_item_width(w.width)
         self._point = imgui.input_float3("##point", self._point, "%.2f m")[1]
         w.tip("radial, along-track and cross-track in the target's LVLH frame [m]")
@@ -107,10 +107,10 @@ class SteeringPanel(Panel):
     def _burns(self, console: Console) -> None:
         """Draw a table of the planned burns, whose numbers can be edited, and a button for a new one."""
         w, session = self._w, console.session
-        w.section("Planned burns")
+        w.section("Planned burns [m/s]")
         burns = session.craft.steering.burns.burns
         rows = [self._burn_cells(console, k, burn) for k, burn in enumerate(burns)]
-        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "delta-v [m/s]", ""))
+        w.table("burns", (0.27, 0.63, 0.1), rows, ("T+ [s]", "radial, along, cross", ""))
         at_s = max([session.t_s, *(b.end_s for b in burns)]) + FIRST_AFTER_S
         first = (round(at_s, 1), 0.0, FIRST_M_S, 0.0)
         w.button(console, "burn.plan", *first, label="Add a burn", width=w.width)

@@ -208,7 +208,7 @@ class CameraView(Panel):
                 ),
                 Row(
                     "T+",
-                    f"{clock(r.t_s)[2:]}   x{session.clock.rate:g}",
+                    f"{clock(r.t_s)[2:]}   {session.clock.rate:g}x",
                     running,
                     "simulated time since the scenario's start [h:min:s], and its rate",
                 ),
@@ -218,13 +218,11 @@ class CameraView(Panel):
                 row("RANGE", style.ACCENT),
                 row("CLOSING"),
                 row("ACROSS"),
-                Row(
-                    "RATE", f"{turning:9.3f} deg/s", style.INK, "how fast the target turns before the camera"
-                ),
+                Row("RATE", f"{turning:9.3f} °/s", style.INK, "how fast the target turns before the camera"),
             ),
             (
                 *(
-                    Row(name, f"{v:+9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
+                    Row(name, f"{v:+z9.3f} m", style.INK, f"chaser in the target's LVLH frame: {way}")
                     for (name, way), v in zip(axes, r.position_lvlh_m, strict=True)
                 ),
                 row("PHASE"),
@@ -299,7 +297,7 @@ def shown_passes(stage_ms: dict[str, float]) -> tuple[tuple[str, float], ...]:
         return ()
     rest = stage_ms.get("render", 0.0) - sum(ms for _, ms in passes)
     rows = [*passes, ("other", rest), ("sensor", stage_ms.get("sensor", 0.0))]
-    return tuple((name.replace(".", " "), ms) for name, ms in rows if ms >= 0.05)
+    return tuple((name.replace(".", " ").replace("_", " "), ms) for name, ms in rows if ms >= 0.05)
 
 
 def _badge(session: FlightSession) -> tuple[str, style.Rgba]:

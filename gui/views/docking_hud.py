@@ -194,7 +194,7 @@ class DockingHud:
     @staticmethod
     def _text(canvas: Canvas, at: Point, text: str, rgba: style.Rgba, share: float, tip: str) -> None:
         """Draw text with a ``share`` of its width left of the position: 0.5 centres it."""
-        canvas.text((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
+        canvas.label((at[0] - share * canvas.size(text)[0], at[1]), text, rgba, tip)
 
     def _figure(self, canvas: Canvas, at: Point, name: str, row: Judged, share: float) -> None:
         text = f"{name} {row.text} {row.unit}".strip() + style.LIMIT_MARKS[row.state]

@@ -230,9 +230,8 @@ class LvlhMap(Panel):
         x, y, w, h = port.rect
         plane, line = port.plane, canvas.line
         narrow = w < 240 * self._window.scale
-        text = f"up: {plane.up_title}"
-        if h > 12 * line and not narrow:
-            text = f"{plane.name}, {text}{plane.note}"
+        title = plane.name if h > 12 * line else "LVLH map"
+        text = f"up: {plane.up_title}" if narrow else f"{title}, up: {plane.up_title}{plane.note}"
         canvas.label((x + 6, y + 4), text, tip=LINES)
         bar_m = nice_step(port.width_m / 4)
         bar, right, foot = bar_m * port.scale, x + w - 10, y + h - 8

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from flyaround.gui.console import UNARMED
 from flyaround.gui.gamepad import STILL, share
 from flyaround.gui.widgets import Widgets
 
@@ -38,14 +39,16 @@ class MouseSteering:
             w.vec(max(box.width, 1.0), max(box.height, 1.0)),
             flags.mouse_button_left | flags.mouse_button_right | flags.mouse_button_middle,
         )
-        if imgui.is_item_hovered():
-            wheel = imgui.get_io().mouse_wheel
-            if wheel:
-                console.do("steer.pulse", "forward" if wheel > 0 else "back")
-            if imgui.is_mouse_clicked(imgui.MouseButton_.middle):
-                console.do("steer.centre")
+        armed, hovered, active = console.hand.armed, imgui.is_item_hovered(), imgui.is_item_active()
+        wheel = imgui.get_io().mouse_wheel if hovered else 0.0
+        if not armed and (wheel or active):
+            console.say(UNARMED)
+        if armed and wheel:
+            console.do("steer.pulse", "forward" if wheel > 0 else "back")
+        if armed and hovered and imgui.is_mouse_clicked(imgui.MouseButton_.middle):
+            console.do("steer.centre")
         thrust, turn = STILL, STILL
-        if imgui.is_item_active():
+        if armed and active:
             for button in (imgui.MouseButton_.left, imgui.MouseButton_.right):
                 if not imgui.is_mouse_down(button):
                     continue

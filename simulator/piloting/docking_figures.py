@@ -253,13 +253,13 @@ def judge(
         ("offset down", "m", f.down_m, across),
         ("rate right", "m/s", f.right_m_s, across_rate),
         ("rate down", "m/s", f.down_m_s, across_rate),
-        ("roll", "deg", f.roll_deg, limits.attitude_deg),
-        ("pitch", "deg", f.pitch_deg, limits.attitude_deg),
-        ("yaw", "deg", f.yaw_deg, limits.attitude_deg),
-        ("roll rate", "deg/s", f.roll_deg_s, limits.rate_deg_s),
-        ("pitch rate", "deg/s", f.pitch_deg_s, limits.rate_deg_s),
-        ("yaw rate", "deg/s", f.yaw_deg_s, limits.rate_deg_s),
-        ("off axis", "deg", off_axis, corridor_deg),
+        ("roll", "°", f.roll_deg, limits.attitude_deg),
+        ("pitch", "°", f.pitch_deg, limits.attitude_deg),
+        ("yaw", "°", f.yaw_deg, limits.attitude_deg),
+        ("roll rate", "°/s", f.roll_deg_s, limits.rate_deg_s),
+        ("pitch rate", "°/s", f.pitch_deg_s, limits.rate_deg_s),
+        ("yaw rate", "°/s", f.yaw_deg_s, limits.rate_deg_s),
+        ("off axis", "°", off_axis, corridor_deg),
     )
     return tuple(Judged(name=n, unit=u, value=v, limit=most) for n, u, v, most in rows)
 

@@ -221,12 +221,12 @@ class Go(Order):
 
     def carry_out(self, craft: PilotedCraft) -> News:
         """Take over, and pass the point."""
-        craft.take_over()
         docking, point = craft.docking, craft.docking.hold_points.next
         figures = docking.figures(craft.chaser, craft.flight)
         against = docking.hold_points.go(figures, docking.limits, docking.corridor_deg)
         if against:
             raise UserError(f"no go{'' if point is None else f' at {point.name}'}: {'; '.join(against)}")
+        craft.take_over()
         return "note", f"go at {'' if point is None else point.name}"
 
 

@@ -10,6 +10,7 @@ from flyaround.gui.app import command_table
 from flyaround.gui.command_table import Argument, Command, CommandTable, _texts, line_of
 from flyaround.gui.console import LONGEST_TICK_MS, MODIFIERS, STEERING
 from flyaround.gui.panels.all import PANELS
+from flyaround.gui.panels.help import GROUPS
 from flyaround.gui.panels.key_list import matches
 from flyaround.gui.script import LARGEST_BYTES, Script
 from flyaround.simulator.errors import UserError
@@ -34,6 +35,11 @@ def test_every_command_has_words_and_no_key_is_of_two(table: CommandTable) -> No
 
 def test_every_text_is_of_a_command(table: CommandTable) -> None:
     assert set(_texts()) <= {c.name for c in table}
+
+
+def test_the_help_of_a_panel_names_groups_that_there_are(table: CommandTable) -> None:
+    groups = {c.group for c in table}
+    assert {g for named in GROUPS.values() for g in named} <= groups
 
 
 def test_two_commands_of_one_key_are_refused() -> None:
@@ -71,7 +77,7 @@ def test_every_switch_switches_there_and_back(table: CommandTable) -> None:
         ("1.0 time.rat 3", "no command"),
         ("1.0 time.rate 3", "allowed: 0.1"),
         ("1.0 time.rate", "its form is"),
-        ("1.0 picture.exposure nan", "allowed: a number"),
+        ("1.0 picture.exposure nan", "allowed: a number from"),
         ("1.0 picture.exposure 1e3", "from -8 to 8"),
         ("1.0 overlay.hud maybe", "on, off"),
         ("nan time.pause", "a line is"),
@@ -204,7 +210,7 @@ def test_keys_fly_only_while_hand_control_is_armed(table: CommandTable) -> None:
     console.press([stop])
     assert console.session.craft.mode == "guidance"
     assert [m.text for m in console.messages] == [
-        "keys do not fly: arm hand control first (Ctrl+H or Insert)"
+        "keys and mouse do not fly: arm hand control first (Ctrl+H or Insert)"
     ]
     console.do("steer.arm", True)
     console.press([stop])

@@ -12,6 +12,7 @@ from flyaround.gui.command_table import CommandTable
 from flyaround.gui.commands.hil import FAULTS
 from flyaround.gui.console import Console
 from flyaround.gui.jobs.capture_job import CaptureRequest
+from flyaround.gui.transport import running_jobs
 from flyaround.simulator.piloting.session import FlightSession
 from flyaround.simulator.scenario.load import load_scenario
 from tests.harness.flown_console import console_flying
@@ -68,6 +69,15 @@ def test_going_on_needs_a_capture(console: Console) -> None:
     assert "start one" in console.messages[-1].text
     console.do("capture.stop")
     console.pass_time(0)
+
+
+def test_an_estimator_that_runs_is_in_the_strip_of_jobs_with_a_button_that_ends_it(console: Console) -> None:
+    assert running_jobs(console.jobs) == []
+    console.do("estimator.run")
+    (job,) = running_jobs(console.jobs)
+    assert job.text == "hybrid starting"
+    console.do(job.end)
+    assert running_jobs(console.jobs) == []
 
 
 def test_a_session_only_listens_where_it_may(console: Console) -> None:

@@ -7,6 +7,10 @@ from typing import Any
 
 import pytest
 
+from flyaround.gui.canvas import point
+from flyaround.gui.layout import NARROW
+from flyaround.gui.views.burn_nodes import handle
+from flyaround.gui.views.lvlh_map import LvlhMap
 from tests.harness.pointer import Pointer
 
 SIZES = ((800, 600), (1280, 800), (1920, 1080))
@@ -65,6 +69,36 @@ def expose(at: Pointer) -> None:
     at.press("Colour")
 
 
+def expose_by_hand(at: Pointer) -> None:
+    x, y = at.sight("##exposure")
+    at.drag((x, y), (x + 40.0, y))
+    assert at.console.options.settings.exposure_stops > 0.2
+    # back to the scenario's own
+    at.click((x, y), button=1)
+    assert at.console.options.settings.exposure_stops == 0.0
+
+
+def plan_and_drag_a_burn(at: Pointer) -> None:
+    at.menu("View", "Layout", "Fly")
+    if at.window.size[0] < NARROW:
+        at.menu("View", "Maps", "LVLH map")
+    view = next(panel for panel in at.layout.panels if isinstance(panel, LvlhMap))
+    craft = at.console.session.craft
+    port = view.ports[0]
+    seen = [
+        place for place in map(point, port.at(craft.predicted_burns().points_lvlh_m)) if port.inside(*place)
+    ]
+    at.click(seen[len(seen) // 2], button=1)
+    for _ in range(5):
+        at.turn()
+    (burn,), port = craft.steering.burns.burns, view.ports[0]
+    x, y = handle(point(port.at(craft.predicted_burns().nodes_lvlh_m[0])), burn, port.plane)
+    at.drag((x, y), (x, y + 24.0))
+    (dragged,) = craft.steering.burns.burns
+    assert dragged.t_s == burn.t_s
+    assert dragged.delta_v_lvlh_m_s[0] < burn.delta_v_lvlh_m_s[0]
+
+
 def eclipse(at: Pointer) -> None:
     at.menu("Flight", "Jump to", "Jump to the next eclipse")
     x, y = at.place("##rate")
@@ -105,6 +139,8 @@ TASKS: dict[Callable[[Pointer], None], tuple[tuple[str, ...], int]] = {
     move_by_five_metres: (("guidance.waypoint",), 5),
     dock: (("docking.approach", "docking.go"), 5),
     estimate: (("estimator.run", "estimator.stages"), 5),
+    expose_by_hand: (("picture.exposure",), 2),
+    plan_and_drag_a_burn: (("burn.plan",), 6),
     expose: (("picture.meter", "picture.noise", "picture.colour"), 3),
     eclipse: (("time.next-eclipse", "time.rate"), 4),
     look_back_and_fly_on: (("timeline.seek", "timeline.fly-on"), 4),
@@ -125,3 +161,21 @@ def test_a_task_takes_few_clicks(
     assert [name for name in commands if name not in at.done] == []  # type: ignore[attr-defined]
     record_property("clicks", at.clicks)
     assert at.clicks <= most
+
+
+def test_the_tour_lies_on_top_at_the_first_start() -> None:
+    first = Pointer(opened=("scenarios", "tour"))
+    assert first.has("Skip this")
+    assert not first.has("##find")
+    first.close()
+
+
+def test_a_menu_brings_a_panel_behind_a_tab_to_the_front_and_then_closes_it() -> None:
+    narrow = Pointer(size=(800, 600))
+    shown = narrow.console.shown
+    narrow.menu("Camera", "Target")
+    assert shown["target"]
+    assert any("triangles" in text for text in narrow.texts())
+    narrow.menu("Camera", "Target")
+    assert not shown["target"]
+    narrow.close()

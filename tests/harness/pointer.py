@@ -18,7 +18,7 @@ class Pointer:
 
     Parameters
     ----------
-    scenario : flown. size : of the window. panels : False closes all of them.
+    scenario : flown. size : of the window. panels : False closes all of them. opened : further ones, from the start.
     """
 
     def __init__(
@@ -27,15 +27,17 @@ class Pointer:
         size: tuple[int, int] = (1280, 800),
         *,
         panels: bool = True,
-        tour: bool = False,
+        opened: tuple[str, ...] = (),
     ) -> None:
         self.window = HeadlessWindow(size)
         self.window.plain.get_io().config_flags |= self.window.plain.ConfigFlags_.docking_enable
         self.console: Console = console_flying(scenario)
-        self.layout = Layout(self.window, SavedLayout(tour_seen=not tour))
+        self.layout = Layout(self.window, SavedLayout())
         shown = self.layout.first_shown()
         self.console.shown.update(shown if panels else dict.fromkeys(shown, False))
         self.console.help.about = self.layout.about()
+        for name in opened:
+            self.console.open_panel(name, shown=True)
         self.menus: dict[str, tuple[float, float]] = {}
         self.opened: list[str] = []
         self.clicks = 0

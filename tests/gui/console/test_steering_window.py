@@ -64,6 +64,8 @@ def at(display: str, x: int, y: int) -> None:
 
 def test_the_mouse_steers_over_the_view(display: str, tmp_path: Path) -> None:
     def by_mouse() -> None:
+        xdotool(display, "key", "Insert")
+        time.sleep(SHORT_S)
         at(display, 450, 400)
         xdotool(display, "mousedown", "1")
         time.sleep(SHORT_S)

@@ -154,7 +154,7 @@ def test_one_that_hangs_is_ended_and_another_method_goes_on(session: FlightSessi
         estimates.start()
         estimates.choose("hangs")
         picture = picture_of(session)
-        until(lambda: estimates.state == "estimating", lambda: estimates.update(picture))
+        until(lambda: estimates.state == "at work", lambda: estimates.update(picture))
         longest = until(
             lambda: estimates.restarts > 0, lambda: (clock.pass_s(1.0), estimates.update(picture))
         )
@@ -177,7 +177,7 @@ def test_a_stopped_process_holds_nobody_up(session: FlightSession) -> None:
         assert estimates.pid is not None
         os.kill(estimates.pid, signal.SIGSTOP)
         second = picture_of(session, 2.0, 512)
-        longest = until(lambda: estimates.state == "estimating", lambda: estimates.update(second))
+        longest = until(lambda: estimates.state == "at work", lambda: estimates.update(second))
         turns = until(lambda: estimates.restarts == 1, lambda: (clock.pass_s(1.0), estimates.update(second)))
         longest = max(longest, turns)
         assert longest < NO_WAIT_S, "the window waited"

@@ -129,6 +129,36 @@ def test_a_text_is_edited_checked_and_kept(tmp_path: Path) -> None:
         draft.save(tmp_path / "none" / "mine.toml")
 
 
+def test_a_flight_that_was_left_is_returned_to(console: Console) -> None:
+    console.do("scenario.back")
+    assert "no flight before" in console.messages[-1].text
+    console.do("steer.pulse", "forward")
+    console.pass_time(100)
+    left = console.session
+    console.do("scenario.open", "iss-orbit-limb")
+    wait(console)
+    assert console.session is not left
+    console.do("scenario.back")
+    assert console.session is left
+    assert left.clock.paused
+    assert left.t_s == pytest.approx(0.1)
+    console.do("scenario.back")
+    assert console.session.plan.scenario.name == "iss-orbit-limb"
+
+
+def test_the_text_of_a_flight_is_of_what_flies(console: Console, tmp_path: Path) -> None:
+    console.do("scenario.target", "cubesat-3u")
+    wait(console)
+    console.do("scenario.edit")
+    assert console.draft.check().target == "cubesat-3u"
+    mine = tmp_path / "mine.toml"
+    mine.write_text(console.draft.text)
+    console.do("scenario.open", str(mine))
+    wait(console)
+    console.do("scenario.edit")
+    assert console.draft.text == mine.read_text()
+
+
 def test_the_edited_text_is_flown(console: Console) -> None:
     console.do("scenario.edit")
     console.draft.text = console.draft.text.replace("Flying around Tango", "Round and round", 1)

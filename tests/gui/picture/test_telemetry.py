@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flyaround.gui.picture.figures import FIGURES
 from flyaround.gui.picture.view_settings import ViewSettings, apply_view_settings, reduced_camera
 from flyaround.gui.views.letterbox import Letterbox
 from flyaround.simulator.piloting.session import FlightSession
@@ -59,3 +60,9 @@ def test_telemetry_of_a_known_geometry(session: FlightSession) -> None:
     assert np.degrees(turned) / 0.01 == pytest.approx(
         float(np.linalg.norm(shown.relative_rate_deg_s)), rel=1e-3
     )
+
+
+def test_no_figure_shows_a_negative_zero() -> None:
+    signed = [figure.form for figure in FIGURES.values() if "+" in figure.form]
+    assert signed
+    assert not [form for form in signed if "-" in form.format(-1e-9)]

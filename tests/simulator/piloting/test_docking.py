@@ -195,7 +195,7 @@ def test_a_perfect_touch_and_one_at_its_limits():
 def test_a_touch_out_of_limits_says_what_was_wrong():
     bad = judge_contact(replace(REST, axial_m=0.0, closing_m_s=0.5, yaw_deg=-1.0), TWO_TENTHS, at_port=True)
     assert not bad.docked
-    assert bad.misses == ("closing 0.5 m/s (limit 0.2)", "yaw 1 deg (limit 0.2)")
+    assert bad.misses == ("closing 0.5 m/s (limit 0.2)", "yaw 1 ° (limit 0.2)")
     assert bad.document()["docked"] is False
     beside = judge_contact(REST, TWO_TENTHS, at_port=False)
     assert (beside.score, beside.docked) == (0, False)

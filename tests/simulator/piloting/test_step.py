@@ -110,6 +110,8 @@ def test_an_order_that_cannot_be_carried_out_is_refused():
     session = fa.FlightSession.of(beside())
     with pytest.raises(UserError, match="no go at H1"):
         session.step(fa.PilotCommand(orders=(Go(),)), TICK_S)
+    # and changes nothing
+    assert session.craft.mode == "guidance"
     with pytest.raises(UserError, match="two-tenths"):
         session.step(fa.PilotCommand(orders=(JudgeBy("mine"),)), TICK_S)
 
