@@ -76,10 +76,10 @@ class TransportStrip:
         w, imgui, flight = self._w, self._w.imgui, console.session.clock
         k = min(range(len(RATES)), key=lambda i: abs(math.log(RATES[i] / flight.rate)))
         imgui.set_next_item_width(width)
-        changed, wanted = imgui.slider_int("##rate", k, 0, len(RATES) - 1, f"{flight.rate:g}x")
+        changed, new_k = imgui.slider_int("##rate", k, 0, len(RATES) - 1, f"{flight.rate:g}x")
         w.about(console, "time.rate")
-        if changed and wanted != k:
-            console.do("time.rate", f"{RATES[wanted]:g}")
+        if changed and new_k != k:
+            console.do("time.rate", f"{RATES[new_k]:g}")
 
     def scrubber(self, console: Console, timeline: Timeline, end_s: float, width: float) -> None:
         """Draw a slider over the flight, with marks of bookmarks, burns and discarded futures."""

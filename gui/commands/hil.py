@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 LISTEN = "tcp://127.0.0.1:5600"
 FOLDER = Path("out") / "console"
-POSE_S, CONNECT_S = 10.0, 600.0
-FAULT_S = 10.0
+POSE_S, CONNECT_S = 10.0, 600.0  # longest wait for a pose, and for a board
+FAULT_S = 10.0  # duration of a fault unless given
 FAULTS: dict[str, tuple[faults.CameraFault | faults.LineFault, str]] = {
     "stuck_pixels": (faults.StuckPixels(share=0.01), "one pixel in a hundred gives one number"),
     "dead_pixels": (faults.DeadPixels(share=0.01), "one pixel in a hundred gives 0"),

@@ -10,7 +10,7 @@ from flyaround.gui.widgets import Panel
 if TYPE_CHECKING:
     from flyaround.gui.console import Console, Message
 
-SHOWN_LINES = 200
+SHOWN_LINES = 200  # newest messages and commands in the panel
 COLOURS = {"note": style.QUIET, "caution": style.WARN, "warning": style.BAD}
 
 
@@ -42,7 +42,9 @@ class LogPanel(Panel):
 
     def _message(self, message: Message) -> None:
         """Write a message; for a caution, also the time of its acknowledgement."""
-        seen = "" if message.acknowledged_ms is None else f", seen {message.acknowledged_ms / 1000:.1f} s"
-        level = "" if message.level == "note" else f"{message.level}{seen}: "
+        acknowledged = (
+            "" if message.acknowledged_ms is None else f", seen {message.acknowledged_ms / 1000:.1f} s"
+        )
+        level = "" if message.level == "note" else f"{message.level}{acknowledged}: "
         colour = style.QUIET if message.acknowledged else COLOURS[message.level]
         self._w.text(f"{message.t_ms / 1000:9.1f} s  {level}{message.text}", colour)

@@ -16,7 +16,7 @@ MOST_LINES = 200
 
 
 @dataclass(frozen=True)
-class Doing:
+class TourStep:
     """A step of the tour.
 
     Parameters
@@ -30,38 +30,38 @@ class Doing:
     place: str
 
 
-DOINGS = (
-    Doing(
+STEPS = (
+    TourStep(
         "Stop the clock",
         "The view is what the sensor sees, live. Press Space, or Pause in the strip below; once more goes on.",
         frozenset({"time.pause"}),
         "transport",
     ),
-    Doing(
+    TourStep(
         "Fly by hand",
         "Click HAND OFF in the strip: now keys fly. Hold W to push forward; A D R F push aside, I K J L U O turn.",
         frozenset({"steer.forward", "steer.back", "steer.left", "steer.right", "steer.up", "steer.down"}),
         "transport",
     ),
-    Doing(
+    TourStep(
         "Come to rest",
         "Without thrust the chaser drifts: the map shows where to, dashed. Press X, or Stop, to rest at the target.",
         frozenset({"steer.stop"}),
         "lvlh-map",
     ),
-    Doing(
+    TourStep(
         "Let the autopilot dock",
         "Press B: it flies to the docking port. View, Layout, Dock opens what to watch. Del, or ABORT twice, retreats.",
         frozenset({"docking.approach"}),
         "camera",
     ),
-    Doing(
+    TourStep(
         "Estimate the pose",
         "Tools, Estimator, Estimate: the pose from the picture alone is drawn over the view, with its error.",
         frozenset({"estimator.run"}),
         "camera",
     ),
-    Doing(
+    TourStep(
         "Keep a picture",
         "Press P: the picture and its truth are in out/console. Tools, Capture makes whole data sets.",
         frozenset({"picture.save", "capture.start"}),
@@ -80,26 +80,26 @@ class TourPanel(Panel):
         w, imgui = self._w, self._w.imgui
         done_by = {line.name for line in console.log.lines[-MOST_LINES:]}
         step = console.help.tour_step
-        if step < len(DOINGS) and DOINGS[step].commands & done_by:
+        if step < len(STEPS) and STEPS[step].commands & done_by:
             console.help.tour_step = step = step + 1
-        for k, doing in enumerate(DOINGS):
+        for k, tour_step in enumerate(STEPS):
             colour = style.GOOD if k < step else style.ACCENT if k == step else style.QUIET
-            w.text(f"{k + 1}  {doing.title}{'  done' if k < step else ''}", colour)
+            w.text(f"{k + 1}  {tour_step.title}{'  done' if k < step else ''}", colour)
             if k == step:
-                w.text(doing.text)
-                self._frame(console, doing.place)
+                w.text(tour_step.text)
+                self._frame(console, tour_step.place)
         imgui.dummy(w.vec(0, 4 * w.window.scale))
-        if step == len(DOINGS):
+        if step == len(STEPS):
             w.text(
                 "That is most of it. F1 lists every command and key; ? tells about the panel under the mouse."
             )
         elif step:
             w.button(console, "help.tour-back", label="Back")
             imgui.same_line()
-        if step < len(DOINGS):
+        if step < len(STEPS):
             w.button(console, "help.tour-next", label="Skip this")
             imgui.same_line()
-        w.button(console, "help.tour-end", label="End" if step < len(DOINGS) else "Done")
+        w.button(console, "help.tour-end", label="End" if step < len(STEPS) else "Done")
 
     def _frame(self, console: Console, place: str) -> None:
         """Draw a frame around the panel or bar of a step."""

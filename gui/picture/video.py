@@ -34,7 +34,7 @@ class Film:
 
     Parameters
     ----------
-    path : ends in .mp4.
+    path : file, whose name ends in .mp4.
 
     Raises
     ------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.piloting.docking_figures import DockingFigures
     from flyaround.simulator.piloting.docking_watch import Docking
 
-NEAR_M = 0.05
+NEAR_M = 0.05  # least depth of a drawn point in front of the camera
 RING_SHARE = 0.31
 """Radius of the ring over the smaller side of the picture."""
 LEAST_RING = 105.0

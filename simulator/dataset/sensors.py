@@ -56,8 +56,8 @@ def _measured(frame: Frame, name: str) -> bytes:
     key = (frame.scene.frame_index, zlib.crc32(name.encode()))
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence(frame.scene.seed, spawn_key=key)))
     try:
-        given: Any = plugin.load()(frame, rng)
-        arrays = {str(k): np.asarray(v) for k, v in given.items()}
+        returned: Any = plugin.load()(frame, rng)
+        arrays = {str(k): np.asarray(v) for k, v in returned.items()}
     except UserError:
         raise
     except Exception as error:

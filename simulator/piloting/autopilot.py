@@ -21,18 +21,19 @@ PUSHES: tuple[tuple[Switch, Switch], ...] = (("right", "left"), ("down", "up"), 
 
 ROUND_ABOVE_DEG = 25.0
 """Angle off the axis above which the chaser first flies around the target [deg]."""
-ROUND_M_S = 0.25
+ROUND_M_S = 0.25  # speed around the target
 CLEAR_M = 3.0
 """Clearance between the target's sphere and the chaser's docking point while flying around [m]."""
-CONTACT_M_S = 0.08
+CONTACT_M_S = 0.08  # closing speed at contact
 SLOW_WITHIN_M = 4.0
 """Distance to the port within which the chaser closes at `CONTACT_M_S` [m]."""
 LIMIT_SHARE = 0.8
 """Share of the allowed closing speed that the autopilot uses."""
 BRAKE_M_S2 = 0.012
 """Deceleration that the autopilot plans with, along and across the axis [m s-2]."""
+# speed per distance, across and along the axis
 ACROSS_GAIN_1_S, ALONG_GAIN_1_S = 0.12, 0.1
-ACROSS_M_S = 0.3
+ACROSS_M_S = 0.3  # largest speed across the axis
 DEAD_M_S, DEAD_PER_M = 0.002, 5e-5
 """Dead band and its growth with the distance, which prevents chattering of the switches."""
 COARSE_ABOVE_M_S = 0.3
@@ -62,12 +63,8 @@ class Autopilot:
 
         Parameters
         ----------
-        figures : DockingFigures
-            Present figures.
-        goal_m : float or None
-            Distance in front of the port at which to come to rest, or None to dock [m].
-        held_s : float
-            Period of control [s].
+        goal_m : distance in front of the port at which to come to rest, or None to dock.
+        held_s : period of control.
         """
         f = figures
         velocity = np.array([f.right_m_s, f.down_m_s, f.closing_m_s])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flyaround.gui.panels.tour import DOINGS, TourPanel
+from flyaround.gui.panels.tour import STEPS, TourPanel
 from tests.harness.flown_console import console_flying
 from tests.harness.headless_imgui import HeadlessWindow
 
@@ -37,13 +37,13 @@ def test_a_step_is_done_when_its_command_was(tour):
     console.hold(frozenset())
     console.do("steer.stop")
     assert (turn(), turn()) == (2, 3)
-    for _ in DOINGS:
+    for _ in STEPS:
         console.do("help.tour-next")
-    assert turn() == len(DOINGS)
+    assert turn() == len(STEPS)
 
 
 def test_every_step_names_commands_that_there_are(tour):
     console, _ = tour
-    for doing in DOINGS:
+    for doing in STEPS:
         for name in doing.commands:
             assert name in console.table, name

@@ -28,15 +28,16 @@ if TYPE_CHECKING:
 _GRID = 128  # frequencies per axis; kernels reach half as far
 _KEPT_ENERGY = 0.999  # least share of the energy in a cropped kernel
 _NARROW_PX2 = 0.8  # variance of a Gaussian below which its taps are fitted
-_PYRAMID_ERROR = 0.02
-_KERNEL_ERROR, _SMALL_KERNEL = 0.01, 9
-_WIDEST_DISC_PX = 2.0
+_PYRAMID_ERROR = 0.02  # largest error of a pyramid's transfer function
+_KERNEL_ERROR = 0.01  # the same for a measured kernel
+_SMALL_KERNEL = 9  # size up to which a kernel is cheaper than a pyramid
+_WIDEST_DISC_PX = 2.0  # diameter of a blur disc up to which a pyramid is fine enough
 _MAX_FREQUENCY = 0.45  # cycles per pixel; near Nyquist every kernel without negative taps deviates
-_FREQUENCIES = np.linspace(0, 0.5, 26)
-LARGEST_KERNEL = 63
+_FREQUENCIES = np.linspace(0, 0.5, 26)  # cycles per pixel at which errors are evaluated
+LARGEST_KERNEL = 63  # rows and columns
 _ONE_THREAD_VALUES = 1 << 19  # OpenCV uses one thread below this size
 _PIECE_VALUES = 1 << 18  # fits a processor's cache
-_WORTH_TWO = 3 << 19
+_WORTH_TWO = 3 << 19  # values of an image from which two threads are faster
 
 
 def diffraction_mtf(frequency: FloatArray, cutoff: float) -> FloatArray:
@@ -196,6 +197,7 @@ def _residual_gaussian_px(optics: Optics, sensor: Sensor, disc_px: float) -> flo
 @lru_cache(maxsize=64)
 def gaussian_taps(sigma_px: float) -> Float32Array:
     """Return (2 n + 1,) taps along one axis, n of three sigma, as in the public recipe's 7 taps for one pixel.
+
     A narrow Gaussian sampled at whole pixels has another transfer function: its taps are the non-negative ones that fit
     best.
     """

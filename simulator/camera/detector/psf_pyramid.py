@@ -31,9 +31,9 @@ _BINOMIAL = np.array([1, 8, 28, 56, 70, 56, 28, 8, 1]) / 256
 _FREQUENCIES = np.concatenate([[0.0, 0.0025, 0.005, 0.01, 0.015], np.arange(0.02, 0.501, 0.02)])
 _CORNER_WEIGHT = 0.2  # weight of frequencies beyond Nyquist's circle, which occur along diagonals only
 _SUM_WEIGHT = 30.0  # weight of the zero frequency, which conserves the sum
-_WING_RADII_PX = np.geomspace(10.0, 450.0, 12)
-_WING_WEIGHT = 0.05
-_BESIDE_PX = 4
+_WING_RADII_PX = np.geomspace(10.0, 450.0, 12)  # radii at which the wings are matched
+_WING_WEIGHT = 0.05  # weight of their relative error
+_BESIDE_PX = 4  # margin of the fit around a kernel
 _FAINT = 3e-4  # regularisation of the weights, over the largest value
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.gl.programs import Program
     from flyaround.simulator.scene.illumination.bands import Bands
 
-STAMP_SHIFT = 28
+STAMP_SHIFT = 28  # position of the stamp in a 32-bit word
 TEXEL_SAMPLERS = ("t_texel", "t_detail")
 """Samplers of the shading pass for textured materials."""
 KEPT_BYTES = 320 << 20

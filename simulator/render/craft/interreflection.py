@@ -44,7 +44,7 @@ class AtlasTextures:
     """
 
     def __init__(self, pair: tuple[moderngl.Texture, moderngl.Texture], transfer: RadianceTransfer) -> None:
-        self._made, self.pair = transfer, pair
+        self._transfer, self.pair = transfer, pair
         self.visibility, self.interreflection = pair
         self._image = np.zeros(
             (self.interreflection.width * self.interreflection.height, self.interreflection.components),
@@ -57,14 +57,14 @@ class AtlasTextures:
         """Set ``interreflection`` [W m-2] to that of a view."""
         R = view.R_camera_from_target
         far = ((view.sun_direction, view.sun_irradiance_w_m2 * view.sun_share), *view.lights)
-        sources = [(*_between(self._made.directions, R.T @ towards), light) for towards, light in far]
+        sources = [(*_between(self._transfer.directions, R.T @ towards), light) for towards, light in far]
         sky = sky_harmonics(view.sky, R)
         state = b"".join(np.asarray(x).tobytes() for x in (*(x for source in sources for x in source), sky))
         if state == self._last:
             return
         self._last = state
         for band, (table, even) in enumerate(
-            zip(self._made.interreflected, self._made.interreflected_sky, strict=True)
+            zip(self._transfer.interreflected, self._transfer.interreflected_sky, strict=True)
         ):
             light = _weighted(sky[band], even)
             for rows, shares, falling in sources:
@@ -131,8 +131,8 @@ class Interreflection:
             textures.release()
         for texture in (one for pair in self._empty.values() for one in pair):
             texture.release()
-        for kept in (self._kept, self._empty, self._begun):
-            kept.clear()
+        for textures_by_bands in (self._kept, self._empty, self._begun):
+            textures_by_bands.clear()
 
 
 def _mean_reflectance(materials: Sequence[Material], bands: Bands) -> FloatArray:

@@ -33,7 +33,7 @@ SAMPLES, NEIGHBOURHOOD = 6000, 0.12
 """Number of surface points, and the radius around a keypoint as a share of the craft, for detecting booms."""
 BROAD_RATIO, BOOM_WEIGHT = 0.4, 0.3
 """Ratio of principal axes below which a surface is a boom, and the weight of a point on a boom."""
-TURN_COS = float(np.cos(np.deg2rad(25.0)))  # of the least angle by which a crease turns at a corner
+TURN_COS = float(np.cos(np.deg2rad(25.0)))  # cosine of the least angle by which a crease turns at a corner
 
 
 def propose_keypoints(bodies: list[MeshBody], extent: float) -> tuple[Keypoint, ...]:

@@ -26,16 +26,15 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Material
 
-CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # of the least angle between two faces at a crease
+CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # cosine of the least angle between two faces at a crease
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
 """Cosine of the largest bend within a chain, which follows rims of twelve or more sides."""
-MAX_DEVIATION = 0.004  # of a chain from its straight edge, as a share of the craft
-MIN_LENGTH = 0.03
-"""Largest deviation of a segment from its straight line, and its least length, as shares of the craft."""
+MAX_DEVIATION = 0.004  # largest deviation of a segment from its straight line, as a share of the craft
+MIN_LENGTH = 0.03  # least length of a segment, as a share of the craft
 BEVEL = 0.006
 """Distance within which parallel edges are merged, as a share of the craft."""
-FEWEST_EDGES, MAX_EDGES = 40, 100
-MAX_LOOKED_AT = 600
+FEWEST_EDGES, MAX_EDGES = 40, 100  # limits on the number of proposed edges
+MAX_LOOKED_AT = 600  # longest segments whose visibility is computed
 FEWEST_SEEN = 0.04
 """Least visible share of an edge, over views and its length."""
 MIN_CONTRAST = 0.1
