@@ -203,7 +203,7 @@ def find_streams(
     image : array (H, W), float32
         The whole image.
     wge : WeakGradientElimination
-        Of the whole image.
+        Strong gradients of the whole image.
     """
     diagonal = region.diagonal_px
     rows, cols = crop_of(region, image, SEARCH_MARGIN * diagonal)

@@ -62,7 +62,7 @@ class ScoredPose(NamedTuple):
     q, t : arrays (4,), (3,)
         Camera from target.
     covariance : array (6, 6)
-        Of rotation [rad] and translation [m], camera axes.
+        Covariance of rotation [rad] and translation [m], camera axes.
     inliers, met : float
         Share of the image's corners that the model's meet, and their number.
     """
@@ -100,7 +100,7 @@ class PublishedEstimator(Estimator):
         wge = eliminate_weak_gradients(image, BLUR_PX)
         frame.keep("image_gradient", wge)
         frame.mark("weak_gradients")
-        region = cdf_box(wge)
+        region = cdf_box(wge.strong)
         frame.keep("regions", [region])
         frame.count("regions", 1)
         frame.mark("regions")

@@ -202,9 +202,9 @@ def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
     Parameters
     ----------
     way : array (B, C, 2)
-        From each corner to the image's nearest one [px].
+        Vectors from each corner to the image's nearest one [px].
     nearest : array (B, C)
-        Its index.
+        Index of that corner of the image.
     """
     d = np.where(seen, np.hypot(way[..., 0], way[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)

@@ -7,25 +7,23 @@ edge length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Tuple
+from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
-
 Array = np.ndarray
 
+Box = Tuple[float, float, float, float]
 
-@dataclass(frozen=True)
-class Region:
+
+class Region(NamedTuple):
     """Hypothesis of the target's extent, in full-resolution pixels.
 
     Parameters
     ----------
-    x0, y0, x1, y1
+    x0, y0, x1, y1 : float
         Edges of the box.
-    source
+    source : str
         The rule that proposed it.
     """
 
@@ -51,13 +49,12 @@ class Region:
         )
 
 
-def overlap(a: Region, b: Region) -> float:
-    """Return the intersection over union of two boxes."""
-    w = min(a.x1, b.x1) - max(a.x0, b.x0)
-    h = min(a.y1, b.y1) - max(a.y0, b.y0)
+def overlap(a: Box, b: Box) -> float:
+    """Return the intersection over union of two boxes (x0, y0, x1, y1)."""
+    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
     if w <= 0 or h <= 0:
         return 0.0
-    union = (a.x1 - a.x0) * (a.y1 - a.y0) + (b.x1 - b.x0) * (b.y1 - b.y0) - w * h
+    union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - w * h
     return float(w * h / max(union, 1e-9))
 
 
@@ -69,11 +66,20 @@ def marginal_interval(weights: Array, low: float, high: float) -> Tuple[float, f
     return float(np.searchsorted(c, low * c[-1])), float(np.searchsorted(c, high * c[-1]))
 
 
-def cdf_box(wge: WeakGradientElimination) -> Region:
-    """Return the 2.5 % to 97.5 % interval of both marginal CDFs of the surviving gradient, full resolution."""
-    x0, x1 = marginal_interval(wge.strong.sum(axis=0), 0.025, 0.975)
-    y0, y1 = marginal_interval(wge.strong.sum(axis=1), 0.025, 0.975)
-    return Region(x0 - 0.5, y0 - 0.5, x1 + 0.5, y1 + 0.5, "wge-cdf")
+def cdf_box(strong: Array, reduction: int = 1) -> Region:
+    """Return the 2.5 % to 97.5 % interval of both marginal CDFs of the surviving gradient, full resolution.
+
+    Parameters
+    ----------
+    strong : array (h, w)
+        True at the pixels that survive weak gradient elimination.
+    reduction : int
+        Pixels of the image in one of ``strong``, along each axis.
+    """
+    x0, x1 = marginal_interval(strong.sum(axis=0), 0.025, 0.975)
+    y0, y1 = marginal_interval(strong.sum(axis=1), 0.025, 0.975)
+    f = reduction
+    return Region(x0 * f - 0.5, y0 * f - 0.5, (x1 + 1) * f - 0.5, (y1 + 1) * f - 0.5, "wge-cdf")
 
 
 def crop_of(region: Region, image: Array, margin: float = 0.0) -> Tuple[slice, slice]:

@@ -25,13 +25,13 @@ class WeakGradientElimination:
     Parameters
     ----------
     magnitude : array (h, w)
-        Normalised to its largest value.
+        Gradient magnitude as a share of its largest value.
     strong : array (h, w)
-        Above the threshold.
-    threshold
-        On the normalised magnitude.
+        True where the magnitude exceeds the threshold.
+    threshold : float
+        Threshold of the normalised magnitude.
     counts : array (bins,)
-        Histogram.
+        Histogram of the normalised magnitude.
     """
 
     magnitude: Array
@@ -68,7 +68,7 @@ def eliminate_weak_gradients(
     Parameters
     ----------
     image : array (h, w), float32
-        , any scale.
+        The image, in any unit.
     """
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px)
     gx, gy = prewitt(blurred)

@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.propose.saliency import (
     straight_segments,
 )
 from flyaround.hil.board.svd.line_streams import drop_specks
-from flyaround.hil.board.svd.region_of_interest import Region, marginal_interval, overlap
+from flyaround.hil.board.svd.region_of_interest import Box, Region, cdf_box, overlap
 from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
 Array = np.ndarray
@@ -33,14 +33,6 @@ JOINS = (13, APART, 7)
 
 # Least share of the edges on the craft before empty space.
 OWN_EDGES = 0.8
-
-
-def cdf_region(strong: Array, low: float = 0.025, high: float = 0.975) -> Region:
-    """Return Sharma's region: the 2.5 %..97.5 % interval of both marginal CDFs of the strong gradient."""
-    x0, x1 = marginal_interval(strong.sum(axis=0), low, high)
-    y0, y1 = marginal_interval(strong.sum(axis=1), low, high)
-    f = REDUCTION
-    return Region(x0 * f - 0.5, y0 * f - 0.5, (x1 + 1) * f - 0.5, (y1 + 1) * f - 0.5, "wge-cdf")
 
 
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
@@ -99,7 +91,7 @@ def propose_regions(
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
         r = Region(x0 * f, y0 * f, (x1 + 1) * f - 1, (y1 + 1) * f - 1, source)
-        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r, o) > 0.85 for o in regions):
+        if min(x1 - x0, y1 - y0) < 3 or any(overlap(r[:4], o[:4]) > 0.85 for o in regions):
             return
         regions.append(r)
 
@@ -134,15 +126,13 @@ def propose_regions(
                 ("saliency", "straight").index(r.source) if r.source in ("saliency", "straight") else 2
             )
         )
-    cdf = cdf_region(wge.strong)
-    if not any(overlap(cdf, o) > 0.85 for o in regions):
+    cdf = cdf_box(wge.strong, REDUCTION)
+    if not any(overlap(cdf[:4], o[:4]) > 0.85 for o in regions):
         regions.append(cdf)
     return regions, busy, likely
 
 
-def straight_windows(
-    small: Array, segments: Array, count: int = 3
-) -> List[Tuple[float, float, float, float]]:
+def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]:
     """Return boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
 
     Coastlines and clouds break into short pieces; a segment counts by the square of its length.
@@ -163,7 +153,7 @@ def straight_windows(
     turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
     heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
     mean = 0.25 * float(heat[0].mean())
-    windows: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    windows: List[Tuple[float, Box]] = []
     for side in (44, 72, 116, 190, 290):
         half = side // 2
         total, c, s = (

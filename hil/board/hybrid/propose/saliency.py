@@ -17,6 +17,7 @@ import numpy as np
 
 from flyaround.hil.board.hybrid.image.edge_field import gradient, gradient_noise
 from flyaround.hil.board.hybrid.image.line_segments import lsd_stream
+from flyaround.hil.board.svd.region_of_interest import Box, overlap
 
 Array = np.ndarray
 
@@ -186,13 +187,13 @@ def saliency_map(
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(h, w)
 
 
-def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, float]]:
+def boxes(probability: Array, most: int = 4) -> List[Box]:
     """Return boxes around the most salient regions, best first [cells].
 
     At several thresholds, because a craft half in shadow breaks up at a high one and joins a cloud at a low one.
     """
     smooth = cv2.GaussianBlur(probability.astype(np.float32), (0, 0), 1.0)
-    candidates: List[Tuple[float, Tuple[float, float, float, float]]] = []
+    candidates: List[Tuple[float, Box]] = []
     for level in (0.5, 0.25, 0.75, 0.12):
         mask = cv2.morphologyEx((smooth > level).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
@@ -205,17 +206,10 @@ def boxes(probability: Array, most: int = 4) -> List[Tuple[float, float, float, 
             score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
             candidates.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
     candidates.sort(key=lambda f: -f[0])
-    distinct: List[Tuple[float, float, float, float]] = []
+    distinct: List[Box] = []
     for _, box in candidates:
-        if all(_overlap(box, other) < 0.6 for other in distinct):
+        if all(overlap(box, other) < 0.6 for other in distinct):
             distinct.append(box)
         if len(distinct) >= most:
             break
     return distinct
-
-
-def _overlap(a: Tuple[float, float, float, float], b: Tuple[float, float, float, float]) -> float:
-    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    if w <= 0 or h <= 0:
-        return 0.0
-    return w * h / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - w * h)
