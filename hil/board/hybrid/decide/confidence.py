@@ -49,7 +49,7 @@ ERRORS, ERRORS_AT_PX, ERRORS_POWER = 0.32, 400.0, 1.2
 
 # Standard deviations that the light of lamps adds, for the craft is not quite the model: rotation [rad], and position
 # over range (tools/studies/confidence_fit.py).
-LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.010, 0.008
+LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.014, 0.010
 
 # Fewer edge samples decide nothing; the least support by edges that a decision by edges alone takes: share of the
 # model's length drawn before empty space and before a texture, and share of the samples found.
