@@ -115,7 +115,7 @@ def test_a_stage_that_fails_is_the_callers_to_hear_of(plan):
 def test_a_run_that_was_broken_off_is_not_taken_for_the_next(plan):
     with open_frames(number_and_mean, processes=1) as producer:
         next(run_frames(plan, producer, labels=False))
-        with pytest.raises(RuntimeError, match="broken off"):
+        with pytest.raises(RuntimeError, match="interrupted run"):
             next(run_frames(plan, producer, labels=False))
 
 

@@ -51,6 +51,9 @@ ERRORS, ERRORS_AT_PX, ERRORS_POWER = 0.32, 400.0, 1.2
 # over range (tools/studies/confidence_fit.py).
 LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE = 0.014, 0.010
 
+# The same of craft whose confidence was not fitted, for their surfaces and turns about their axes are held less well.
+UNTRIED_SIGMA_RAD, UNTRIED_SIGMA_SHARE = 0.010, 0.005
+
 # Fewer edge samples decide nothing; the least support by edges that a decision by edges alone takes: share of the
 # model's length drawn before empty space and before a texture, and share of the samples found.
 LEAST_EDGES, LEAST_DRAWN, LEAST_DRAWN_TEXTURED, LEAST_FOUND = 25, 0.35, 0.5, 0.3
@@ -161,9 +164,13 @@ def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
     """Return the (6, 6) covariance of a pose that was judged by the whole image: rotation [rad], position [m]."""
     scale = ERRORS * (max(e.size_px, SMALLEST_PX) / ERRORS_AT_PX) ** ERRORS_POWER
     covariance = scale * pose.covariance
-    if e.regime is Regime.LAMPS:
-        away = LAMPS_SIGMA_SHARE * float(np.linalg.norm(pose.t))
-        covariance = covariance + np.diag([LAMPS_SIGMA_RAD**2] * 3 + [away**2] * 3)
+    range_m = float(np.linalg.norm(pose.t))
+    for applies, turn, share in (
+        (e.regime is Regime.LAMPS, LAMPS_SIGMA_RAD, LAMPS_SIGMA_SHARE),
+        (not e.tried, UNTRIED_SIGMA_RAD, UNTRIED_SIGMA_SHARE),
+    ):
+        if applies:
+            covariance = covariance + np.diag([turn**2] * 3 + [(share * range_m) ** 2] * 3)
     return np.asarray(covariance)
 
 
