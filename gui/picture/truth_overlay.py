@@ -71,7 +71,8 @@ class Marker:
 
         Parameters
         ----------
-        scene : scene of the picture. overlays : requested marks.
+        scene : scene of the picture.
+        overlays : requested marks.
         exact : True to compute visibility for this picture.
         """
         return Marks(

@@ -32,7 +32,8 @@ class Plugin:
 
     Parameters
     ----------
-    name : name of the entry point. package, version : distribution that provides it.
+    name : name of the entry point.
+    package, version : distribution that provides it.
     """
 
     kind: Kind
