@@ -100,7 +100,9 @@ class WindowRequests:
 
     Parameters
     ----------
-    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to raise.
+    screenshot : file for a picture of the window.
+    clipboard : text for the clipboard.
+    front : panel to raise.
     enlarged : panel that fills the window, or empty.
     """
 
@@ -120,8 +122,10 @@ class Help:
 
     Parameters
     ----------
-    about : title and description of each panel. panel : panel that the help describes.
-    hovered : the panel under the mouse. rects : left, top, width and height of panels and bars.
+    about : title and description of each panel.
+    panel : panel that the help describes.
+    hovered : the panel under the mouse.
+    rects : left, top, width and height of panels and bars.
     """
 
     about: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -139,7 +143,8 @@ class Console:
     Parameters
     ----------
     session : the flight; replaced when another scenario is opened.
-    feed : pictures of the chaser's camera. feeds : feeds of further views, by name.
+    feed : pictures of the chaser's camera.
+    feeds : feeds of further views, by name.
     options : the operator's settings.
     table : all commands.
     shown : panels and views by name, True if open.
@@ -201,7 +206,8 @@ class Console:
 
         Parameters
         ----------
-        name : name of the command. arguments : values in the order of the command's declaration.
+        name : name of the command.
+        arguments : values in the order of the command's declaration.
         """
         try:
             command = self.table[name]

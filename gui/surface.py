@@ -64,7 +64,8 @@ class Surface(ABC):
 
     Parameters
     ----------
-    context : current OpenGL context. target : framebuffer to draw into.
+    context : current OpenGL context.
+    target : framebuffer to draw into.
     monitor_scale : pixels per screen unit.
     """
 

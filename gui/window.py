@@ -28,7 +28,8 @@ def open_glfw(
 
     Parameters
     ----------
-    monitor : monitor to fill. hints : further glfw hints, by name.
+    monitor : monitor to fill.
+    hints : further glfw hints, by name.
     """
     all_hints = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
     all_hints |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
@@ -45,7 +46,8 @@ class Window(Surface):
 
     Parameters
     ----------
-    title : title of the window. size : width and height in screen units.
+    title : title of the window.
+    size : width and height in screen units.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:

@@ -35,7 +35,8 @@ class EstimateRequest:
 
     Parameters
     ----------
-    t_s : mid-exposure, for a tracking method. stages : True to return pictures of the stages.
+    t_s : mid-exposure, for a tracking method.
+    stages : True to return pictures of the stages.
     """
 
     method: str

@@ -68,7 +68,9 @@ def audit_pictures(
 
     Parameters
     ----------
-    rows : rows of the ledger. pictures : name and image of each picture. place : place of the code in the run.
+    rows : rows of the ledger.
+    pictures : name and image of each picture.
+    place : place of the code in the run.
     """
     place = CodePlace() if place is None else place
     by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()

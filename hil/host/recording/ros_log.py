@@ -131,7 +131,8 @@ class RosLog:
 
     Parameters
     ----------
-    path : MCAP file to write, or None. live : host and port of a WebSocket to serve, or None.
+    path : MCAP file to write, or None.
+    live : host and port of a WebSocket to serve, or None.
 
     Raises
     ------

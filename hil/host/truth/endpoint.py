@@ -105,7 +105,8 @@ class TruthEndpoint:
 
     Parameters
     ----------
-    url : address for loggers. board_url : address for boards, named to one that connects here.
+    url : address for loggers.
+    board_url : address for boards, named to one that connects here.
     key : key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
     """
 
