@@ -94,7 +94,7 @@ def make_agent(
     Raises
     ------
     LinkError
-        If a value, the URL, the model, the method, the key or the kernels cannot be used: one sentence.
+        If a value, the URL, the model, the method, the key or the kernels cannot be used; the message is one sentence.
     """
     for name in ("timeout", "watchdog", "silence"):
         if given[name] is not None and not given[name] > 0:

@@ -83,7 +83,7 @@ class GigeCamera:
     Raises
     ------
     LinkError
-        If Aravis is not here, no camera answers, another program controls it, or a setting is refused: one sentence.
+        If Aravis is not installed, no camera answers, another program controls it, or a setting is refused.
     """
 
     def __init__(self, address: str, settings: CameraSettings) -> None:

@@ -73,7 +73,7 @@ def run_camera_board(
     Raises
     ------
     LinkError
-        If Aravis is not here, the camera, a file or the host cannot be used: one sentence.
+        If Aravis is not here, the camera, a file or the host cannot be used; the message is one sentence.
     """
     address = url[len(SCHEME) :].rstrip("/")
     if not address:

@@ -23,7 +23,7 @@ CHANNELS, BLOCKS = (64, 128, 192), (2, 2, 3)
 
 
 class _Residual(nn.Module):  # type: ignore[misc]
-    """Two convolutions beside the identity (He et al. 2016)."""
+    """Residual block of two convolutions (He et al. 2016)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class _Residual(nn.Module):  # type: ignore[misc]
 
 
 class Trunk(nn.Module):  # type: ignore[misc]
-    """Return (B, 192, 8, 8) features of inputs (B, 2, 128, 128)."""
+    """Feature extractor, shared by all craft: (B, 2, 128, 128) inputs to (B, 192, 8, 8) features."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,7 +63,7 @@ class Trunk(nn.Module):  # type: ignore[misc]
 
 
 class Head(nn.Module):  # type: ignore[misc]
-    """Return (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of a craft and log size, of a trunk's features."""
+    """Output layers of one craft: (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of presence and log size."""
 
     def __init__(self) -> None:
         super().__init__()

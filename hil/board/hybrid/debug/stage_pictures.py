@@ -55,7 +55,7 @@ def write_stage_pictures(
     result : PoseResult
         Its result.
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         Intrinsics.
 

@@ -65,7 +65,7 @@ def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) 
     Parameters
     ----------
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     made : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
         and its mean.
@@ -258,7 +258,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     thin : (G + 1,) array
         True for groups that fill no pixel.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     """
     f, (h, w) = patch.fine, patch.gray.shape
     if group.dtype == np.uint8:

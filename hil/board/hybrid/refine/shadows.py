@@ -64,11 +64,11 @@ def search_sun(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     q, t : (4,), (3,) array
-        The pose.
+        Pose of the target: quaternion and position [m].
     plain : Shading, optional
         View without shadows, if there is one.
     seen : (H, W) array, optional

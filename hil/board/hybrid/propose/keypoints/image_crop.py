@@ -119,7 +119,7 @@ def network_inputs(
     noise : float
         Standard deviation of its noise.
     camera : CameraIntrinsics
-        The camera.
+        Intrinsics of the camera.
     crops : sequence of ImageCrop
         Where to look.
     reduced : (h, w) array, optional
