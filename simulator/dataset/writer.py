@@ -84,7 +84,7 @@ class CheckAndEncode:
 
 
 class DatasetWriter:
-    """Writes verified frames into a store, quarantines faulty ones, and keeps the card consistent.
+    """Writer of verified frames into a store. It quarantines faulty frames and keeps the card consistent.
 
     Use as a context manager: leaving it, for whatever reason, writes the remaining frames.
 

@@ -26,7 +26,8 @@ class HoldPoint:
 
     Parameters
     ----------
-    axial_m : distance of the docking point in front of the port. decision : open until the operator decides or it is
+    axial_m : distance of the docking point in front of the port.
+    decision : open until the operator decides or it is
         passed.
     """
 
@@ -45,7 +46,8 @@ class HoldPoints:
 
     Parameters
     ----------
-    start_m : distance at which the approach begins. distances_m : distances of the points.
+    start_m : distance at which the approach begins.
+    distances_m : distances of the points.
     """
 
     def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:

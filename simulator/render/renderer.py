@@ -84,7 +84,7 @@ def _check_finite(
 
 
 class Renderer:
-    """Draws scenes headless, one at a time, in the thread that created it.
+    """Headless renderer of scenes, one at a time, in the thread that created it.
 
     Parameters
     ----------

@@ -56,7 +56,8 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
-    scenes : recorded scenes by number. seed : seed of the sample of a recipe's frames.
+    scenes : recorded scenes by number.
+    seed : seed of the sample of a recipe's frames.
     """
     if not scenes:
         return SceneCheck()

@@ -117,7 +117,8 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
 
     Parameters
     ----------
-    place : folder or list of labels. name : name of the format; by default it is detected.
+    place : folder or list of labels.
+    name : name of the format; by default it is detected.
 
     Raises
     ------

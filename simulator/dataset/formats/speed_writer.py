@@ -55,7 +55,7 @@ def jpeg(frame: LabelledFrame) -> bytes:
 
 
 class SpeedWriter:
-    """Writes SPEED or SPEED+.
+    """Writer of data sets in the SPEED or SPEED+ format.
 
     Parameters
     ----------
