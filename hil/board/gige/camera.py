@@ -60,8 +60,10 @@ class CameraFrame:
     Parameters
     ----------
     number : since acquisition started, from 0, as the camera counts.
-    image : (H, W) uint8 or uint16. roi_px : x, y, width, height of the part of the detector that it is.
-    camera_time_ns : the camera's own time stamp. received_ns : this machine's monotonic clock.
+    image : (H, W) uint8 or uint16.
+    roi_px : x, y, width, height of the part of the detector that it is.
+    camera_time_ns : the camera's own time stamp.
+    received_ns : this machine's monotonic clock.
     skipped : whole frames since the last one taken, which this one took the place of.
     """
 

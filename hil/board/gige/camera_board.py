@@ -68,7 +68,8 @@ def run_camera_board(
     Parameters
     ----------
     url : ``gige://ADDRESS``.
-    make_estimator : makes one from a camera JSON object. hello : description of this board for the host.
+    make_estimator : makes one from a camera JSON object.
+    hello : description of this board for the host.
 
     Raises
     ------

@@ -37,7 +37,9 @@ class PointingContext:
 
     Parameters
     ----------
-    orbit : orbit of the target. body : central body. epoch, duration_s : start and length of the flight.
+    orbit : orbit of the target.
+    body : central body.
+    epoch, duration_s : start and length of the flight.
     relative : function of time: chaser minus target, position [m] and velocity [m s-1], GCRS axes.
     """
 

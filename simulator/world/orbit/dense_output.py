@@ -89,8 +89,11 @@ def integrate(
 
     Parameters
     ----------
-    derivative : function of time [s] and state (width,). start : (width,) initial state. span_s : start and end.
-    rtol, atol : tolerances of the step control. max_step_s : bounds the error of the polynomials.
+    derivative : function of time [s] and state (width,).
+    start : (width,) initial state.
+    span_s : start and end.
+    rtol, atol : tolerances of the step control.
+    max_step_s : bounds the error of the polynomials.
 
     Raises
     ------

@@ -22,7 +22,8 @@ class ImageCrop:
 
     Parameters
     ----------
-    direction : (3,) unit vector, camera axes. diameter_px : of the target's sphere were it on the boresight,
+    direction : (3,) unit vector, camera axes.
+    diameter_px : of the target's sphere were it on the boresight,
         which is its focal length times twice the tangent of its half angle.
     """
 
