@@ -16,9 +16,9 @@ ABOUT: tuple[About, ...] = ("target", "chaser")
 FIRST = (-60.0, 25.0, 12.0)  # initial azimuth [deg], elevation [deg] and least initial distance [m]
 AWAY = 2.0
 """Ratio of the initial distance to the chaser's range from the target: keeps both in view."""
-NEAREST_M, FARTHEST_M = 0.6, 20_000.0
-STEEPEST_DEG = 89.0
-LARGEST_PX = (960, 640)
+NEAREST_M, FARTHEST_M = 0.6, 20_000.0  # bounds of the distance
+STEEPEST_DEG = 89.0  # largest elevation: at 90 deg the azimuth would be undefined
+LARGEST_PX = (960, 640)  # largest picture, for its drawing time
 _STEP_PX = 16
 """Quantisation of the picture size, so that resizing a view seldom changes it."""
 
