@@ -107,7 +107,7 @@ class Window(Surface):
 
     @property
     def open(self) -> bool:
-        """True until the operator closes it."""
+        """True until the operator closes the window."""
         return not self._glfw.window_should_close(self._native)
 
     @property
@@ -128,11 +128,11 @@ class Window(Surface):
         return int(width), int(height)
 
     def close(self) -> None:
-        """Ask the loop to end."""
+        """Request that the main loop end."""
         self._glfw.set_window_should_close(self._native, True)
 
     def wait(self, longest_s: float) -> bool:
-        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
+        """Process input events, waiting at most ``longest_s`` for one; return True if there were any."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
         return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s

@@ -114,7 +114,7 @@ class ChaserDirection:
 
 @dataclass(frozen=True, eq=False)
 class SunDirection:
-    """Direction to the apparent Sun; ``where`` returns its position from the central body [m]."""
+    """Direction to the apparent Sun; ``where`` is the Sun's position relative to the central body over time [m]."""
 
     orbit: OrbitTrack
     where: CubicSpline
