@@ -56,7 +56,8 @@ class Labels:
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 on the target. depth_m : (H, W) camera z, NaN outside.
+    mask : (H, W) uint8, 255 on the target.
+    depth_m : (H, W) camera z, NaN outside.
     layers : the label images that were requested, by name.
     """
 
@@ -82,7 +83,8 @@ def label_picture(
     Parameters
     ----------
     request : layers to draw besides truth and mask.
-    signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : digital numbers of it.
+    signal : (H, W[, 3]) noise-free signal, 1 at full scale.
+    image : digital numbers of it.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
@@ -147,7 +149,8 @@ def truth_record(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale. level : function that returns its mean.
+    signal : (H, W) noise-free signal, 1 at full scale.
+    level : function that returns its mean.
     wireframe : True to list each edge with its visible parts.
     """
     mesh = mesh_of(target)

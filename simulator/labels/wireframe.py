@@ -128,7 +128,8 @@ class _Wires:
 
     Parameters
     ----------
-    ends_m : (E, 2, 3) ends. radius_m : (E,) radius of rods, else 0.
+    ends_m : (E, 2, 3) ends.
+    radius_m : (E,) radius of rods, else 0.
     planes : (P, 4) faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
     owner : (P,) edge of each plane.
     """
