@@ -1,8 +1,11 @@
-"""The keypoint network in PyTorch: a trunk for all craft, and a head for each.
+"""The keypoint network in PyTorch: a trunk shared by all craft, and a head for each craft.
 
-A head gives, for every keypoint, a distribution over the columns and one over the rows of the input (SimCC: Li et al.
-2022, SimCC: a simple coordinate classification perspective for human pose estimation), and the logit of a craft being
-there.
+For every keypoint a head gives a distribution over the columns of the input and one over its rows. It also gives the
+logit that a craft is present.
+
+References
+----------
+Li et al. (2022), SimCC: a simple coordinate classification perspective for human pose estimation.
 """
 
 from __future__ import annotations
