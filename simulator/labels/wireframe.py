@@ -1,8 +1,8 @@
-"""Visible stretches of each model edge: analytic hidden-line removal against the mesh.
+"""Visible intervals of each model edge: analytic hidden-line removal against the mesh.
 
-The inverse depth of an edge and of a triangle is linear in the image. So each triangle that an edge crosses hides it
-over one interval: the part inside the triangle, cut where the two inverse depths are equal. The union of these
-intervals is the hidden part.
+The inverse depths of an edge and of a triangle are linear in the image. Therefore a triangle hides an edge over one
+interval: the part inside the triangle, bounded where the two inverse depths are equal. The union of these intervals
+over all triangles is the hidden part.
 
 References
 ----------
