@@ -153,7 +153,7 @@ def _wires(target: Target) -> _Wires:
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
     normals = np.array([normal for edge in edges for normal in edge.normals], float).reshape(-1, 3)
     ends = np.array([(edge.a_m, edge.b_m) for edge in edges], float).reshape(-1, 2, 3)
-    # any point of the edge, because it lies in both faces' planes
+    # an end of the edge gives the planes' offsets, because it lies in the planes of both faces
     distance = (normals * ends[owner, 0]).sum(axis=1)
     radius = np.array([edge.radius_m for edge in edges], float)
     return _Wires(ends, radius, np.column_stack([normals, -distance]), owner)

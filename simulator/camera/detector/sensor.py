@@ -12,7 +12,7 @@ ColourFilter = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
-    """A real detector, in electrons. All noise terms are standard deviations unless said otherwise.
+    """Parameters of a detector, in electrons. Noise terms are standard deviations unless stated otherwise.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ class Detector:
     blooming : share of the charge above the full well that spills into the column's neighbours.
     cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
         thickness ``layer_m``.
+    layer_m : thickness of the sensitive layer.
     colour_filter : ``none`` (each pixel sees every band) or a Bayer mosaic, named by its first two by two pixels.
-        demosaic : True to output the interpolated RGB image instead of the mosaic.
-    binning : width and height of an image pixel in physical ones.
-    charge_binning : True to add charge before the
-        read-out (one read noise), False to add numbers after it.
+    demosaic : True to output the interpolated RGB image instead of the mosaic.
+    binning : width and height of an image pixel in physical pixels.
+    charge_binning : True to add charges before read-out (one read noise), False to add numbers after it.
     roi_x0_px, roi_y0_px : first physical pixel of the image, for the fixed pattern.
     serial : serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
     shot_noise : False only in clean twins, where all other noise is off too.
