@@ -1,4 +1,4 @@
-"""The console's main loop: input to commands, the flight to the render process, newest picture to the window."""
+"""The console's main loop: turns input into commands, advances the flight, requests pictures and draws the window."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ log = logging.getLogger(__name__)
 
 SAVE_FOLDER = Path("out") / "console"
 WINDOW_HZ, SOFTWARE_HZ = 60.0, 33.0
-"""Rate of the window; lower if software draws it, because its processors draw the pictures too."""
+"""Refresh rate of the window; lower with a software driver, where the same cores render the pictures."""
 STILL_HZ = 10.0
-"""Rate without new pictures or input."""
+"""Refresh rate without new pictures or input."""
 SHARE = 0.9
-"""Largest share of the time for drawing a slow window."""
+"""Largest share of the main loop's time for drawing the window."""
 SLICE_S = 1 / 60
 """Longest period between checks of input, time and pictures."""
 URGENT, URGENT_ARMED = ("delete",), ("delete", "x")
-"""Keys of abort and stop, which overtake queued keys of a slow window."""
+"""Keys of abort and stop, which are handled before other queued keys if the window is slow."""
 FLIGHT_GROUPS = frozenset({"steer", "guidance", "burn", "docking", "time", "timeline"})
 GIVES_WAY = 5
 """Niceness of the render process, so that keys and the window stay responsive."""
@@ -62,14 +62,18 @@ class Request:
 
     Parameters
     ----------
-    scenario : built-in name or TOML file. choose : True to start with the scenario chooser.
-    size : size of the window. off_screen : True to draw it into a texture, without a display.
-    seed : replaces the scenario's. device_index : EGL device of the render process.
+    scenario : built-in name or TOML file.
+    choose : True to start with the scenario chooser.
+    size : size of the window.
+    off_screen : True to draw it into a texture, without a display.
+    seed : replaces the scenario's.
+    device_index : EGL device of the render process.
     seconds : time after the first picture at which the console closes.
     screenshot : file for a picture of the whole window at the end.
     overlays : names of `flyaround.gui.picture.view_settings.Overlays` to switch on.
     record : folder for the flown flight and the scenario that replays it.
-    script : commands with their times. log : file for the commands that were run, as a script.
+    script : commands with their times.
+    log : file to which executed commands are written, as a script.
     """
 
     scenario: str
@@ -109,7 +113,7 @@ def run(request: Request) -> dict[str, Any]:
     table = command_table()
     script = None if request.script is None else Script.read(request.script, table)
     if request.record is not None:
-        # before the flight, not after it
+        # check the folder now: an error after the flight would lose the recording
         empty_folder(request.record, option="--record")
     recorder = FlightRecorder()
     session = FlightSession.of(
@@ -155,7 +159,7 @@ def run(request: Request) -> dict[str, Any]:
                 console.log.write_to(request.log, script_header(console))
             state = ConsoleLoop(window, console, request).run()
         finally:
-            # also if the flight ends with an error
+            # keep the recording also if the flight ends with an error
             console.close()
             replay = recorder.close()
     if replay is not None:
@@ -166,7 +170,7 @@ def run(request: Request) -> dict[str, Any]:
 def _surface(request: Request, title: str) -> Surface:
     if not request.off_screen:
         return Window(title, request.size)
-    # PyOpenGL is loaded for one kind of surface
+    # PyOpenGL selects its platform at import: import only the surface in use
     from flyaround.gui.off_screen import OffScreen  # noqa: PLC0415
 
     return OffScreen(request.size)
@@ -255,7 +259,7 @@ class ConsoleLoop:
         return self._last_state()
 
     def _pass_time(self, wall_ms: int) -> None:
-        """Advance real time if there is a picture of the flight; released keys end at once."""
+        """Advance the flight by elapsed real time, once there is a picture; a released key stops acting at once."""
         console, down = self._console, self._window.keys.still_held(self._held)
         pressed, self._held, self._pressed = self._pressed, down, []
         if console.feed.newest is None:
@@ -289,7 +293,7 @@ class ConsoleLoop:
             if window.keys.typing and console.hand.armed:
                 console.do("steer.arm", False)
             hit = console.table.pressed(window.keys.hit(self._keys), ctrl=window.keys.ctrl)
-            # nothing flies before the first picture
+            # ignore flight commands before the first picture: the operator would fly blind
             console.press([c for c in hit if console.feed.newest is not None or c.group not in FLIGHT_GROUPS])
             self._held, self._pressed = window.keys.held(self._keys), window.keys.hit(self._keys)
             window.keys.set_urgent(URGENT_ARMED if console.hand.armed else URGENT)

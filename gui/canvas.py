@@ -187,7 +187,8 @@ class Canvas:
 
         Parameters
         ----------
-        view, key, image : arguments of `Surface.show_picture`. place : x, y, width, height.
+        view, key, image : arguments of `Surface.show_picture`.
+        place : x, y, width, height.
         """
         x, y, w, h = (float(round(v)) for v in place)
         texture = self._window.show_picture(view, key, image, size=(w, h))
@@ -199,7 +200,8 @@ def thinned(points: FloatArray, most: int = MOST_POINTS) -> FloatArray:
 
     Parameters
     ----------
-    points : (n, 2) screen positions. most : approximate number of remaining points.
+    points : (n, 2) screen positions.
+    most : approximate number of remaining points.
     """
     if len(points) <= most:
         return points
@@ -218,7 +220,9 @@ def dashes(points: FloatArray, on: float = 7.0, off: float = 5.0, most: int = 40
 
     Parameters
     ----------
-    points : (n, 2) finite. on, off : lengths of dash and gap. most : number of dashes; longer lines get longer ones.
+    points : (n, 2) finite.
+    on, off : lengths of dash and gap.
+    most : number of dashes; longer lines get longer ones.
     """
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])

@@ -126,7 +126,9 @@ class Command:
 
     Parameters
     ----------
-    name : ``group.what``, as in scripts. title : name for people, in menus. help : description in one line.
+    name : ``group.what``, as in scripts.
+    title : name for people, in menus.
+    help : description in one line.
     run : function of the console and the arguments. For a held command the argument is True at its start, False at its
         end.
     keys : names in Dear ImGui, with ``ctrl+`` for a chord.

@@ -1,4 +1,4 @@
-"""The console without its window: flight, pictures, settings, and the execution of commands."""
+"""State and commands of the console, independent of its window: flight, pictures, settings, messages."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class Message:
 
 
 class HandControl:
-    """Combines keys, sticks and mouse into the held command.
+    """Manual control: combines the states of keys, sticks and mouse into a command to the chaser.
 
     Attributes
     ----------
     armed : bool
-        True while keys and the mouse fly the chaser. Commands, buttons, scripts, sticks and the abort key always do.
+        True while keys and the mouse act on the chaser. Commands, buttons, scripts, sticks and the abort key always do.
     thrust, turn : tuple of float
-        Demand of the stick or the mouse, each axis from -1 to 1.
+        Translation and rotation demanded by stick or mouse, each axis from -1 to 1.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class HandControl:
         self.centre_sticks()
 
     def hold(self, name: str, *, held: bool) -> None:
-        """Begin or end a switch, or a modifier of the gain."""
+        """Press or release a thrust or rotation switch, or a modifier of the gain."""
         (self._held.add if held else self._held.discard)(name)
         self._spent &= self._held
 
@@ -84,7 +84,7 @@ class HandControl:
         self.thrust = self.turn = STILL
 
     def command(self) -> PilotCommand:
-        """Return the present demand."""
+        """Return the command that the present state of all inputs gives."""
         acting = self._held - self._spent
         return PilotCommand(
             thrust=self.thrust,
@@ -96,11 +96,13 @@ class HandControl:
 
 @dataclass
 class WindowRequests:
-    """Requests of commands to the window, which the loop serves and clears.
+    """Requests that commands make of the window; the main loop carries them out and clears them.
 
     Parameters
     ----------
-    screenshot : file for a picture of the window. clipboard : text for the clipboard. front : panel to raise.
+    screenshot : file for a picture of the window.
+    clipboard : text for the clipboard.
+    front : panel to raise.
     enlarged : panel that fills the window, or empty.
     """
 
@@ -120,8 +122,10 @@ class Help:
 
     Parameters
     ----------
-    about : title and description of each panel. panel : panel that the help describes.
-    hovered : the panel under the mouse. rects : left, top, width and height of panels and bars.
+    about : title and description of each panel.
+    panel : panel that the help describes.
+    hovered : the panel under the mouse.
+    rects : left, top, width and height of panels and bars.
     """
 
     about: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -139,7 +143,8 @@ class Console:
     Parameters
     ----------
     session : the flight; replaced when another scenario is opened.
-    feed : pictures of the chaser's camera. feeds : feeds of further views, by name.
+    feed : pictures of the chaser's camera.
+    feeds : feeds of further views, by name.
     options : the operator's settings.
     table : all commands.
     shown : panels and views by name, True if open.
@@ -185,7 +190,7 @@ class Console:
         self.jobs = Jobs(self.say, self.do)
 
     def remember(self, source: str) -> None:
-        """Put a scenario first among the recent ones."""
+        """Put a scenario first in the list of recent ones."""
         if source:
             self.recent = [source, *(name for name in self.recent if name != source)][:KEPT_RECENT]
 
@@ -197,11 +202,12 @@ class Console:
     # --- commands
 
     def do(self, name: str, *arguments: Value) -> None:
-        """Run a command, as its key, button or a script does; a mistake becomes a message.
+        """Run a command, as its key, its button or a script does; show an error as a message.
 
         Parameters
         ----------
-        name : name of the command. arguments : values in the order of the command's declaration.
+        name : name of the command.
+        arguments : values in the order of the command's declaration.
         """
         try:
             command = self.table[name]
@@ -238,7 +244,7 @@ class Console:
             self.say(text, level)
 
     def press(self, commands: Sequence[Command]) -> None:
-        """Run the commands of keys that went down; those that fly, only while hand control is armed."""
+        """Run the commands of keys that were pressed; flight commands run only while hand control is armed."""
         for command in commands:
             if command.flies and not self.hand.armed:
                 self.say(UNARMED)
@@ -270,11 +276,12 @@ class Console:
     def pass_time(self, wall_ms: int, keys: frozenset[str] = frozenset()) -> None:
         """Advance real time, running a script's commands at their exact milliseconds.
 
-        It stands still while a scenario is being opened, so that a replayed log flies the same.
+        Time stops while a scenario is being opened, so that replaying the log reproduces the flight.
 
         Parameters
         ----------
-        keys : commands held by the window's keys.
+        wall_ms : elapsed real time.
+        keys : commands whose keys are held.
         """
         if not self.hand.armed:
             if keys & STEERING:
@@ -324,14 +331,14 @@ class Console:
             self._begin(session, self.opener.source)
 
     def go_back(self) -> None:
-        """Return to the flight before this one, paused where it was left; once more returns to this one."""
+        """Return to the previous flight, paused where it was left; a second call returns to the present one."""
         if self.former is None:
             raise UserError("there was no flight before this one")
         self.former[0].clock.paused = True
         self._begin(*self.former)
 
     def _begin(self, session: FlightSession, source: str) -> None:
-        """Fly this from now on; nothing that was flown before is lost."""
+        """Make ``session`` the current flight, and keep the present one for `go_back`."""
         recorder = self.session.look_back.recorder
         if recorder is not None:
             self.session.look_back.recorder = None
@@ -346,7 +353,7 @@ class Console:
         self.acknowledge()
         settings = self.options.settings
         settings.bands, settings.environment = session.plan.bands, session.scene().environment
-        # changes were of another sensor and of other lights
+        # the operator's changes applied to the sensor and lights of the previous scenario
         settings.sensor_changes, settings.light_gains = {}, {}
         self.say(f"flying {session.plan.scenario.title or session.plan.scenario.name}")
 

@@ -17,7 +17,9 @@ class Event(NamedTuple):
 
     Parameters
     ----------
-    take : function that delivers the event. key : None for a letter. turns : True if it may begin or end text input.
+    take : function that delivers the event.
+    key : None for a letter.
+    turns : True if it may begin or end text input.
     pressed : False for a key release.
     """
 

@@ -44,7 +44,8 @@ class Keyboard(Keys):
 
     Parameters
     ----------
-    imgui, glfw : the modules. native : glfw's window.
+    imgui, glfw : the modules.
+    native : glfw's window.
     on_key, on_letter : functions that pass events to Dear ImGui, with glfw's arguments.
     """
 

@@ -55,7 +55,9 @@ class SavedLayout(msgspec.Struct, forbid_unknown_fields=True):
 
     Parameters
     ----------
-    shown : panels by name, True if open. docking : Dear ImGui's settings by layout form. recent : scenarios flown last.
+    shown : panels by name, True if open.
+    docking : Dear ImGui's settings by layout form.
+    recent : scenarios flown last.
     """
 
     version: int = VERSION
@@ -132,7 +134,8 @@ class Layout:
 
     Parameters
     ----------
-    window : surface to draw in. saved : last layout.
+    window : surface to draw in.
+    saved : last layout.
     """
 
     def __init__(self, window: Surface, saved: SavedLayout) -> None:

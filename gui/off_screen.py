@@ -67,7 +67,7 @@ class OffScreen(Surface):
         return self._size
 
     def close(self) -> None:
-        """Ask the loop to end."""
+        """Request that the main loop end."""
         self._closed = True
 
     def wait(self, longest_s: float) -> bool:

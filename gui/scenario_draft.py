@@ -29,7 +29,8 @@ class ScenarioDraft:
 
     Parameters
     ----------
-    name : name of the original scenario. folder : folder of files that it names.
+    name : name of the original scenario.
+    folder : folder of files that it names.
     problem : what is wrong with it, in one sentence; empty if nothing is.
     """
 

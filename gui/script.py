@@ -39,7 +39,8 @@ class Line:
 
     Parameters
     ----------
-    t_ms : real time. verb : ``do``, or for a held command ``hold`` and ``release``.
+    t_ms : real time.
+    verb : ``do``, or for a held command ``hold`` and ``release``.
     """
 
     t_ms: int

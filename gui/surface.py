@@ -64,7 +64,8 @@ class Surface(ABC):
 
     Parameters
     ----------
-    context : current OpenGL context. target : framebuffer to draw into.
+    context : current OpenGL context.
+    target : framebuffer to draw into.
     monitor_scale : pixels per screen unit.
     """
 
@@ -139,11 +140,11 @@ class Surface(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Ask the loop to end."""
+        """Request that the main loop end."""
 
     @abstractmethod
     def wait(self, longest_s: float) -> bool:
-        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
+        """Process input events, waiting at most ``longest_s`` for one; return True if there were any."""
 
     def gamepad(self) -> tuple[str, tuple[float, ...], tuple[bool, ...]] | None:
         """Return name, axes and buttons of the first gamepad with a standard mapping; None without one."""

@@ -152,7 +152,8 @@ class RunningJob:
 
     Parameters
     ----------
-    text : description and progress. share : completed share; None if unknown.
+    text : description and progress.
+    share : completed share; None if unknown.
     end : command that ends it, or empty.
     """
 

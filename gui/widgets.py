@@ -120,7 +120,8 @@ class Widgets:
 
         Parameters
         ----------
-        given : arguments that the item supplies. argument : name of the only one that it sets.
+        given : arguments that the item supplies.
+        argument : name of the only one that it sets.
         """
         command = console.table[name]
         if argument:
@@ -170,8 +171,11 @@ class Widgets:
 
         Parameters
         ----------
-        label : replaces the command's title. width : 0 for that of the label, -1 for the rest of the line.
-        on : True if lit. icon : icon of another command or state. fill : colour, by default that of a primary command.
+        label : replaces the command's title.
+        width : 0 for that of the label, -1 for the rest of the line.
+        on : True if lit.
+        icon : icon of another command or state.
+        fill : colour, by default that of a primary command.
         """
         fill = fill or (style.PRIMARY if name in PRIMARY else style.LIT if on else None)
         text = labelled(icon or name, console.table[name].title if label is None else label)
@@ -242,7 +246,8 @@ class Widgets:
 
         Parameters
         ----------
-        shown : function that returns the text of a choice. argument : name of the argument, if the command has others.
+        shown : function that returns the text of a choice.
+        argument : name of the argument, if the command has others.
         """
         imgui = self.imgui
         imgui.set_next_item_width(width)
@@ -265,7 +270,9 @@ class Widgets:
 
         Parameters
         ----------
-        shares : relative widths of the columns. rows : functions that draw the cells. heads : titles of the columns.
+        shares : relative widths of the columns.
+        rows : functions that draw the cells.
+        heads : titles of the columns.
         """
         imgui = self.imgui
         if not imgui.begin_table(name, len(shares), imgui.TableFlags_.sizing_stretch_prop):
@@ -287,7 +294,8 @@ class Widgets:
 
         Parameters
         ----------
-        height : height at scale 1. still : True if the mouse does not move it.
+        height : height at scale 1.
+        still : True if the mouse does not move it.
         """
         flags = self.implot.Flags_
         quiet = flags.no_legend | flags.no_menus | flags.no_mouse_text | flags.no_title

@@ -28,7 +28,8 @@ def open_glfw(
 
     Parameters
     ----------
-    monitor : monitor to fill. hints : further glfw hints, by name.
+    monitor : monitor to fill.
+    hints : further glfw hints, by name.
     """
     all_hints = {"CONTEXT_VERSION_MAJOR": 3, "CONTEXT_VERSION_MINOR": 3}
     all_hints |= {"OPENGL_PROFILE": glfw.OPENGL_CORE_PROFILE, "OPENGL_FORWARD_COMPAT": glfw.TRUE}
@@ -45,7 +46,8 @@ class Window(Surface):
 
     Parameters
     ----------
-    title : title of the window. size : width and height in screen units.
+    title : title of the window.
+    size : width and height in screen units.
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
@@ -105,7 +107,7 @@ class Window(Surface):
 
     @property
     def open(self) -> bool:
-        """True until the operator closes it."""
+        """True until the operator closes the window."""
         return not self._glfw.window_should_close(self._native)
 
     @property
@@ -126,11 +128,11 @@ class Window(Surface):
         return int(width), int(height)
 
     def close(self) -> None:
-        """Ask the loop to end."""
+        """Request that the main loop end."""
         self._glfw.set_window_should_close(self._native, True)
 
     def wait(self, longest_s: float) -> bool:
-        """Take the input, waiting for it at most ``longest_s``; return True if some came."""
+        """Process input events, waiting at most ``longest_s`` for one; return True if there were any."""
         start = self.seconds
         self._glfw.wait_events_timeout(longest_s)
         return bool(self.keys.queue) or self.seconds - start < 0.9 * longest_s

@@ -31,7 +31,8 @@ class CornerCode:
 
     Parameters
     ----------
-    frame_id : number of the frame, below 2**32. time_ns : nanoseconds since 1970-01-01 UTC, below 2**64.
+    frame_id : number of the frame, below 2**32.
+    time_ns : nanoseconds since 1970-01-01 UTC, below 2**64.
     """
 
     frame_id: int
@@ -44,7 +45,8 @@ class CodePlace:
 
     Parameters
     ----------
-    left_px, top_px : first column and row of the block. cell_px : width and height of a cell.
+    left_px, top_px : first column and row of the block.
+    cell_px : width and height of a cell.
     """
 
     left_px: int = 0
@@ -81,7 +83,8 @@ def draw_code(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) digital numbers. white_dn : the number for white; black is 0.
+    image : (H, W) or (H, W, 3) digital numbers.
+    white_dn : the number for white; black is 0.
 
     Raises
     ------

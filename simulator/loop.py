@@ -60,7 +60,7 @@ class FrameRequest:
 
 
 class FrameProducer(ABC, Generic[Taken]):
-    """Draws frames of scenes, in the order of the requests. Use as a context manager.
+    """Producer of frames of scenes, in the order of the requests. Use as a context manager.
 
     A frame depends on its request alone: the bytes are the same wherever it is drawn.
     """
@@ -141,7 +141,7 @@ class FrameProducer(ABC, Generic[Taken]):
 
 
 class _FramesHere(FrameProducer[Taken]):
-    """Draws frames in this process, each when it is collected.
+    """Frame producer in this process; each frame is rendered when it is collected.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ class OpenRenderer:
 
 
 class _FramesElsewhere(WorkerPool[Taken], FrameProducer[Taken]):
-    """Draws frames ahead of the caller in processes of their own; the parameters are those of `open_frames`."""
+    """Frame producer in worker processes, ahead of the caller; the parameters are those of `open_frames`."""
 
     def __init__(self, stage: Callable[[Frame], Taken], opener: OpenRenderer, **options: Any) -> None:  # noqa: ANN401 - the pool's own
         super().__init__(

@@ -1,4 +1,4 @@
-"""The run of ``flyaround bench``."""
+"""Options of ``flyaround bench``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flyaround.runs.document import NOT_RECORDED, Run
 
 
 class BenchRun(Run, frozen=True, kw_only=True, tag="flyaround.run.bench"):
-    """Frame cost per scene, and every other part."""
+    """Options of ``flyaround bench``: measure the cost of a frame in each scene, and of the other parts."""
 
     frames: Annotated[Annotated[int, Meta(ge=3)], typer.Option("-n", help="Frames timed per scene.")] = 20
     scene: Annotated[tuple[str, ...], typer.Option(help="Only these scenes (repeat the option).")] = ()

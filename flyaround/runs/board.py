@@ -1,4 +1,4 @@
-"""The run of ``flyaround hil board``: a field for each option of the bundle's agent, from the same tables."""
+"""Options of ``flyaround hil board``: a field for each option of the bundle's agent, from the same tables."""
 
 from __future__ import annotations
 

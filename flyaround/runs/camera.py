@@ -1,4 +1,4 @@
-"""The run of ``flyaround hil camera``."""
+"""Options of ``flyaround hil camera``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OF_ANSWERS = "--log and --key are about a board's answers: give --answers tcp:/
 
 
 class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
-    """A camera on the network."""
+    """Options of ``flyaround hil camera``: a simulated camera on the network."""
 
     RULES: ClassVar = (
         Only("log", "answers", None, _OF_ANSWERS),

@@ -1,4 +1,4 @@
-"""The runs of ``flyaround hil campaign`` and ``hil delay-map``."""
+"""Options of ``flyaround hil campaign`` and ``hil delay-map``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Workers = Annotated[int, Meta(ge=1, le=256)]
 
 
 class CampaignRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-campaign"):
-    """Cases with their seeds, judged against requirements."""
+    """Options of ``flyaround hil campaign``: fly cases with their seeds and judge them against requirements."""
 
     file: Annotated[File, typer.Argument(help="Campaign file (TOML): cases, seeds, requirements.")]
     output: Annotated[
@@ -26,7 +26,7 @@ class CampaignRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-campaig
 
 
 class DelayMapRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-delay-map"):
-    """Success of an approach over latency, jitter and loss of its poses."""
+    """Options of ``flyaround hil delay-map``: map success over latency, jitter and loss of the poses."""
 
     scenario: Annotated[
         str, typer.Argument(help="Built-in name or TOML file, its chaser flown by thrusters.")

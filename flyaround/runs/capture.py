@@ -1,4 +1,4 @@
-"""The run of ``flyaround capture``."""
+"""Options of ``flyaround capture``."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Drawing(Section, frozen=True, kw_only=True):
 
 
 class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
-    """A labelled data set of a flight or a recipe."""
+    """Options of ``flyaround capture``: write a labelled data set of a flight or a recipe."""
 
     RULES: ClassVar = (
         Only(

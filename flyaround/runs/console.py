@@ -1,4 +1,4 @@
-"""The run of ``flyaround sim``."""
+"""Options of ``flyaround sim``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flyaround.runs.fields import Duration, File, Gpu
 
 
 class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
-    """A flight in a window."""
+    """Options of ``flyaround sim``: fly in a window."""
 
     scenario: Annotated[
         str | None,

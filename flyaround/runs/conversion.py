@@ -1,4 +1,4 @@
-"""The run of ``flyaround convert``."""
+"""Options of ``flyaround convert``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flyaround.simulator.dataset.formats.registry import NATIVE, readable, writa
 
 
 class ConvertRun(Run, frozen=True, kw_only=True, tag="flyaround.run.convert"):
-    """A data set in another format."""
+    """Options of ``flyaround convert``: write a data set in another format."""
 
     source: Annotated[
         File, typer.Argument(help="A data set: its folder, or of others the list of labels within.")

@@ -56,8 +56,10 @@ class RunField(NamedTuple):
 
     Parameters
     ----------
-    key : key in the document, such as ``line.listen``. section : type of its table.
-    declared : help and names on the command line. recorded : False for a field marked ``NOT_RECORDED``.
+    key : key in the document, such as ``line.listen``.
+    section : type of its table.
+    declared : help and names on the command line.
+    recorded : False for a field marked ``NOT_RECORDED``.
     """
 
     key: str

@@ -1,4 +1,4 @@
-"""The runs of ``flyaround estimate``, ``evaluate``, ``train`` and ``compare``."""
+"""Options of ``flyaround estimate``, ``evaluate``, ``train`` and ``compare``."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Published(Section, frozen=True, kw_only=True):
 
 
 class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
-    """Poses of a target in images."""
+    """Options of ``flyaround estimate``: estimate the poses of a target in images."""
 
     images: Annotated[
         tuple[File, ...],
@@ -53,7 +53,7 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
 
 
 class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
-    """Estimates of every frame of a data set against its truth."""
+    """Options of ``flyaround evaluate``: compare the estimates of every frame of a data set with its truth."""
 
     folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
     output: Annotated[
@@ -75,7 +75,7 @@ class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
 
 
 class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
-    """A network to train on a data set, or the keypoint network of a craft."""
+    """Options of ``flyaround train``: train a network on a data set, or the keypoint network of a craft."""
 
     folder: Annotated[File | None, typer.Argument(help="A data set written by capture.")] = None
     craft: Annotated[
@@ -117,7 +117,7 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
 
 
 class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
-    """Images of others next to ours of similar views."""
+    """Options of ``flyaround compare``: show images from elsewhere next to simulated ones of similar views."""
 
     reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
     output: Annotated[

@@ -1,4 +1,4 @@
-"""The run of ``flyaround fly``."""
+"""Options of ``flyaround fly``, also readable from a run file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flyaround.runs.fields import File, Flown
 
 
 class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
-    """The states of a flight."""
+    """Options of ``flyaround fly``: write the states of a flight."""
 
     scenario: Flown
     output: Annotated[

@@ -1,4 +1,4 @@
-"""The run of ``flyaround hil host``."""
+"""Options of ``flyaround hil host``."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ _OF_A_LOOP = "--pose-errors is of a board's poses in a closed loop: give --close
 
 
 class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
-    """The camera's side of the link: a flight streamed to a board, or flown on its poses."""
+    """Options of ``flyaround hil host``: stream a flight to a board, or fly it on the board's poses."""
 
     RULES: ClassVar = (
         Only(

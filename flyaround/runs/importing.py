@@ -1,4 +1,4 @@
-"""The run of ``flyaround targets add``."""
+"""Options of ``flyaround targets add``."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Craft(Section, frozen=True, kw_only=True):
 
 
 class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add"):
-    """A mesh to import as a target."""
+    """Options of ``flyaround targets add``: import a mesh as a target."""
 
     file: Annotated[
         File,

@@ -1,4 +1,4 @@
-"""The run of ``flyaround render``."""
+"""Options of ``flyaround render``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flyaround.runs.fields import AutoExposed, Curve, File, Gpu, Labels, Preset,
 
 
 class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
-    """An image and its truth, or one for each pose of a list."""
+    """Options of ``flyaround render``: draw an image and its truth, or one for each pose of a list."""
 
     RULES: ClassVar = (
         Only(

@@ -1,4 +1,4 @@
-"""Commands of what is seen: overlays, exposure, layers of the world, the window."""
+"""Commands of the display: overlays, exposure, layers of the world, the window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands for people: undo, text size, help, tour, pictures of the window, films, dropped files."""
+"""Commands of the user interface: undo, text size, help, tour, screenshots, films, dropped files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from flyaround.gui.console import Console
 
 FOLDER = Path("out") / "console"
-LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font's scale
+LEAST_SCALE, MOST_SCALE, SCALE_STEP = 0.6, 2.5, 0.1  # limits and step of the font scale
 TOUR_STEPS = 6
 
 

@@ -25,7 +25,8 @@ class Jobs:
 
     Parameters
     ----------
-    say : function that reports a text with a level. do : function that runs a command.
+    say : function that reports a text with a level.
+    do : function that runs a command.
     """
 
     say: Callable[..., None]
@@ -44,7 +45,8 @@ class Jobs:
 
         Parameters
         ----------
-        picture : newest picture of the chaser's camera. t_ms : real time.
+        picture : newest picture of the chaser's camera.
+        t_ms : real time.
         """
         self._update_estimates(picture)
         for note in self.hil.update(session):

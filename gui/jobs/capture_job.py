@@ -35,9 +35,12 @@ class CaptureRequest:
 
     Parameters
     ----------
-    what : name or file of a scenario or recipe. frames : number of frames. folder : destination. formats :
+    what : name or file of a scenario or recipe.
+    frames : number of frames.
+    folder : destination. formats :
         comma-separated.
-    workers : number of drawing processes. resume : True to continue an existing set.
+    workers : number of drawing processes.
+    resume : True to continue an existing set.
     """
 
     what: str

@@ -42,7 +42,8 @@ class ComparedEstimate:
 
     Parameters
     ----------
-    t_s : simulated time of the picture. done_s : time of the answer, on the clock of `Estimates`.
+    t_s : simulated time of the picture.
+    done_s : time of the answer, on the clock of `Estimates`.
     E_R_deg, E_T_m : errors against the truth; None without a pose.
     size_px : width and height of the picture.
     """
@@ -68,7 +69,8 @@ class Estimates:
     Parameters
     ----------
     open_resource, work : resource and function of the process.
-    limit_s : time without processor use after which a process is restarted. clock : monotonic time [s].
+    limit_s : time without processor use after which a process is restarted.
+    clock : monotonic time [s].
     """
 
     def __init__(

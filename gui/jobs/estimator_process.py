@@ -1,4 +1,4 @@
-"""The process of the console's estimator: requests, answers, and its cached estimators."""
+"""Pose estimation in the console's estimator process: requests, answers, and cached estimators."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ if TYPE_CHECKING:
 STAGE_QUALITY = 88  # JPEG quality of a stage's picture
 KEPT_ESTIMATORS = 4
 NICENESS = 5
-"""Niceness: window and pictures have priority."""
+"""Niceness of this process, so that window and renderer have priority."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EstimateRequest:
-    """One picture to be estimated.
+    """Request to estimate the pose in one image.
 
     Parameters
     ----------
-    t_s : mid-exposure, for a tracking method. stages : True to return pictures of the stages.
+    t_s : time of mid-exposure, for methods that track.
+    stages : True to return pictures of the method's stages.
     """
 
     method: str
@@ -48,7 +49,7 @@ class EstimateRequest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """The estimate of a picture; ``stages`` holds a JPEG file of each stage by name."""
+    """The estimated pose; ``stages`` maps the name of each stage to its picture as a JPEG file."""
 
     accepted: bool
     reason: str
@@ -62,7 +63,7 @@ class Answer:
 
 
 class EstimatesByProcess:
-    """Estimators of the process, created when a method, camera or craft is first requested."""
+    """Cache of estimators, each created when its method, camera and craft are first requested."""
 
     info = "ready"
 

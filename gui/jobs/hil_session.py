@@ -143,7 +143,8 @@ class HilSession:
 
         Parameters
         ----------
-        target : name of the craft. url : URL of the host; by default this session's.
+        target : name of the craft.
+        url : URL of the host; by default this session's.
 
         Raises
         ------

@@ -26,7 +26,8 @@ class ChildProgram:
 
     Parameters
     ----------
-    arguments : command line after ``flyaround``. clock : monotonic time [s].
+    arguments : command line after ``flyaround``.
+    clock : monotonic time [s].
 
     Raises
     ------

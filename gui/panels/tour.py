@@ -21,7 +21,9 @@ class TourStep:
 
     Parameters
     ----------
-    title, text : texts for people. commands : commands of which one completes the step. place : framed panel or bar.
+    title, text : texts for people.
+    commands : commands of which one completes the step.
+    place : framed panel or bar.
     """
 
     title: str

@@ -19,7 +19,8 @@ class CommandLines:
 
     Parameters
     ----------
-    lines : pairs of purpose and line. left_out : settings of the console that they cannot express.
+    lines : pairs of purpose and line.
+    left_out : settings of the console that they cannot express.
     """
 
     lines: tuple[tuple[str, str], ...]

@@ -1,4 +1,4 @@
-"""The live feed of a view: requests frames of the newest state, no more than can be drawn."""
+"""Live frames of a view: requests the newest state, at the rate and resolution that the renderer sustains."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 TIMED_PICTURES = 5
 """Number of pictures whose median pass times are shown."""
 LIVE_MS = 90.0
-"""Time that a picture may take while things move."""
+"""Longest drawing time of a picture while the flight runs; a slower one lowers the resolution."""
 DIVISORS = (1, 2, 3, 4)  # divisors of the camera's resolution, from the finest
 ENOUGH = 3
-"""Number of pictures of one size before it is judged."""
+"""Number of pictures whose median cost decides about a change of resolution."""
 MEMORY_S = 15.0
-"""Time for which a size that was too slow is not tried again."""
+"""Time for which a resolution that was too slow is not tried again."""
 FAILED = "the console's render process failed ({}); run flyaround -vv sim for more, or flyaround doctor"
 REST_S = 2.0
 """Delay before a failed picture is requested again."""
@@ -43,7 +43,7 @@ STALE_S = 2.0
 LEAST_SPAN_S = 0.5
 """Shortest time over which the rate of pictures is measured."""
 SEEN_S = 0.5
-"""Time without being drawn after which a view gets no pictures."""
+"""Time after which a view that was not drawn counts as hidden and gets no pictures."""
 
 
 class PictureFailedError(Exception):
@@ -85,8 +85,10 @@ class PictureKind:
     Parameters
     ----------
     scene : function of session, settings, camera pixels per drawn pixel, and quality (None: the scene's own).
-    labels : label layers of every picture. every_s : least time between two pictures.
-    title : name of the view for people. needed : True if the console cannot run without it.
+    labels : label layers of every picture.
+    every_s : least time between two pictures.
+    title : name of the view in messages.
+    needed : True if the console cannot run without it.
     """
 
     scene: SceneOf = chaser_scene
@@ -111,12 +113,14 @@ class _Request:
 
 
 class Feed:
-    """Keeps one picture in progress and, shortly before it is due, another queued.
+    """A view's stream of pictures: one in progress and, shortly before it is due, another queued.
 
     Parameters
     ----------
-    producer : draws in another process, because the UI thread owns the window's context. Feeds share it by `Turns`.
-    clock : monotonic time [s]. kind : kind of the pictures.
+    producer : renderer in another process, because the UI thread owns the window's context. `Turns` schedules it among
+        several feeds.
+    clock : monotonic time [s].
+    kind : kind of the pictures.
     """
 
     def __init__(
@@ -148,7 +152,7 @@ class Feed:
         self._passes: list[tuple[Camera, dict[str, float]]] = []
 
     def ask_to_save(self) -> None:
-        """Request the present scene at full size, with labels; the result is `saved`."""
+        """Request the present scene at full resolution, with labels; the result is appended to `saved`."""
         self._save_wanted = True
 
     @property
@@ -157,7 +161,7 @@ class Feed:
         return self._save_wanted or any(r.saved for r in self._waiting)
 
     def look(self) -> None:
-        """Note that the view is drawn now, so that `looked_at` is true for a while."""
+        """Mark the view as visible now; `looked_at` stays true for `SEEN_S`."""
         self._seen_s = self._clock()
 
     @property
@@ -223,7 +227,7 @@ class Feed:
         """Pictures per second."""
         if len(self._ends_s) < 2 or self.late_s:
             return 0.0
-        # two that arrive together are not a rate
+        # a lower bound, because pictures that arrive together would give an infinite rate
         return (len(self._ends_s) - 1) / max(self._ends_s[-1] - self._ends_s[0], LEAST_SPAN_S)
 
     def take_trouble(self) -> str | None:
@@ -232,16 +236,16 @@ class Feed:
         return trouble
 
     def _ask_again(self, error: JobsLostError) -> None:
-        """Forget lost requests; a picture to be saved is requested again."""
+        """Drop lost requests; request a picture to be saved again."""
         self.restarts += 1
         if self._kind.needed:
-            # the other feeds have lost theirs for the same reason
+            # every feed lost its requests to the same failure: only one reports it
             self._trouble = str(error)
         self._save_wanted = self.saving
         self._waiting, self._last = [], None
 
     def _rest(self, error: PictureFailedError, then: str = "it is tried again") -> None:
-        """Report a failure, the same one once, and pause for a while."""
+        """Report a failure, unless it repeats the previous one, and pause requests for `REST_S`."""
         self._rests_until_s = self._clock() + REST_S
         self._last = None
         message = f"no picture of the {self._kind.title}: {error}; {then}"
@@ -305,7 +309,7 @@ class Feed:
             self._rest(error, "it is not saved")
 
     def write(self, frame: Frame) -> None:
-        """Take the frame that was requested first."""
+        """Store a frame as the newest picture; frames arrive in the order of their requests."""
         request = self._waiting.pop(0)
         self._waits_since_s = self._clock()
         if request.discarded:
@@ -351,7 +355,7 @@ def last_line(error: Exception) -> str:
 
 
 class AdaptiveResolution:
-    """Chooses the camera pixels per drawn pixel from the measured cost of each size."""
+    """Controller of the resolution: chooses the camera pixels per drawn pixel from the measured drawing times."""
 
     def __init__(self) -> None:
         self.divisor = 2
@@ -360,11 +364,13 @@ class AdaptiveResolution:
         self._too_slow_until_s: dict[int, float] = {}
 
     def measured(self, divisor: int, ms: float, now_s: float) -> None:
-        """Record the cost of a picture, and change the size if appropriate.
+        """Record a picture's drawing time; choose a coarser or finer resolution if it is above or below `LIVE_MS`.
 
         Parameters
         ----------
-        divisor : size of the picture. ms : time to draw it. now_s : monotonic time.
+        divisor : camera pixels per drawn pixel.
+        ms : time to draw the picture.
+        now_s : monotonic time.
         """
         if divisor != self.divisor:
             return

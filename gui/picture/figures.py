@@ -17,7 +17,9 @@ class Figure:
 
     Parameters
     ----------
-    title : title with unit. form : format of each value. tip : hover text.
+    title : title with unit.
+    form : format of each value.
+    tip : hover text.
     values : function that returns the number, or three components.
     """
 

@@ -24,7 +24,8 @@ def further_feeds(turns: Turns, options: Options) -> dict[str, Feed]:
 
     Parameters
     ----------
-    turns : access to the render process. options : the operator's settings, read for every picture.
+    turns : access to the render process.
+    options : the operator's settings, read for every picture.
     """
 
     def orbit(

@@ -59,7 +59,9 @@ class DepthPicture:
 
     Parameters
     ----------
-    image : (H, W, 3) RGB. near_m, far_m : depths at the ends of the colour scale. ticks_m : round depths between.
+    image : (H, W, 3) RGB.
+    near_m, far_m : depths at the ends of the colour scale.
+    ticks_m : round depths between.
     """
 
     image: ByteArray

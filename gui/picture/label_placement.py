@@ -27,7 +27,8 @@ class PlacedLabel:
 
     Parameters
     ----------
-    corner : upper left corner of the name. lead : end of the leader line from the point; None without one.
+    corner : upper left corner of the name.
+    lead : end of the leader line from the point; None without one.
     choice : index of the candidate position, for the next picture.
     """
 
@@ -48,8 +49,10 @@ def place_labels(
 
     Parameters
     ----------
-    points : points of the names. sizes : width and height of each name.
-    place : x, y, width, height of the region for names. obstacles : rectangles to avoid, in the same form.
+    points : points of the names.
+    sizes : width and height of each name.
+    place : x, y, width, height of the region for names.
+    obstacles : rectangles to avoid, in the same form.
     last_choices : candidate of each name in the last picture, tried first, for stability.
     """
     n = len(points)

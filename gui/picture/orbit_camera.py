@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 About = Literal["target", "chaser"]
 ABOUT: tuple[About, ...] = ("target", "chaser")
-FIRST = (-60.0, 25.0, 12.0)  # azimuth [deg], elevation [deg] and distance [m] at first
+FIRST = (-60.0, 25.0, 12.0)  # initial azimuth [deg], elevation [deg] and least initial distance [m]
 AWAY = 2.0
-"""Initial distance from the target over the chaser's range, so that both are in view."""
-NEAREST_M, FARTHEST_M = 0.6, 20_000.0
-STEEPEST_DEG = 89.0
-LARGEST_PX = (960, 640)
+"""Ratio of the initial distance to the chaser's range from the target: keeps both in view."""
+NEAREST_M, FARTHEST_M = 0.6, 20_000.0  # bounds of the distance
+STEEPEST_DEG = 89.0  # largest elevation: at 90 deg the azimuth would be undefined
+LARGEST_PX = (960, 640)  # largest picture, for its drawing time
 _STEP_PX = 16
 """Quantisation of the picture size, so that resizing a view seldom changes it."""
 
@@ -30,8 +30,10 @@ class OrbitCamera:
     Parameters
     ----------
     about : object that it circles and looks at.
-    azimuth_deg : 0 looks along-track, 90 along minus cross-track. elevation_deg : above the orbital plane.
-    distance_m : distance from that object. size_px : size of its view.
+    azimuth_deg : 0 looks along-track, 90 along minus cross-track.
+    elevation_deg : above the local horizontal plane.
+    distance_m : distance from that object.
+    size_px : width and height of the rendered view.
     """
 
     about: About = "target"
@@ -41,13 +43,13 @@ class OrbitCamera:
     size_px: tuple[int, int] = (480, 304)
 
     def place(self, azimuth_deg: float, elevation_deg: float, distance_m: float) -> None:
-        """Move; angles and distance are clipped to their bounds."""
+        """Move the camera; wrap the azimuth, and clip elevation and distance to their bounds."""
         self.azimuth_deg = (azimuth_deg + 180.0) % 360.0 - 180.0
         self.elevation_deg = min(max(elevation_deg, -STEEPEST_DEG), STEEPEST_DEG)
         self.distance_m = min(max(distance_m, NEAREST_M), FARTHEST_M)
 
     def reset(self, range_m: float) -> None:
-        """Move to the initial position for a chaser at a range."""
+        """Move to the initial position for a chaser at ``range_m`` from the target."""
         self.place(FIRST[0], FIRST[1], max(FIRST[2], AWAY * range_m))
 
     def fill(self, width: float, height: float) -> None:

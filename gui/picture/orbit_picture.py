@@ -42,7 +42,8 @@ def orbit_scene(
 
     Parameters
     ----------
-    divisor : view pixels per drawn pixel. quality : replaces the default.
+    divisor : view pixels per drawn pixel.
+    quality : replaces the default.
     """
     own = session.scene()
     world = seen_from(session.craft.world, session.flight.lvlh(session.t_s), look)
@@ -105,8 +106,11 @@ class ChaserMarks:
 
     Parameters
     ----------
-    place : (2,) position of its camera. frustum : (n, 2, 2) lines of the camera's field of view.
-    axes : (3, 2, 2) lines of its camera's axes. trail : (n, 2) flown path. range_m : distance from the free camera.
+    place : (2,) position of its camera.
+    frustum : (n, 2, 2) lines of the camera's field of view.
+    axes : (3, 2, 2) lines of its camera's axes.
+    trail : (n, 2) flown path.
+    range_m : distance from the free camera.
     """
 
     place: FloatArray
@@ -123,7 +127,9 @@ def chaser_marks(
 
     Parameters
     ----------
-    scene : scene of the free camera. world : state of the flight at the same time. chaser : the chaser's camera.
+    scene : scene of the free camera.
+    world : state of the flight at the same time.
+    chaser : the chaser's camera.
     frame : LVLH at that time.
     trail_lvlh_m : (n, 3) flown path.
     """

@@ -36,7 +36,8 @@ class Plane:
 
     Parameters
     ----------
-    name : name for people. right, up : LVLH axes of the plane (0 radial, 1 along-track, 2 cross-track).
+    name : name for people.
+    right, up : LVLH axes of the plane (0 radial, 1 along-track, 2 cross-track).
     up_title, note : label of the upward direction.
     """
 
@@ -62,7 +63,8 @@ class MapLook:
 
     Parameters
     ----------
-    centre_lvlh_m : centre of both planes. width_m : width of a plane.
+    centre_lvlh_m : centre of both planes.
+    width_m : width of a plane.
     fitted : True while it follows its content, until the operator moves it.
     """
 
@@ -83,7 +85,9 @@ class MapPort:
 
     Parameters
     ----------
-    rect : screen rectangle. centre_lvlh_m : position shown at the centre. scale : screen units per metre.
+    rect : screen rectangle.
+    centre_lvlh_m : position shown at the centre.
+    scale : screen units per metre.
     """
 
     plane: Plane
@@ -144,7 +148,8 @@ def fit(look: MapLook, points_lvlh_m: FloatArray, aspect: float) -> None:
 
     Parameters
     ----------
-    look : centre and width of the map, modified if necessary. points_lvlh_m : (n, 3) positions.
+    look : centre and width of the map, modified if necessary.
+    points_lvlh_m : (n, 3) positions.
     aspect : width over height of a plane on the screen.
     """
     low, high = points_lvlh_m.min(axis=0), points_lvlh_m.max(axis=0)

@@ -1,4 +1,4 @@
-"""A frame on the screen, as a photograph or as raw numbers, and a check of its exposure."""
+"""Conversion of a frame for the screen, developed or raw, and a check of its exposure."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 SQUARE_PX = 8
 BURNT, BURNT_SHARE = 0.99, 0.3
-"""Value from which a block counts as full scale, and the share of such blocks above which a picture is overexposed."""
+"""Signal from which a block counts as saturated, and share of such blocks above which a picture is overexposed."""
 BRIGHTEST, DARK = 0.9995, 0.03
-"""Share of blocks below this signal, and one sigma of the noise, above which a picture is dark."""
+"""A picture is dark if this quantile of its blocks' signals is below ``DARK`` plus one sigma of the noise."""
 
 
 def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
-    """Return a frame's image for the screen, or the upper eight bits of its raw numbers."""
+    """Return a frame's image developed for the screen, or with ``raw`` the upper eight bits of its digital numbers."""
     sensor = frame.scene.sensor
     if raw:
         return raw_picture(frame.image, sensor.bits)
@@ -31,7 +31,7 @@ def screen_picture(frame: Frame, *, raw: bool = False) -> ByteArray:
 
 
 def exposure_fault(frame: Frame) -> str:
-    """Return what is wrong with a picture's exposure, and a remedy, in a sentence; empty if nothing is."""
+    """Return a sentence on over- or underexposure of a picture with its remedy; empty if the exposure is right."""
     scene, image = frame.scene, frame.image
     # means of 8 x 8 pixels reduce the noise, but keep a craft of a few blocks
     size = (max(image.shape[1] // SQUARE_PX, 1), max(image.shape[0] // SQUARE_PX, 1))

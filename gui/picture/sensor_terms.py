@@ -84,7 +84,10 @@ class SensorTerm:
 
     Parameters
     ----------
-    name : field of the sensor. text : name for people, with unit. effect : effect of a change. value : present value.
+    name : field of the sensor.
+    text : name for people, with unit.
+    effect : effect of a change.
+    value : present value.
     """
 
     name: str
@@ -99,8 +102,10 @@ class Histogram:
 
     Parameters
     ----------
-    counts : (bands, BINS) number of pixels. width_dn : width of a bin.
-    saturated : share of the values at full scale. median_dn, least_dn, most_dn : median and extremes of all values.
+    counts : (bands, BINS) number of pixels.
+    width_dn : width of a bin.
+    saturated : share of the values at full scale.
+    median_dn, least_dn, most_dn : median and extremes of all values.
     """
 
     counts: IntArray

@@ -28,7 +28,8 @@ class SettingsHistory:
 
         Parameters
         ----------
-        before : copy of the settings before the command. t_ms : real time.
+        before : copy of the settings before the command.
+        t_ms : real time.
         """
         if before == after:
             return

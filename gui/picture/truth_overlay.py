@@ -1,4 +1,4 @@
-"""The truth overlay in picture pixels: keypoints and their visibility, box, axes, wireframe."""
+"""Ground-truth overlay, in pixels of the picture: keypoints with their visibility, box, axes, wireframe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AXIS_M = 0.5
 """Length of the drawn target axes."""
 NEAR_M = 0.05
 ECLIPSED_BELOW = 0.02  # visible share of the Sun
-CHANGED_RAD = float(np.radians(2.0))
+CHANGED_RAD = float(np.radians(2.0))  # change of view after which occlusion is computed again
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class Marks:
 
 
 class Marker:
-    """Computes the marks of successive pictures.
+    """Generator of the marks of successive pictures.
 
-    Positions of keypoints are computed for every picture; occlusion by the craft needs the whole mesh (50 ms), so it is
-    updated only if the view has changed by two degrees, or if exact visibility is requested.
+    Positions of keypoints are computed for every picture. Occlusion by the craft is expensive, because it needs the
+    whole mesh: it is updated only if the view has changed by `CHANGED_RAD`, or if exact visibility is requested.
 
     Parameters
     ----------
@@ -71,8 +71,9 @@ class Marker:
 
         Parameters
         ----------
-        scene : scene of the picture. overlays : requested marks.
-        exact : True to compute visibility for this picture.
+        scene : scene of the picture.
+        overlays : requested marks.
+        exact : True to compute occlusion for this picture even if the view has hardly changed.
         """
         return Marks(
             keypoints=self._keypoints(scene, exact=exact) if overlays.keypoints else (),
@@ -95,7 +96,7 @@ class Marker:
         )
 
     def _ask(self, scene: SceneState, front: BoolArray) -> tuple[Seen, ...]:
-        """Return the geometric visibility of keypoints; radiometric states would need a noise-free signal."""
+        """Return the geometric visibility of keypoints; radiometric states would need a noise-free image."""
         pose = scene.camera_from_target
         occluded = np.ones(len(self._points_m), bool)
         occluded[front] = occluded_from_camera(self._mesh, self._points_m[front], pose)

@@ -32,7 +32,8 @@ class Turns:
 
     Parameters
     ----------
-    producer : draws one picture after the other. clock : monotonic time [s].
+    producer : draws one picture after the other.
+    clock : monotonic time [s].
     """
 
     def __init__(self, producer: FramesOnRequest, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -115,7 +116,8 @@ class Channel:
 
     Parameters
     ----------
-    turns : scheduler. share : weight of its time.
+    turns : scheduler.
+    share : weight of its time.
     """
 
     def __init__(self, turns: Turns, share: float) -> None:

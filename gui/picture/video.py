@@ -69,7 +69,8 @@ class Film:
 
         Parameters
         ----------
-        t_ms : presentation time, later than the last. image : (H, W) or (H, W, 3), eight bits.
+        t_ms : presentation time, later than the last.
+        image : (H, W) or (H, W, 3), eight bits.
         """
         if self.trouble is not None or t_ms <= self._last_ms:
             return

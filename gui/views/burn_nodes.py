@@ -59,7 +59,8 @@ class BurnNodes:
 
         Parameters
         ----------
-        ports : planes on the screen. mouse : position of the pointer.
+        ports : planes on the screen.
+        mouse : position of the pointer.
         pressed : left button went down on the map, is down; right button went down on the map.
         """
         session = console.session

@@ -18,7 +18,8 @@ class Letterbox:
 
     Parameters
     ----------
-    x, y : screen position of the picture's top-left edge. scale : screen units per pixel of the picture.
+    x, y : screen position of the picture's top-left edge.
+    scale : screen units per pixel of the picture.
     """
 
     x: float

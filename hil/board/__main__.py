@@ -145,7 +145,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     Raises
     ------
     LinkError
-        If a file cannot be used: one sentence.
+        If a file cannot be used; the message is one sentence.
     """
     import cv2  # noqa: PLC0415 - a board that only relays has none
 

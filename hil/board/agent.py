@@ -132,7 +132,7 @@ class BoardAgent:
     Raises
     ------
     LinkError
-        If the URL, the model, the method or the kernels cannot be used: one sentence.
+        If the URL, the model, the method or the kernels cannot be used; the message is one sentence.
     """
 
     def __init__(
@@ -176,7 +176,7 @@ class BoardAgent:
         Raises
         ------
         LinkError
-            If the host cannot be reached or refuses, or its terms cannot be kept: one sentence.
+            If the host cannot be reached or refuses, or its terms cannot be kept; the message is one sentence.
         """
         line = connect(self._url, self._timeout_s)
         try:
@@ -270,6 +270,6 @@ def run_board(
     Raises
     ------
     LinkError
-        If the host cannot be reached or refuses, or the model cannot be used: one sentence.
+        If the host cannot be reached or refuses, or the model cannot be used; the message is one sentence.
     """
     return BoardAgent(url, model_path, method, **options).serve()

@@ -49,7 +49,7 @@ def make_estimator(
     Parameters
     ----------
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         The intrinsics of every image.
     method : str

@@ -20,8 +20,11 @@ class AgentOption(NamedTuple):
 
     Parameters
     ----------
-    flag : option as typed. kind : str, int, float, or bool for one without a value.
-    default : None if it has none. text : help text. unit : placeholder of the value in help.
+    flag : option as typed.
+    kind : str, int, float, or bool for one without a value.
+    default : None if it has none.
+    text : help text.
+    unit : placeholder of the value in help.
     """
 
     flag: str
@@ -88,13 +91,15 @@ def make_agent(
 
     Parameters
     ----------
-    url : the host's. model_path : board model file, or a bundled one's name. given : values by `AgentOption.name`.
+    url : the host's.
+    model_path : board model file, or a bundled one's name.
+    given : values by `AgentOption.name`.
     own : another estimator than those of the board by name: its factory, and name and hash of its model.
 
     Raises
     ------
     LinkError
-        If a value, the URL, the model, the method, the key or the kernels cannot be used: one sentence.
+        If a value, the URL, the model, the method, the key or the kernels cannot be used; the message is one sentence.
     """
     for name in ("timeout", "watchdog", "silence"):
         if given[name] is not None and not given[name] > 0:

@@ -106,9 +106,12 @@ def run_campaign(
 
     Parameters
     ----------
-    path : campaign file. folder : new, empty, or of the same campaign.
-    board_command : starts a board; URL, target and method are appended. workers : runs at a time.
-    command : the words on the command line, for the record. say : called with the runs to repeat, and the reason.
+    path : campaign file.
+    folder : new, empty, or of the same campaign.
+    board_command : starts a board; URL, target and method are appended.
+    workers : runs at a time.
+    command : the words on the command line, for the record.
+    say : called with the runs to repeat, and the reason.
 
     Raises
     ------

@@ -62,7 +62,8 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     Attributes
     ----------
-    model_sha256 : hash of the target's model. board : description of a board that is started here; empty for others.
+    model_sha256 : hash of the target's model.
+    board : description of a board that is started here; empty for others.
     """
 
     flyaround: str = ""
@@ -77,8 +78,10 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     ----------
     inputs : SHA-256 of the inputs, which identifies the run.
     flown_by : versions; empty in results older than this field.
-    board : board that answered, by its HELLO. gl_renderer : driver that rendered.
-    failure : cause of a failed run. values : value of each quantity that it has.
+    board : board that answered, by its HELLO.
+    gl_renderer : driver that rendered.
+    failure : cause of a failed run.
+    values : value of each quantity that it has.
     """
 
     inputs: str
@@ -95,7 +98,8 @@ class RunTask:
 
     Parameters
     ----------
-    folder : output. board_command : command that starts a board; URL, target and method are appended.
+    folder : output.
+    board_command : command that starts a board; URL, target and method are appended.
     command : command line, for the record.
     """
 

@@ -136,7 +136,8 @@ class ReadyCase:
 
     Parameters
     ----------
-    source : the scenario's file. key : file of the link's key, found.
+    source : the scenario's file.
+    key : file of the link's key, found.
     """
 
     case: Case

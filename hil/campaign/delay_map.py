@@ -62,8 +62,10 @@ def map_delays(
 
     Parameters
     ----------
-    settings : `settings_for` has checked them. folder : new, empty, or of the same settings.
-    board_command : starts a board, for the cells that are checked. progress : called with the name of the flights, the
+    settings : `settings_for` has checked them.
+    folder : new, empty, or of the same settings.
+    board_command : starts a board, for the cells that are checked.
+    progress : called with the name of the flights, the
         number done and the total.
 
     Raises

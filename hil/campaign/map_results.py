@@ -20,7 +20,8 @@ class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     Attributes
     ----------
-    inputs : SHA-256 of the scenario. flights : flights of each cell, with the seeds from ``first_seed`` on.
+    inputs : SHA-256 of the scenario.
+    flights : flights of each cell, with the seeds from ``first_seed`` on.
     check, check_flights : cells flown again, drawn and with a board, and flights of each.
     """
 
@@ -121,7 +122,8 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    half : result for each jitter and share of drops. extended : latencies beyond those requested, because success was
+    half : result for each jitter and share of drops.
+    extended : latencies beyond those requested, because success was
     not yet
         rare there. refined : cells between two latencies, for the first jitter and the first share of drops alone.
     """

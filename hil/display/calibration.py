@@ -26,7 +26,7 @@ SCHEMA, VERSION = "flyaround.display", 1
 GEOMETRY_DEGREE = 7
 SHADING_DEGREE = 4
 MIN_MODULATION = 0.1
-"""Least swing of the fringes, as a share of the white level's light, for a pixel to count."""
+"""Least modulation of the fringes relative to white at which a pixel is used."""
 MAX_POINTS = 60_000
 OUTLIER_SIGMAS = 4.0
 DARKEST_PERCENTILE = 1.0
@@ -34,7 +34,7 @@ CODE_CELL_PX = 8
 
 
 class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """Relation between a screen and a camera.
+    """Geometric and radiometric relation between a screen and the camera that views it.
 
     Parameters
     ----------
@@ -43,8 +43,9 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
     bend : Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
     response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
-    black_dn : the camera's number at level 0. white_dn : digital number of white after shading correction.
-    code_left_px, code_top_px, code_cell_px : place of the frame's code on the camera's image.
+    black_dn : digital number of the camera at level 0.
+    white_dn : digital number of white after shading correction.
+    code_left_px, code_top_px, code_cell_px : upper left corner and cell size of the frame code in the camera's image.
     geometry_rms_px : RMS distance of the measured points from the fitted map.
     """
 
@@ -121,8 +122,8 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : digital numbers (H, W) of a camera without gamma, by the pattern's name; means of several images, if
-        there are. screen_px : width and height of the screen.
+    grabs : digital numbers (H, W) of a camera without gamma by name of the pattern, averaged over repeated images.
+    screen_px : width and height of the screen.
 
     Raises
     ------
@@ -194,7 +195,7 @@ def _decode(
             )
         above = ((grabs[name] - dark) > swing / 2).astype(int) ^ above
         half |= above << bit
-    # a half period misread at its border has a phase near 0 or a full turn there
+    # the code may be misread at the border of half periods, where the phase is near 0 or 2 pi: the phase decides there
     near_start, near_end = phase < np.pi / 2, phase > 3 * np.pi / 2
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
     at = (period + phase / (2 * np.pi)) * PERIOD_PX
@@ -243,7 +244,7 @@ def _unit(screen_xy_px: FloatArray, screen_px: tuple[int, int]) -> FloatArray:
 
 
 def _code_corner(valid: BoolArray) -> tuple[int, int]:
-    """Return column and row of the code's block nearest to the upper left corner that lies wholly on the screen."""
+    """Return column and row of the place for the frame code: on the screen, near its upper left corner."""
     width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
     solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     whole = cv2.erode(

@@ -41,7 +41,8 @@ class Predistorter:
 
         Parameters
         ----------
-        image : (H, W) numbers of the camera's size, linear in light. white : the number that is shown as white.
+        image : (H, W) numbers of the camera's size, linear in light.
+        white : the number that is shown as white.
 
         Raises
         ------

@@ -71,7 +71,17 @@ def write_page(
     metrics: Metrics,
     rows: Sequence[EvaluatedFrame],
 ) -> Path:
-    """Write ``index.html`` and its tiles into a report folder and return the page's path."""
+    """Write ``index.html`` and its images into a report folder and return the page's path.
+
+    Parameters
+    ----------
+    report : existing folder of the report.
+    folder : data set, from which the images of failures are cropped.
+    card : card of the data set.
+    model : target model that the methods used.
+    metrics : metrics of each method.
+    rows : one per frame and method.
+    """
     labels = list(metrics.by_method)
     page = Page("Pose estimation", "Pose estimation beside the truth", style=STYLE)
     page.add(

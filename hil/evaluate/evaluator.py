@@ -32,7 +32,7 @@ class Evaluator:
     folder : Path
         The data set.
     model : BoardModel
-        The target.
+        Model of the target.
     camera : dict
         Camera object of the data set.
     choices : tuple of MethodChoice

@@ -64,7 +64,7 @@ def failure_kind(
     regions : sequence of Region
         Regions of the estimator; without any, the stage is not blamed.
     craft : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     noise : float
         Standard deviation of the image noise.
 

@@ -25,7 +25,8 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), whole numbers. encoding : transfer function of its numbers.
+    image : (H, W) or (H, W, 3), whole numbers.
+    encoding : transfer function of its numbers.
 
     Returns
     -------

@@ -18,7 +18,9 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    n : frames. t_m : mean position. q_wxyz : mean attitude (Markley et al. 2007).
+    n : frames.
+    t_m : mean position.
+    q_wxyz : mean attitude (Markley et al. 2007).
     """
 
     n: int

@@ -54,7 +54,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     availability : accepted feasible frames over feasible ones.
     false_accept : accepted but not coarse over accepted, infeasible frames included.
     *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
-    *_wilson : 95 % interval of the share of that name. *_bootstrap : 95 % interval of the median or mean of that name.
+    *_wilson : 95 % interval of the share of that name.
+    *_bootstrap : 95 % interval of the median or mean of that name.
     speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
         the same with errors below SPEED+'s label accuracy counted as none.
     median_nees, nees_inside_95 : NEES of accepted frames: the median (5.35 where covariances are right), and the share
@@ -138,7 +139,8 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     Parameters
     ----------
     kernels : implementation of the inner loops: ``native`` and the library's file, or ``none`` and the reason.
-    pictures : description of the images. grey_from_colour : True if colour images were converted to grey.
+    pictures : description of the images.
+    grey_from_colour : True if colour images were converted to grey.
     mean_predictor : errors of the mean pose as the answer to every feasible frame; None if there is none.
     """
 
@@ -238,7 +240,8 @@ def compose(
 
     Parameters
     ----------
-    kernels : implementation of the estimators' kernels. pictures, grey_from_colour, mean_predictor : as of `Metrics`.
+    kernels : implementation of the estimators' kernels.
+    pictures, grey_from_colour, mean_predictor : as of `Metrics`.
 
     Raises
     ------

@@ -30,9 +30,11 @@ class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
     ----------
     range_m : true distance of the target's origin from the camera [m].
     E_T_m, e_t, E_R_deg : errors of the best pose returned; None when none was.
-    accepted : True if the estimator stands by it. feasible : True if the frame can be solved.
+    accepted : True if the estimator stands by it.
+    feasible : True if the frame can be solved.
     frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
-    shift_camera_m : (3,) estimated less true position, camera axes [m]. turn_camera_deg : (3,) rotation vector from
+    shift_camera_m : (3,) estimated less true position, camera axes [m].
+    turn_camera_deg : (3,) rotation vector from
         true to estimated attitude, camera axes [deg].
     nees : normalised estimation error squared: turn and shift over the covariance that the estimator gave, six
         degrees of freedom; None without one.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 
 IMAGES_TOPIC = "/camera/image_raw"
-# Most disagreements of each kind that are listed.
+# Largest number of disagreements of each kind to list.
 MAX_LISTED = 20
 
 
@@ -41,9 +41,9 @@ class PictureAudit:
     unreadable : list of str
         Pictures without a code, or with one whose check fails.
     wrong : list of str
-        A sentence on each of the others.
+        A sentence on each picture whose code disagrees with the ledger.
     twice : list of str
-        Pictures whose code was seen before.
+        Pictures with the code of an earlier picture.
     missing : list of int
         Answered frames without a picture.
     """
@@ -57,7 +57,7 @@ class PictureAudit:
 
     @property
     def passed(self) -> bool:
-        """True if every answered frame is there once and agrees with the ledger."""
+        """True if there is exactly one picture of every answered frame, and all agree with the ledger."""
         return bool(self.agree) and not (self.unreadable or self.wrong or self.twice or self.missing)
 
 
@@ -68,7 +68,9 @@ def audit_pictures(
 
     Parameters
     ----------
-    rows : rows of the ledger. pictures : name and image of each picture. place : place of the code in the run.
+    rows : rows of the ledger.
+    pictures : name and image of each picture.
+    place : place of the code in the run.
     """
     place = CodePlace() if place is None else place
     by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()

@@ -1,4 +1,4 @@
-"""Closed loop for the host: on a board's poses with rendered images, or on the truth without images."""
+"""Closed-loop flights for the host: guided by a board's poses of rendered images, or by the truth without images."""
 
 from __future__ import annotations
 
@@ -56,24 +56,24 @@ COLUMNS = (
     "delta_v_m_s",
     "violation",
 )
-# a million periods of control
+# largest file to read: about a million control periods
 MAX_BYTES = 1 << 28
 
 PoseFrom = Literal["board", "truth", "noisy"]
 
 
 class BoardPoses:
-    """Accepted poses of the board as measurements, in the order of their rows.
+    """Queue of the board's accepted poses, as measurements for the navigation filter.
 
-    The link carries no covariance: that of ``noise`` is used.
+    The link carries no covariance, so that of ``noise`` is used.
 
     Parameters
     ----------
     noise : PoseNoise
-        Errors of the poses.
+        Error model of the poses.
     link : PoseLink, optional
-        Delay of poses in lockstep, where the flight's clock stops for the board. None uses a pose as soon as its row
-        comes, as in real time.
+        Simulated delay of poses in lockstep, where the flight's clock stops until the board answers. Without it, as in
+        real time, a pose is available as soon as it is received.
     """
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
@@ -82,11 +82,11 @@ class BoardPoses:
         self._queue = PoseQueue(link)
 
     def note(self, frame: int, snapshot: Snapshot) -> None:
-        """Remember time and camera attitude of an image."""
+        """Store the time and camera attitude of an image until its pose arrives."""
         self._looks[frame] = snapshot
 
     def take(self, row: FrameRecord) -> None:
-        """Process the outcome of an image."""
+        """Queue the pose of an image, if the board accepted it."""
         snapshot = self._looks.pop(row.frame_id, None)
         if snapshot is None or row.outcome != ACCEPTED or row.q_wxyz is None or row.t_m is None:
             return
@@ -101,10 +101,10 @@ class BoardPoses:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BoardLoop:
-    """Closed loop on a board's poses: its frames for `run_host`, which passes each row to ``poses.take``.
+    """Closed loop on a board's poses. `run_host` sends its frames and passes each resulting record to ``poses.take``.
 
-    `run_host` asks for the next frame only after it has sent the one before, in lockstep after its answer: so no
-    frame is drawn before it is decided.
+    `run_host` requests a frame only after it has sent the previous one, in lockstep only after its answer. Therefore no
+    frame is rendered ahead of the guidance decisions that lead to it.
     """
 
     plan: Plan
@@ -126,15 +126,15 @@ class BoardLoop:
         Parameters
         ----------
         plan : Plan
-            The plan.
+            Scenario with its flight and target.
         config : ClosedLoopConfig
             Settings of the loop.
         realtime : bool
             True in real time, False in lockstep.
         link : PoseLink, optional
-            Delay of poses in lockstep; default the usual latency.
+            Simulated delay of poses in lockstep; by default the latency of `PoseLink`.
         noise : PoseNoise, optional
-            Errors of the board's poses; default those of the estimator ``hybrid``.
+            Error model of the board's poses; by default that of the estimator ``hybrid``.
 
         Raises
         ------
@@ -148,7 +148,7 @@ class BoardLoop:
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
 
     def frames(self, *, device_index: int | None = None, realtime: bool = False) -> Iterator[Frame]:
-        """Yield each frame rendered from the state flown; `run_host` requests the next when it is to be decided."""
+        """Yield each frame, rendered from the simulated state at the time of the request."""
         with open_frames(
             Frame.image_and_truth,
             processes=1,
@@ -157,7 +157,7 @@ class BoardLoop:
             ahead=1,
         ) as producer:
             if realtime:
-                # programs are compiled before the clock starts
+                # render one frame first: shaders must be compiled before the clock starts
                 producer.submit(FrameRequest(scene=self.plan.scene(0)))
                 producer.result()
             for number, snapshot in enumerate(self.loop.pictures()):
@@ -171,7 +171,7 @@ class BoardLoop:
 
 
 def scene_flown(plan: Plan, snapshot: Snapshot, number: int) -> SceneState:
-    """Return the scene of image ``number``, with the state flown in place of the plan's."""
+    """Return the scene of image ``number``, with the chaser's simulated state instead of the planned one."""
     world = plan.flight.state_with_chaser(
         ChaserState(
             t_s=snapshot.t_s,
@@ -190,11 +190,14 @@ def fly_without_pictures(
     pose: Literal["truth", "noisy"],
     link: PoseLink | None = None,
 ) -> ClosedLoopResult:
-    """Fly a closed loop on the truth, or on the truth with the estimator's errors; nothing is rendered or sent.
+    """Fly a closed loop on the true pose, or on the true pose with simulated errors, without images or a board.
 
     Parameters
     ----------
-    link : delay from an image to its pose; default the usual latency.
+    plan : scenario with its flight and target.
+    config : settings of the loop.
+    pose : ``truth``, or ``noisy`` to add the errors of the estimator ``hybrid``.
+    link : delay from an image to its pose; by default the latency of `PoseLink`.
 
     Raises
     ------
@@ -225,18 +228,22 @@ def summary_without_pictures(result: ClosedLoopResult, pose: PoseFrom, seed: int
 
 
 def figures(result: ClosedLoopResult, pose: PoseFrom, seed: int) -> ClosedLoopFigures:
-    """Return the result as in summary.json."""
+    """Return the figures of a closed loop that go into ``summary.json``."""
     own = {field.name: getattr(result, field.name) for field in fields(result) if field.name != "steps"}
     return ClosedLoopFigures(pose=pose, seed=seed, duration_s=result.steps[-1].t_s, **own)
 
 
 def frame_every(every_s: float | None, plan: Plan) -> int:
-    """Return the number of control periods from image to image.
+    """Return the number of control periods between images.
+
+    Parameters
+    ----------
+    every_s : time between images; None for one image per control period.
 
     Raises
     ------
     UserError
-        If they do not divide the time asked for.
+        If ``every_s`` is no multiple of the control period.
     """
     thrusters = plan.flight.guidance.acting_thrusters
     if every_s is None or thrusters is None:

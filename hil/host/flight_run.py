@@ -47,7 +47,8 @@ class FlightOptions:
     pose_noise : assumed errors of the board's poses in a closed loop; default those of ``hybrid``.
     source : folder whose images are sent instead of rendered ones.
     source_text, command : scenario file and command line, for the record of the run.
-    time_code : True to draw a time code into a corner. workers, device_index : processes and GPU of the rendering.
+    time_code : True to draw a time code into a corner.
+    workers, device_index : processes and GPU of the rendering.
     """
 
     closed_loop: ClosedLoopConfig | None = None
@@ -66,7 +67,8 @@ class FlightRun:
 
     Parameters
     ----------
-    plan : plan of the flight. config : settings of the run, to which the target and a closed loop are added.
+    plan : plan of the flight.
+    config : settings of the run, to which the target and a closed loop are added.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Frames of a plan for a board, rendered in separate processes one frame ahead of the link."""
+"""Frames of a planned flight for a board, rendered ahead of the link in separate processes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.loop import Sink
     from flyaround.simulator.scenario.plan import Plan
 
-# Frames of each process drawn ahead of the one on the wire: one keeps it busy while the board thinks.
+# Frames that each process may render ahead of the link, so that it stays busy while the board computes.
 FRAMES_AHEAD = 2
 
-# Frames of the flight, evenly in time, that each process draws before the first is due, and the time for them.
+# Largest number of warm-up frames for each process, evenly spaced over the flight, and their time-out.
 WARM_UP_FRAMES, WARM_UP_S = 24, 15.0
 
 
@@ -31,17 +31,19 @@ def frames_of_plan(
     warm_up: bool = False,
     sinks: Iterable[Sink[Frame]] = (),
 ) -> Iterator[Frame]:
-    """Render the plan's frames in ``workers`` other processes and yield them in order, as `run_host` sends them.
+    """Render the frames of a plan in ``workers`` processes and yield them in order, for `run_host` to send.
 
-    Pixels are the detector's own numbers, grey or in colour, in one byte up to 8 bits and in two above. Truth
-    travels inside the host only; ``run_host`` decides what leaves it.
+    Pixels are raw detector values, grey or colour, in one byte up to 8 bits and in two above. Frames contain the ground
+    truth; `run_host` decides whether it is sent.
 
     Parameters
     ----------
-    warm_up : draw some of the flight's moments for nothing first. Programs are compiled, and buffers made for the
-        target's sizes, when a view first asks for them: half a second and megabytes at a time that a run in real time
-        would meet in its midst.
-    sinks : given each frame before the board is.
+    plan : flight to render.
+    device_index : EGL device to render on; None for the driver's choice.
+    workers : number of render processes.
+    warm_up : True to render some frames of the flight in advance and discard them. Shaders are compiled and buffers
+        allocated when a view first needs them; in a real-time run this would delay frames.
+    sinks : sinks that receive each frame before the board does.
     """
     with open_frames(
         Frame.image_and_truth,
@@ -57,7 +59,7 @@ def frames_of_plan(
 
 
 def _moments(plan: Plan, workers: int) -> Iterator[FrameRequest]:
-    """Yield scenes over the whole flight, each as often as there are processes, while time remains."""
+    """Yield scenes spread over the whole flight, each once per process, until the warm-up time is over."""
     until = time.monotonic() + WARM_UP_S
     for k in np.unique(np.linspace(0, plan.n_frames - 1, WARM_UP_FRAMES).astype(int)):
         if time.monotonic() > until:

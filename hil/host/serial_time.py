@@ -44,7 +44,9 @@ def serial_advice(
     Parameters
     ----------
     link : URL, compression and time-out of the link.
-    size_px : width and height of the images. bits : bits of a pixel. pixel_format : how they are sent.
+    size_px : width and height of the images.
+    bits : bits of a pixel.
+    pixel_format : how they are sent.
     every_s : interval of frames in real time; None if the host waits for each pose.
     """
     scheme, _, baud = parse_url(link.url)

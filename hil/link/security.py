@@ -83,7 +83,9 @@ class Seal:
 
     Parameters
     ----------
-    key : shared. nonces : the board's, then the host's. is_host : True at the host.
+    key : shared.
+    nonces : the board's, then the host's.
+    is_host : True at the host.
     """
 
     def __init__(self, key: bytes, nonces: bytes, *, is_host: bool) -> None:

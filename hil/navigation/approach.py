@@ -29,7 +29,8 @@ class ApproachRules:
     hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and aborts.
     hold_sigma_share : largest sigma of the position over the range; beyond it the chaser holds.
     arrived_within_m, arrived_speed_m_s : largest estimated distance from the path's end, and speed, on arrival.
-    arrived_sigma_rad : largest sigma of the target's attitude on arrival. arrived_for_s : duration of these conditions.
+    arrived_sigma_rad : largest sigma of the target's attitude on arrival.
+    arrived_for_s : duration of these conditions.
     """
 
     hold_after_s: float = 5.0
@@ -47,7 +48,8 @@ class Decision:
 
     Parameters
     ----------
-    phase : phase of the approach. reason : cause of a hold or abort, else empty.
+    phase : phase of the approach.
+    reason : cause of a hold or abort, else empty.
     wanted_m_s : (3,) change of velocity, LVLH.
     """
 
@@ -61,7 +63,9 @@ class Approach:
 
     Parameters
     ----------
-    path : path of the scenario. n_rad_s : the target's mean motion. period_s : period of control.
+    path : path of the scenario.
+    n_rad_s : the target's mean motion.
+    period_s : period of control.
     end_lvlh_m : (3,) end of the path.
     """
 
@@ -87,7 +91,8 @@ class Approach:
 
         Parameters
         ----------
-        estimate : estimate at ``t_s``, or None. status : status of the filter.
+        estimate : estimate at ``t_s``, or None.
+        status : status of the filter.
         last_used_s : exposure of its newest pose.
         """
         doubt = self._doubt(t_s, estimate, status, last_used_s)

@@ -64,11 +64,16 @@ class LoopStep:
 
     Parameters
     ----------
-    t_s : start of the period. phase, reason : phase of guidance and its reason. status : status of the filter.
+    t_s : start of the period.
+    phase, reason : phase of guidance and its reason.
+    status : status of the filter.
     position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
     commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
-    estimate : estimate predicted to ``t_s``, or None. error : (12,) truth minus estimate. nees : its NEES.
-    pose_age_s : age of the newest pose in the estimate. violation : True inside the sphere and outside the corridor.
+    estimate : estimate predicted to ``t_s``, or None.
+    error : (12,) truth minus estimate.
+    nees : its NEES.
+    pose_age_s : age of the newest pose in the estimate.
+    violation : True inside the sphere and outside the corridor.
     pointing_error_rad : angle between the camera's attitude and the commanded one at its true position.
     """
 
@@ -94,8 +99,10 @@ class ClosedLoopResult:
 
     Parameters
     ----------
-    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed. reason : reason of the last two.
-    final_error_m : truth from the path's end. final_error_deg : the larger of the camera's error of pointing and the
+    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed.
+    reason : reason of the last two.
+    final_error_m : truth from the path's end.
+    final_error_deg : the larger of the camera's error of pointing and the
         error of the target's estimated attitude. delta_v_m_s : total velocity change.
     """
 
@@ -144,7 +151,8 @@ def fly_closed_loop(
     ----------
     flight : flight whose target, guidance path and camera pointing are used; its chaser gives the start.
     com_target_m, inertia_kg_m2 : (3,), (3, 3) mass properties of the target's model, its own axes.
-    poses : source of poses. config : settings.
+    poses : source of poses.
+    config : settings.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Pose as a measurement: exposure time, camera attitude and uncertainty; and a noise model to draw one."""
+"""Pose measurements for the navigation filter, and their noise model."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseMeasurement:
-    """Pose of the target in the camera at mid-exposure.
+    """Pose of the target relative to the camera, measured at mid-exposure.
 
     Parameters
     ----------
     t_s : mid-exposure, time from the flight's start [s].
     q_camera_from_target_wxyz, t_camera_from_target_m : (4,), (3,) pose of the model's frame.
-    q_camera_from_eci_wxyz : (4,) attitude of the camera then, known by the star tracker.
-    errors : (6, 6) one column for each part of the pose's error, along camera axes and as large as its standard
-        deviation: translation [m] along camera axes, turn [rad] about target axes.
-    remembered : share of each part's variance that is alike from pose to pose.
+    q_camera_from_eci_wxyz : (4,) attitude of the camera at that time, known from the star tracker.
+    errors : (6, 6) square root of the error covariance, one column for each independent error. Rows are translation in
+        camera axes [m] and rotation in target axes [rad].
+    remembered : share of each error's variance that is correlated between successive poses.
     """
 
     t_s: float
@@ -35,31 +35,40 @@ class PoseMeasurement:
     remembered: float
 
     def new_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """Return the (6, 6) input matrix of six new white errors of unit variance; ``factors`` (6,) scale the
-        components.
+        """Return the (6, 6) input matrix of the white part of the errors, driven by unit-variance noise.
+
+        Parameters
+        ----------
+        factors : (6,) or scalar scale of the errors.
         """
         return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
 
     def remembered_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """Return the (6, 6) input matrix of six remembered errors of unit variance."""
+        """Return the (6, 6) input matrix of the correlated part of the errors; see `new_errors`."""
         return np.asarray(np.sqrt(self.remembered) * self.errors * factors)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorMemory:
-    """Correlation of an estimator's errors, which are similar while the view is, because the same shadows bias it.
+    """Correlation of an estimator's errors between views: in similar views the same shadows cause similar errors.
 
     Parameters
     ----------
-    turn_rad : rotation of the target in the camera after which 1/e of an error is left.
-    range_ratio : ratio of ranges after which 1/e is left.
+    turn_rad : rotation of the target relative to the camera after which the correlation has fallen to 1/e.
+    range_ratio : ratio of ranges after which the correlation has fallen to 1/e.
     """
 
     turn_rad: float = 1.0
     range_ratio: float = 4.0
 
     def kept(self, turn_rad: float, ratio: float) -> float:
-        """Return the share of a remembered error left after a rotation and between two ranges of this ratio."""
+        """Return the correlation of the errors of two views.
+
+        Parameters
+        ----------
+        turn_rad : rotation of the target between the views.
+        ratio : ratio of the ranges.
+        """
         return float(np.exp(-abs(turn_rad) / self.turn_rad - abs(np.log(ratio) / np.log(self.range_ratio))))
 
 
@@ -73,7 +82,7 @@ class Snapshot:
     position_eci_m, velocity_eci_m_s : (3,) chaser minus target's centre of mass, GCRS axes.
     q_camera_from_eci_wxyz, omega_camera_rad_s : attitude of the camera, and its rate about its own axes.
     q_eci_from_target_wxyz : (4,) attitude of the target.
-    com_target_m : (3,) its centre of mass in the model's frame.
+    com_target_m : (3,) centre of mass of the target in the model's frame.
     """
 
     t_s: float
@@ -93,18 +102,21 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseNoise:
-    """Errors of accepted poses: normal, partly remembered from pose to pose; and the rate of poses.
+    """Noise model of accepted poses: normal errors, partly correlated between poses, and rates of loss and failure.
 
     The defaults are those of the estimator `hybrid` on Tango with the SPEED camera, measured along closed loops with
     the target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
 
     Parameters
     ----------
-    across_m, across_share : sigma across the boresight: a length [m], and a share of the range; squares add.
-    along_share : sigma along the boresight over the range.
-    tilt_rad, roll_rad : sigma of the turn about each axis across the boresight, and about it [rad].
-    remembered : share of each variance that is alike from pose to pose, as long as ``memory`` says.
-    available : share of the images whose pose is accepted. wrong : share of those that is wrong.
+    across_m, across_share : standard deviation across the boresight: a constant [m] and a share of the range, added in
+        quadrature.
+    along_share : standard deviation along the boresight, as a share of the range.
+    tilt_rad, roll_rad : standard deviations of the rotation about each axis across the boresight, and about it [rad].
+    remembered : share of each variance that is correlated between successive poses.
+    memory : decay of that correlation as the view changes.
+    available : share of the images whose pose is accepted.
+    wrong : share of the accepted poses that are grossly wrong.
     """
 
     across_m: float = 6e-4
@@ -118,9 +130,7 @@ class PoseNoise:
     wrong: float = 0.004
 
     def sigmas(self, range_m: float) -> FloatArray:
-        """Return the (6,) standard deviations in camera axes: right, down, forward [m], rotation about the same
-        [rad].
-        """
+        """Return the (6,) standard deviations in camera axes: of translation [m], then of rotation [rad]."""
         across = float(np.hypot(self.across_m, self.across_share * range_m))
         along = self.along_share * range_m
         return np.array([across, across, along, self.tilt_rad, self.tilt_rad, self.roll_rad])
@@ -132,7 +142,7 @@ class PoseNoise:
         t_camera_from_target_m: FloatArray,
         q_camera_from_eci_wxyz: FloatArray,
     ) -> PoseMeasurement:
-        """Return a pose with its error model, for a boresight near the target."""
+        """Make a measurement of a pose with its error model; the target must be near the boresight."""
         errors = self._axes(q_camera_from_target_wxyz) * self.sigmas(
             float(np.linalg.norm(t_camera_from_target_m))
         )
@@ -147,9 +157,7 @@ class PoseNoise:
 
     @staticmethod
     def _axes(q_camera_from_target_wxyz: FloatArray) -> FloatArray:
-        """Return the (6, 6) matrix from camera axes to those of a pose's errors, whose rotation is about the
-        target's axes.
-        """
+        """Return the (6, 6) matrix that converts errors from camera axes: rotations to target axes."""
         axes = np.eye(6)
         axes[3:, 3:] = matrix_from_quat(q_camera_from_target_wxyz).T
         return axes

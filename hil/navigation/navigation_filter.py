@@ -47,10 +47,12 @@ class FilterSettings:
     Parameters
     ----------
     gate : share of right poses that pass the test of the innovation.
-    found_after : poses consistent with each other that start a track. lost_after : gated in a row that end trust in it.
+    found_after : poses consistent with each other that start a track.
+    lost_after : gated in a row that end trust in it.
     displaced_after : poses consistent with each other that take a track's place, none of its own between.
     start_speed_m_s, start_rate_rad_s : initial sigma of velocity and rate, each axis.
-    history_s : largest delay of a pose. memory, scale : correlation and scale of the poses' errors.
+    history_s : largest delay of a pose.
+    memory, scale : correlation and scale of the poses' errors.
     """
 
     gate: float = 0.9999
@@ -83,7 +85,8 @@ class NavigationFilter:
 
     Parameters
     ----------
-    motion : motion model of chaser and target. lvlh : the target's LVLH frame by time, of its known orbit.
+    motion : motion model of chaser and target.
+    lvlh : the target's LVLH frame by time, of its known orbit.
     com_target_m : (3,) its centre of mass in the model's frame.
 
     References

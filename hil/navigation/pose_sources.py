@@ -33,7 +33,8 @@ class PoseErrors:
 
     Parameters
     ----------
-    noise : errors of the poses. rng : generator, new for each run.
+    noise : errors of the poses.
+    rng : generator, new for each run.
     """
 
     def __init__(self, noise: PoseNoise, rng: Generator) -> None:
@@ -96,7 +97,9 @@ class NoisyPoses(LatePoses):
 
     Parameters
     ----------
-    noise : errors of the poses. latency_s : time from mid-exposure to the answer. seed : seed of the errors.
+    noise : errors of the poses.
+    latency_s : time from mid-exposure to the answer.
+    seed : seed of the errors.
     """
 
     def __init__(self, noise: PoseNoise, latency_s: float, seed: int) -> None:

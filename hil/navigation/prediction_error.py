@@ -46,8 +46,11 @@ def forecast_errors(
 
     Parameters
     ----------
-    estimates : estimates of one or more runs. truth : the target's attitude. motion : model for the prediction.
-    horizons_s : prediction horizons, rising. end_s : end of the truth; later predictions are left out.
+    estimates : estimates of one or more runs.
+    truth : the target's attitude.
+    motion : model for the prediction.
+    horizons_s : prediction horizons, rising.
+    end_s : end of the truth; later predictions are left out.
     """
     samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:

@@ -37,7 +37,8 @@ class RelativeEstimate:
     ----------
     t_s : time from the flight's start [s].
     position_lvlh_m, velocity_lvlh_m_s : (3,) chaser minus target's centre of mass, in the rotating LVLH frame.
-    q_eci_from_target_wxyz : (4,) attitude of the target. omega_target_rad_s : (3,) its rate to ECI, own axes.
+    q_eci_from_target_wxyz : (4,) attitude of the target.
+    omega_target_rad_s : (3,) its rate to ECI, own axes.
     joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
         [rad], rate [rad s-1], and of ``pose_bias``.
     pose_bias : (6,) remembered part of the poses' errors, each of unit variance (`PoseMeasurement`).
@@ -170,7 +171,8 @@ class MotionModel:
 
         Parameters
         ----------
-        estimate : at its own time. to_s : no earlier than that.
+        estimate : at its own time.
+        to_s : no earlier than that.
         thrust : commanded thrust; gaps are coasts.
 
         Raises

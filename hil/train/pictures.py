@@ -1,4 +1,4 @@
-"""Training samples from a data set: its pictures reduced, and turned, exposed and made noisy at random."""
+"""Training samples from a data set: downscaled images, augmented by random rotation, exposure and noise."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-# Pixels of a stored picture per pixel of the network's, each way: turning averages over them.
+# Resolution of stored images relative to the network's input, for antialiasing when they are rotated.
 FINER = 2
 
 # One of ten frames is held out.
 HELD_OUT = 10
 
-# Fewer pictures teach nothing.
+# Least number of training images.
 LEAST_PICTURES = 20
 
-# Largest tilt of the camera [halves of the view], and draws until one keeps the target in view.
+# Largest tilt of the camera [half fields of view], and number of attempts to find one that keeps the target in view.
 TILT, TRIES = 0.35, 8
 
 # Standard deviation of a sample's log exposure; largest standard deviation of its noise [full scale].
@@ -48,18 +48,18 @@ EXPOSED, NOISE = 0.3, 0.03
 
 @dataclass(frozen=True, eq=False)
 class LabelledPictures:
-    """Pictures and poses.
+    """Images with the poses that they show.
 
     Parameters
     ----------
     camera : NetworkCamera
         Camera of the network.
     signal : (N, FINER h, FINER w) array
-        Square root of the share of full scale, uint8, 255 for one.
+        Square root of the signal relative to full scale, uint8, 255 at full scale.
     q_wxyz : (N, 4) array
-        Attitudes of the target in the camera.
+        Attitudes of the target relative to the camera.
     t_m : (N, 3) array
-        Positions of the target in the camera.
+        Positions of the target in the camera frame.
     """
 
     camera: NetworkCamera
@@ -77,7 +77,7 @@ class LabelledPictures:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A batch.
+    """A batch of training samples.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Samples:
     q_wxyz : (B, 4) array
         Attitudes relative to the line of sight.
     place : (B, 2) array
-        x and y over z, in halves of the view.
+        x / z and y / z, in half fields of view.
     log_range : (B,) array
         Logarithms of the range [m].
     """
@@ -99,7 +99,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class TrainingSet:
-    """A data set split into pictures to learn from and pictures to be judged by.
+    """A data set split into a training set and a held-out set.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class TrainingSet:
     camera : CameraIntrinsics
         Camera of the data set.
     learned, held_out : LabelledPictures
-        The two parts.
+        Images for training, and held-out images.
     held_out_frames : tuple of int
         Numbers of the held-out frames.
     """
@@ -173,7 +173,7 @@ def read_training_set(
 
 
 def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> Samples:
-    """Return random pictures, each as a camera in another attitude takes it, with random exposure and noise."""
+    """Return a random batch: each image is warped to a random camera attitude, with random exposure and noise."""
     which = rng.integers(len(pictures), size=size)
     small = pictures.camera
     out = np.empty((size, small.height_px, small.width_px), np.float32)
@@ -191,7 +191,7 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
 
 
 def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
-    """Return pictures (B, h, w) with the labels that follow from their poses."""
+    """Return images (B, h, w) as samples, with the network's labels computed from their poses."""
     away = np.linalg.norm(t_m, axis=1)
     back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
     relative = quat_multiply(back, q_wxyz)
@@ -213,10 +213,10 @@ def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> F
 
 
 def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32Array:
-    """Return the (h, w) float32 picture of a camera turned by R; beyond the finer picture its edge goes on."""
+    """Warp a stored image to a camera rotated by R, (h, w) float32; its border is replicated."""
     fine = camera.enlarged(FINER)
     K, L = _matrix(camera), _matrix(fine)
-    # from the turned picture's pixels to those of the finer one, averaged over what each covers
+    # M maps pixels of the rotated image to the stored one, which is averaged over the size of an output pixel
     light = (signal.astype(np.float32) / np.float32(255)) ** 2
     soft = cv2.blur(light, (FINER, FINER), anchor=(0, 0))
     shift = np.eye(3)

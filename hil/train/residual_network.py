@@ -1,4 +1,4 @@
-"""The residual network in PyTorch; a board runs its weights in NumPy."""
+"""The residual pose network in PyTorch, for training; a board evaluates it in NumPy with the exported weights."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ if TYPE_CHECKING:
     from flyaround.hil.board.net.residual_network import Architecture
     from flyaround.simulator.runtime.arrays import Float32Array
 
-# Added to a variance before it divides.
+# Added to the variance in batch normalisation, against division by zero.
 EPSILON = 1e-4
 
 
 class ResidualNetwork(nn.Module):  # type: ignore[misc]
-    """Return place (B, 3) and logits of attitudes (B, K) of standardised pictures (B, h, w).
+    """Residual network that regresses the position and classifies the attitude of a craft in an image.
 
     Parameters
     ----------
     architecture : Architecture
-        Its sizes.
+        Layer sizes and strides.
     width_px, height_px : int
-        Size of the pictures.
+        Size of the input images.
     classes : int
-        Number K of attitudes.
+        Number K of attitude classes.
 
     References
     ----------
-    He et al. (2015), Delving deep into rectifiers, ICCV (first weights); Ioffe & Szegedy (2015), Batch normalization,
-    ICML; Goyal et al. (2017), Accurate, large minibatch SGD, arXiv:1706.02677 (blocks that begin as the identity).
+    He et al. (2015), Delving deep into rectifiers, ICCV (initial weights); Ioffe & Szegedy (2015), Batch normalization,
+    ICML; Goyal et al. (2017), Accurate, large minibatch SGD, arXiv:1706.02677 (blocks initialised as the identity).
     """
 
     def __init__(self, architecture: Architecture, width_px: int, height_px: int, classes: int) -> None:
@@ -50,7 +50,7 @@ class ResidualNetwork(nn.Module):  # type: ignore[misc]
                 nn.init.normal_(layer.weight, std=np.sqrt(0.01 / inputs))
                 nn.init.zeros_(layer.bias)
                 continue
-            # a momentum of one: the running statistics are the last batch's, which the training averages itself
+            # with a momentum of 1 the running statistics are those of the last batch: training averages them itself
             if len(shape) == 2:
                 layer = nn.Linear(inputs, outputs, bias=False)
                 norm: nn.Module = nn.BatchNorm1d(outputs, EPSILON, momentum=1.0)
@@ -63,7 +63,7 @@ class ResidualNetwork(nn.Module):  # type: ignore[misc]
             self.layers[name] = nn.Sequential(layer, norm)
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
-        """Return place and logits."""
+        """Return positions (B, 3) and attitude logits (B, K) of standardised images (B, h, w)."""
 
         def rectified(name: str, x: Tensor) -> Tensor:
             return torch.relu(self.layers[name](x))
@@ -77,7 +77,7 @@ class ResidualNetwork(nn.Module):  # type: ignore[misc]
         return self.layers["place"](place), self.layers["attitude"](attitude)
 
     def folded(self) -> dict[str, Float32Array]:
-        """Return the weights ``NAME`` and ``NAME_bias`` of each layer, normalisations folded in."""
+        """Return the weights ``NAME`` and ``NAME_bias`` of each layer, with batch normalisation folded in."""
         weights = {}
         for name, layer in copy.deepcopy(self).cpu().double().eval().layers.items():
             if isinstance(layer, nn.Sequential):

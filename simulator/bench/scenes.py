@@ -51,9 +51,9 @@ LABELLED_FRAMES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class SceneCost:
-    """Cost of one scene [ms]: the whole frame (render, read-back, sensor) and its parts.
+    """Time per frame of one scene [ms]: in total (render, read-back, sensor), and by part.
 
-    Times of the passes are from frames that wait for the driver after each pass, and add up to more than the frame.
+    Pass times are measured on frames that wait for the driver after each pass, so they add up to more than the total.
     ``labels_ms_p50`` is the cost of truth, mask and all layers; ``labelled_over_plain`` is the ratio of a frame with
     them to one without.
     """

@@ -1,1 +1,1 @@
-"""Our images next to images of others: statistics, our most similar view, the page."""
+"""Comparison of simulated images with those of other data sets: statistics, most similar views, and a report page."""

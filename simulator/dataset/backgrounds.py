@@ -29,13 +29,18 @@ def write_library(
     device_index: int | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> int:
-    """Draw the first views of a plan's library with its camera and sensor into ``images/NNNNNN.png``.
+    """Render the first views of a recipe's background library into ``images/NNNNNN.png``.
+
+    The table ``views.csv`` lists for each view the camera's Euler angles in the order of
+    `flyaround.simulator.recipes.euler_poses`, its geocentric position (GCRS), and the number of rejected draws.
 
     Parameters
     ----------
-    n : number of views; by default the whole library. The table ``views.csv`` holds the camera's Euler angles in the
-        order of `flyaround.simulator.recipes.euler_poses`, its geocentric position (GCRS), and the number of rejected
-        draws.
+    plan : recipe with its camera and sensor.
+    folder : existing folder to write to.
+    n : number of views; by default the whole library.
+    device_index : EGL device to render on; None for the driver's choice.
+    progress : called with the number of finished views and of all.
 
     Returns
     -------

@@ -98,7 +98,8 @@ class StereoCard(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    camera : camera of this data set. position_m : position of the second camera in the first's axes.
+    camera : camera of this data set.
+    position_m : position of the second camera in the first's axes.
     turn_deg : rotation vector from the first's axes to the second's.
     q_second_from_first_wxyz : the same as a quaternion.
     """

@@ -38,7 +38,8 @@ class ImportSource:
 
     Parameters
     ----------
-    form : name of its format. frames : frames in order, made on access.
+    form : name of its format.
+    frames : frames in order, made on access.
     """
 
     card: DatasetCard
@@ -71,7 +72,8 @@ def open_source(
 
     Parameters
     ----------
-    form : format, detected by default. target, camera : replace those of foreign images.
+    form : format, detected by default.
+    target, camera : replace those of foreign images.
 
     Raises
     ------

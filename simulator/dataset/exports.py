@@ -49,7 +49,8 @@ class FrameExports:
 
     Parameters
     ----------
-    store : store of the data set; each format has a subfolder. card : card that lists the formats.
+    store : store of the data set; each format has a subfolder.
+    card : card that lists the formats.
     ratio : ratio of the split, or None.
     """
 

@@ -21,7 +21,9 @@ class LabelledDataset(Sequence[LabelledFrame]):
 
     Parameters
     ----------
-    card : card of the data set. numbers : numbers of the frames, in order. splits : split of each frame, if any.
+    card : card of the data set.
+    numbers : numbers of the frames, in order.
+    splits : split of each frame, if any.
     """
 
     def __init__(

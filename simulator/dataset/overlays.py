@@ -64,7 +64,9 @@ def write_overlays(
 
     Parameters
     ----------
-    folder : data set. output : new or empty folder outside it. marks : names out of `MARKS`, in drawing order.
+    folder : data set.
+    output : new or empty folder outside it.
+    marks : names out of `MARKS`, in drawing order.
     n : number of frames, spread evenly; by default all.
 
     Raises
@@ -94,7 +96,8 @@ def overlay(frame: LabelledFrame, target: Target, marks: tuple[str, ...]) -> Byt
 
     Parameters
     ----------
-    target : model that the data set names. marks : names out of `MARKS`.
+    target : model that the data set names.
+    marks : names out of `MARKS`.
     """
     truth, camera, pose = frame.truth, frame.camera, frame.pose
     if isinstance(truth, Truth):

@@ -76,7 +76,9 @@ class RayFrames(FrameProducer[Taken]):
     Parameters
     ----------
     stage : function applied to each frame where it is rendered.
-    first : first scene to come. target : target of the scenes, sent to the nodes. n_frames : number of frames to come.
+    first : first scene to come.
+    target : target of the scenes, sent to the nodes.
+    n_frames : number of frames to come.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Resuming a data set: comparison of the plans, and detection of intact frames."""
+"""Resumption of an interrupted capture: checks that the plan is the same, and finds the intact frames."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ MAX_FILE_BYTES = 2**32
 
 @dataclass(frozen=True)
 class WhatIsThere:
-    """Frames of an earlier capture.
+    """Frames that an earlier capture left in a data set.
 
     Parameters
     ----------
-    kept : intact frames. damaged : incomplete or altered frames, to be rendered again.
+    kept : intact frames.
+    damaged : altered frames, whose records were removed; they are rendered again.
     """
 
     kept: frozenset[int]
@@ -41,7 +42,7 @@ class WhatIsThere:
 
 
 def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, DatasetCard | None]:
-    """Return the card to continue with and the existing one; None if there was none.
+    """Return the card with which to continue, and the existing card, or None for a new data set.
 
     Raises
     ------
@@ -92,9 +93,9 @@ def card_to_resume(store: Store, card: DatasetCard) -> tuple[DatasetCard, Datase
 
 
 def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThere:
-    """Return the intact frames; records of damaged or incomplete ones are removed.
+    """Find the intact frames of a data set, and remove the records of damaged ones.
 
-    Verified by the manifest's hashes, or else by the hashes of pixels in the records.
+    A frame is verified by the manifest's hashes; if it is not listed there, by the pixel hashes in its record.
 
     Raises
     ------
@@ -109,7 +110,7 @@ def look_at_frames(store: Store, plan: FramePlan, old: DatasetCard) -> WhatIsThe
         _refuse_other_frames(store, plan, old, [intact_frames[0], intact_frames[-1]] if intact_frames else [])
         last = old.n_frames - 1
         if "flow" in old.labels and intact_frames and intact_frames[-1] == last:
-            intact_frames.pop()  # it had no flow, and may now have one to the next frame
+            intact_frames.pop()  # formerly the last frame, it had no optical flow; now it has a next frame
     store.remove_unfinished()
     damaged = tuple(k for k, intact in enumerate(states) if intact is False)
     for k in damaged:
@@ -129,7 +130,7 @@ def _name(k: int) -> str:
 def _state(store: Store, k: int, hashes: dict[str, str]) -> bool | None:
     """Return True if frame k is intact, False if it is damaged, None if it is incomplete."""
     if not store.exists(_name(k)):
-        # a missing record may be damage too; calling it incomplete loses nothing
+        # the record may also have been lost: both cases are rendered again
         return None
     if _name(k) in hashes:
         return all(_has_hash(store, name, digest) for name, digest in hashes.items())
@@ -166,7 +167,7 @@ def _agrees_with_its_record(folder: Path, k: int) -> bool:
 
 
 def _names(truth: Truth, k: int) -> list[str]:
-    """Return the names of a frame's files in the order of the manifest, by its record."""
+    """Return the names of the files that a frame's record lists, in the order of the manifest."""
     paths = frame_paths(Path(), k)
     layers = [layer_path(Path("images"), f"{k:06d}", name) for name in truth.layer_sha256]
     return [path.as_posix() for path in (paths.image, paths.mask, *layers, paths.truth)]

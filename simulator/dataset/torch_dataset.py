@@ -19,7 +19,8 @@ class TorchFrames(Dataset):  # type: ignore[misc] # torch is not type-checked he
 
     Parameters
     ----------
-    frames : the data set. transform : function applied to each item.
+    frames : the data set.
+    transform : function applied to each item.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The sink that writes a data set, and the stage before it that verifies and encodes each frame."""
+"""The sink that writes a data set, and the preceding stage, which verifies and encodes each frame."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class CheckAndEncode:
         if frame.truth is None or frame.mask is None:
             raise RuntimeError("a captured frame needs labels")
         target = frame.scene.target.drawn(self.target)
-        # packing an image's noise takes long, and releases Python's lock
+        # encode in a second thread: compressing a noisy image takes long, and releases Python's global lock
         with ThreadPoolExecutor(1, thread_name_prefix="flyaround-encoder") as encoder:
             encoding = encoder.submit(encode_frame, frame)
             wrong = check_frame(
@@ -84,7 +84,7 @@ class CheckAndEncode:
 
 
 class DatasetWriter:
-    """Writes verified frames into a store, quarantines faulty ones, and keeps the card consistent.
+    """Writer of verified frames into a store. It quarantines faulty frames and keeps the card consistent.
 
     Use as a context manager: leaving it, for whatever reason, writes the remaining frames.
 

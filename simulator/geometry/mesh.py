@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-# Sine of the angle by which a triangle may face away and still count as facing, for rounding.
+# Sine of the angle by which a triangle may face away and still count as facing: tolerance for rounding errors.
 GRAZING = 1e-6
 
 
@@ -40,7 +40,7 @@ class TriangleMesh:
 
     @cached_property
     def box_m(self) -> FloatArray:
-        """(3, 8) corners of the box about the mesh; corner k is high in x, y, z by bits 4, 2, 1."""
+        """(3, 8) corners of the bounding box, in the order of `box_corners_m`."""
         return box_corners_m([self.positions_m]).T
 
     @cached_property
@@ -53,9 +53,7 @@ class TriangleMesh:
 
     @cached_property
     def _planes(self) -> FloatArray:
-        """(4, M) unit normal and negated distance from the origin; zeros for triangles that count as facing
-        everything.
-        """
+        """(4, M) unit normal and negated distance from the origin; zeros for triangles without a reliable outside."""
         a, b, c = self.corners_m.transpose(1, 0, 2)
         normal = np.cross(b - a, c - a, axis=0)
         length = np.linalg.norm(normal, axis=0)
@@ -67,18 +65,22 @@ class TriangleMesh:
         return planes * self.in_shell
 
     def facing(self, place: FloatArray) -> IntArray:
-        """Return the triangles that may be first on a ray from a viewpoint: back faces of closed shells are left out.
+        """Return the indices of all triangles except back faces of closed shells, which a viewpoint never sees.
 
         Parameters
         ----------
-        place : (4,) homogeneous: a point outside all shells (x, y, z, 1) [m] or, at infinity, a direction (x, y, z, 0).
+        place : (4,) homogeneous coordinates of the viewpoint, outside all shells: (x, y, z, 1) [m], or (x, y, z, 0) for
+            a direction at infinity.
         """
         unit = place / np.linalg.norm(place[:3])
         return np.flatnonzero(unit @ self._planes >= -GRAZING)
 
 
 def box_corners_m(positions_m: Sequence[NDArray[np.floating]]) -> FloatArray:
-    """Return (8, 3) corners of the box of point sets (N, 3); corner k is high in x, y, z by bits 4, 2, 1."""
+    """Return the (8, 3) corners of the bounding box of point sets (N, 3).
+
+    Bits 2, 1 and 0 of a corner's index select the upper bound in x, y and z.
+    """
     low = np.min([points.min(axis=0) for points in positions_m], axis=0).astype(float)
     high = np.max([points.max(axis=0) for points in positions_m], axis=0).astype(float)
     bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])

@@ -43,8 +43,10 @@ class ViewingConditions:
 
     Parameters
     ----------
-    camera : geometry of the camera. target_distance_m : distance for defocus.
-    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : irradiance of the visible part per band, for glare.
+    camera : geometry of the camera.
+    target_distance_m : distance for defocus.
+    sun_direction : unit vector, camera frame.
+    sun_irradiance_w_m2 : irradiance of the visible part per band, for glare.
     """
 
     camera: Camera
@@ -70,7 +72,8 @@ def expose(
     exposure_s : integration time [s].
     band_gain : gain of each band, for example the white balance of a colour camera (for a detector in electrons, it is
         applied after read-out instead).
-    optics : None for a perfect lens. around : inputs for vignetting, glare and defocus; None to omit those.
+    optics : None for a perfect lens.
+    around : inputs for vignetting, glare and defocus; None to omit those.
 
     Returns
     -------
@@ -196,7 +199,8 @@ def digitise_scene(
 
     Parameters
     ----------
-    signal : result of `expose_scene`. sensor : replaces the scene's, for example by its noiseless twin.
+    signal : result of `expose_scene`.
+    sensor : replaces the scene's, for example by its noiseless twin.
     noise : result of `prefetch_scene_noise` for the scene's own sensor.
     """
     sensor, encoding = sensor or scene.sensor, scene.camera.pixel_encoding

@@ -34,7 +34,8 @@ class CraftFlow:
 
     Parameters
     ----------
-    affine : (3, 2) displacement at the image's origin, and its derivatives along x and y [px, 1]. longest_px : largest
+    affine : (3, 2) displacement at the image's origin, and its derivatives along x and y [px, 1].
+    longest_px : largest
         displacement of a corner.
     off_px : largest residual of the corners' displacements.
     """

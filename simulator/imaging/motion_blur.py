@@ -1,7 +1,7 @@
-"""Smear of an image along its own flow, for ground that moves during the exposure.
+"""Motion blur of an image along its optical flow, for ground that moves during the exposure.
 
-The ground's flow is smooth, so the mean over the exposure is a convolution of one image, tile by tile, with the
-displacement there.
+The flow of the ground is smooth. The average over the exposure is therefore approximated tile by tile: within a tile
+the displacement is constant, and one convolution blurs the image along it.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import Float32Array, FloatArray, IntArray
 
-_STEPS_PER_PX = 6
+_STEPS_PER_PX = 6  # samples of the displacement per pixel in a kernel
 _CUBIC_REACH = 2  # half of the cubic kernel's support [px]
 _SAME_WAY_PX = 0.15  # largest difference of motion across a tile: the error is then within 0.04 px
-_TILE_PX = (32, 256)
+_TILE_PX = (32, 256)  # least and largest side of a tile
 
 
 def _cubic(x: FloatArray) -> FloatArray:
@@ -37,7 +37,7 @@ def _cubic(x: FloatArray) -> FloatArray:
 
 
 def motion_blur_kernels(ways_px: FloatArray) -> Float32Array:
-    """Return the mean of shifts along straight displacements as centred kernels of sum one.
+    """Return normalised, centred kernels that blur an image uniformly along straight displacements.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ def motion_blur(picture: Float32Array, ways_px: Callable[[FloatArray], FloatArra
     ry, rx = (side // 2 for side in kernels.shape[2:])
     out = np.empty((height, width, *picture.shape[2:]), np.float32)
 
-    # in one thread: two would wait for Python's lock
+    # in one thread: the tiles are small, and Python's global lock would serialise most of the work
     for j, (y0, y1) in enumerate(itertools.pairwise(rows.tolist())):
         for i, (x0, x1) in enumerate(itertools.pairwise(columns.tolist())):
             top, left = max(y0 - ry, 0), max(x0 - rx, 0)
             around = picture[top : y1 + ry, left : x1 + rx]
-            # the padding is cut off again
+            # the margin of the kernel's reach is cropped afterwards
             blurred = cv2.filter2D(around, -1, kernels[j, i], borderType=cv2.BORDER_REPLICATE)
             y, x = y0 - top, x0 - left
-            # a cubic undershoots below zero next to a bright point
+            # cubic interpolation undershoots below zero next to a bright point
             np.maximum(blurred[y : y + y1 - y0, x : x + x1 - x0], 0, out=out[y0:y1, x0:x1])
     return out
 

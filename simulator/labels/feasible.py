@@ -67,7 +67,8 @@ def wireframe_step_share(
     Parameters
     ----------
     views : projected edges of the target.
-    signal : (H, W) noise-free signal, 1 at full scale. level : mean of the signal from `mean_level`.
+    signal : (H, W) noise-free signal, 1 at full scale.
+    level : mean of the signal from `mean_level`.
 
     Returns
     -------

@@ -28,7 +28,8 @@ class ImportedTruth(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    source : the image's name in the original set. t_s : seconds from the first image of a sequence; 0 if the set has no
+    source : the image's name in the original set.
+    t_s : seconds from the first image of a sequence; 0 if the set has no
         times.
     """
 

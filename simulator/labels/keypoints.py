@@ -130,7 +130,8 @@ def radiometric_state(scene: SceneState, pixel: np.ndarray, signal: Float32Array
 
     Parameters
     ----------
-    pixel : (2,) projection. signal : (H, W) noise-free image, 1 at full scale.
+    pixel : (2,) projection.
+    signal : (H, W) noise-free image, 1 at full scale.
     """
     u, v = (int(x) for x in np.rint(pixel))
     r = CONTRAST_RADIUS_PX

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-ROW_POSES = 33  # rows with a pose of their own, under a rolling shutter
+ROW_POSES = 33  # number of rows whose pose is recorded with a rolling shutter
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,8 @@ class Labels:
 
     Parameters
     ----------
-    mask : (H, W) uint8, 255 on the target. depth_m : (H, W) camera z, NaN outside.
+    mask : (H, W) uint8, 255 on the target.
+    depth_m : (H, W) camera z, NaN outside.
     layers : the label images that were requested, by name.
     """
 
@@ -76,13 +77,17 @@ def label_picture(
 ) -> Labels:
     """Label an image.
 
-    The geometry is computed while the driver draws the label raster in its own threads, and another thread hashes
-    finished arrays. It uses few long calls without Python's lock, because each reacquisition costs time.
+    Geometry is computed while the driver renders the label raster in its own threads. Another thread hashes finished
+    arrays; it makes few long calls, which release Python's global lock, because reacquiring the lock is slow.
 
     Parameters
     ----------
-    request : layers to draw besides truth and mask.
-    signal : (H, W[, 3]) noise-free signal, 1 at full scale. image : digital numbers of it.
+    renderer : renderer of the image.
+    scene : scene that the image shows.
+    target : model of the target.
+    request : label layers to render in addition to truth and mask.
+    signal : (H, W[, 3]) noise-free signal, 1 at full scale.
+    image : digital numbers of the image.
     """
     mono = mono_signal(signal)
     clean = clean_twin(scene, signal) if "clean" in request.layers else None
@@ -147,8 +152,12 @@ def truth_record(
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale. level : function that returns its mean.
-    wireframe : True to list each edge with its visible parts.
+    signal : (H, W) noise-free signal, 1 at full scale.
+    level : function that returns the mean of ``signal``.
+    silhouette_inside : share of the target's silhouette inside the image.
+    amodal : bounding box of the whole target, or None.
+    wireframe : True to list each edge with its visible intervals.
+    software : versions to record.
     """
     mesh = mesh_of(target)
     views = view_edges(scene.camera, scene.camera_from_target, target, mesh)
@@ -188,10 +197,10 @@ def truth_record(
 
 
 def row_poses(scene: SceneState) -> tuple[RowPose, ...]:
-    """Return poses at some rows of a rolling shutter, from first to last; none for a global one.
+    """Return the poses at `ROW_POSES` rows of a rolling shutter, from first to last; none for a global shutter.
 
-    Interpolating position linearly and attitude along the shortest rotation is exact for every row, because rates are
-    constant.
+    Rates are constant during the exposure, so linear interpolation of the position and spherical interpolation of the
+    attitude give the exact pose of every row.
     """
     if not scene.shutter.is_rolling:
         return ()

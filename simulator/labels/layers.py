@@ -62,7 +62,8 @@ def draw_layers(
 
     Parameters
     ----------
-    surface : surface at the pixels' centres. mask : visible mask.
+    surface : surface at the pixels' centres.
+    mask : visible mask.
     amodal_box : bounds of the projected craft.
     """
     layers: dict[str, NDArray[Any]] = {}

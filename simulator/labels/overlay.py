@@ -103,7 +103,9 @@ def draw_axes(canvas: ByteArray, camera: Camera, pose: Pose, length_m: float) ->
 
     Parameters
     ----------
-    canvas : (H, W, 3), 8 bits. pose : camera-from-target pose. length_m : length of each arrow.
+    canvas : (H, W, 3), 8 bits.
+    pose : camera-from-target pose.
+    length_m : length of each arrow.
     """
     picture = canvas.copy()
     weight = max(1, round(camera.width_px / 640))

@@ -1,8 +1,8 @@
-"""Visible stretches of each model edge: analytic hidden-line removal against the mesh.
+"""Visible intervals of each model edge: analytic hidden-line removal against the mesh.
 
-The inverse depth of an edge and of a triangle is linear in the image. So each triangle that an edge crosses hides it
-over one interval: the part inside the triangle, cut where the two inverse depths are equal. The union of these
-intervals is the hidden part.
+The inverse depths of an edge and of a triangle are linear in the image. Therefore a triangle hides an edge over one
+interval: the part inside the triangle, bounded where the two inverse depths are equal. The union of these intervals
+over all triangles is the hidden part.
 
 References
 ----------
@@ -128,7 +128,8 @@ class _Wires:
 
     Parameters
     ----------
-    ends_m : (E, 2, 3) ends. radius_m : (E,) radius of rods, else 0.
+    ends_m : (E, 2, 3) ends.
+    radius_m : (E,) radius of rods, else 0.
     planes : (P, 4) faces that meet at the edges: outward unit normal, and negated distance from the origin [m].
     owner : (P,) edge of each plane.
     """
@@ -152,7 +153,7 @@ def _wires(target: Target) -> _Wires:
     owner = np.array([k for k, edge in enumerate(edges) for _ in edge.normals], np.int64)
     normals = np.array([normal for edge in edges for normal in edge.normals], float).reshape(-1, 3)
     ends = np.array([(edge.a_m, edge.b_m) for edge in edges], float).reshape(-1, 2, 3)
-    # any point of the edge, because it lies in both faces' planes
+    # an end of the edge gives the planes' offsets, because it lies in the planes of both faces
     distance = (normals * ends[owner, 0]).sum(axis=1)
     radius = np.array([edge.radius_m for edge in edges], float)
     return _Wires(ends, radius, np.column_stack([normals, -distance]), owner)

@@ -41,14 +41,15 @@ COARSE_ABOVE_M_S = 0.3
 
 
 class Autopilot:
-    """Flies the docking point to a distance from the port, or into it.
+    """Guidance that flies the docking point to a distance from the port, or into it.
 
     Its inputs are the docking figures, as for a pilot, and its outputs are the pilot's switches. Attitude is left to
     the mode that keeps the docked one.
 
     Parameters
     ----------
-    port : docking port of the target. target_radius_m : radius of the sphere about its centre of mass.
+    port : docking port of the target.
+    target_radius_m : radius of the sphere about its centre of mass.
     limits : docking limits to keep within.
     """
 

@@ -57,7 +57,8 @@ class Steering:
 
     Parameters
     ----------
-    docking : source of the docking figures. thrusters : thrusters, for the propellant used.
+    docking : source of the docking figures.
+    thrusters : thrusters, for the propellant used.
     keep_out : sphere that manual control must not enter.
     """
 
@@ -192,7 +193,8 @@ class Steering:
 
         Parameters
         ----------
-        chaser : present state. wanted_s : step given by the clock's rate.
+        chaser : present state.
+        wanted_s : step given by the clock's rate.
         """
         longest = min(wanted_s, self._longest_s(chaser))
         edge = self.burns.next_edge_s(chaser.t_s) - chaser.t_s

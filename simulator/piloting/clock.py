@@ -11,13 +11,13 @@ STEP_S = 0.02
 MAX_STEPS_PER_S = 1000.0
 """Largest number of steps per second of real time; if steps must be shorter, simulated time falls behind its rate."""
 _ROUNDING = 1e-9
-"""Relative tolerance for sums of equal parts."""
+"""Relative tolerance for rounding when real time is summed up from equal parts."""
 
 Jump = Literal["", "event", "hold-point"]
 
 
 class FlightClock:
-    """Converts real time to steps of simulated time.
+    """Clock of a flight, which converts real time to steps of simulated time.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class FlightClock:
         self.jump, self.rate = "", rate
 
     def shift_rate(self, places: int) -> None:
-        """Change to a rate some places up or down in ``RATES``; during a jump, return to 1x."""
+        """Change to the rate ``places`` entries up or down in ``RATES``; during a jump, start from 1x."""
         self.end_jump()
         self.rate = RATES[min(max(RATES.index(self.rate) + places, 0), len(RATES) - 1)]
 

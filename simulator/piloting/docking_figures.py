@@ -113,7 +113,8 @@ def docking_figures(
 
     Parameters
     ----------
-    chaser : state of the chaser. port : docking port of the target.
+    chaser : state of the chaser.
+    port : docking port of the target.
     attitude : attitude of the target: ``q_eci_from_target_wxyz`` and angular velocity, target axes [rad s-1].
     """
     q_target, omega = attitude
@@ -159,7 +160,8 @@ class DockingLimits:
 
     Parameters
     ----------
-    name, title : names for commands and for people. source : origin of the limits.
+    name, title : names for commands and for people.
+    source : origin of the limits.
     closing_m_s, lateral_m, lateral_m_s, attitude_deg, rate_deg_s : limits at contact; the last two for each axis.
     slowest_m_s : least closing speed at contact.
     closing_per_m : allowed closing speed per metre of distance [s-1], if larger than ``closing_m_s``.
@@ -213,7 +215,9 @@ class Judged:
 
     Parameters
     ----------
-    name, unit : texts for people. value : figure, signed if applicable. limit : limit of its magnitude at present.
+    name, unit : texts for people.
+    value : figure, signed if applicable.
+    limit : limit of its magnitude at present.
     """
 
     name: str
@@ -270,8 +274,11 @@ class Contact:
 
     Parameters
     ----------
-    t_s : time. figures : figures just before it. at_port : True if the docking point met the port rather than the body.
-    misses : violated limits, as text; none for a docking. score : 0 to 100.
+    t_s : time.
+    figures : figures just before it.
+    at_port : True if the docking point met the port rather than the body.
+    misses : violated limits, as text; none for a docking.
+    score : 0 to 100.
     """
 
     t_s: float

@@ -83,7 +83,8 @@ def port_along(
 
     Parameters
     ----------
-    axis_target : (3,) outward axis, not normalised. R_target_from_lvlh : (3, 3) attitude; nadir is the port's down
+    axis_target : (3,) outward axis, not normalised.
+    R_target_from_lvlh : (3, 3) attitude; nadir is the port's down
         side.
     """
     axis = axis_target / np.linalg.norm(axis_target)
@@ -133,7 +134,8 @@ def way_to_surface_m(target: Target, origin_m: FloatArray, direction: FloatArray
 
     Parameters
     ----------
-    origin_m : (3,) model frame. direction : (3,) unit vector.
+    origin_m : (3,) model frame.
+    direction : (3,) unit vector.
     """
     way, triangle = _ray_caster(target).first_hits(origin_m[None], direction)
     return None if triangle[0] < 0 or not np.isfinite(way[0]) else float(way[0])

@@ -58,7 +58,8 @@ class Docking:
 
     Parameters
     ----------
-    target : model of the target. flight : flight whose start defines the direction of the port.
+    target : model of the target.
+    flight : flight whose start defines the direction of the port.
     keep_out : sphere whose corridor, if any, bounds the approach.
     """
 

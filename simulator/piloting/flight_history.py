@@ -1,7 +1,7 @@
-"""Compact history of a flight's states; any time of it can be restored and flown on.
+"""Compact history of a flight, from any time of which the flight can be resumed.
 
-A sample is the time, the manually controlled chaser's 13 numbers and its controls (compressed, shared by equal
-neighbours): an hour at 0.1 s takes a few megabytes.
+A sample stores the time, the 13 numbers of the manually controlled chaser's state, and the state of its controls, which
+is compressed and shared by equal successive samples. An hour at 0.1 s takes a few megabytes.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Bookmark:
 
 
 class FlownRows:
-    """Rows of numbers in order of time, the first number of each, and the last discarded future.
+    """Rows of numbers in order of time, which is the first number of each row, and the last discarded future.
 
     Parameters
     ----------

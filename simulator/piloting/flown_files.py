@@ -20,11 +20,12 @@ MAX_FOLDERS = 10_000
 
 
 class FlownFiles:
-    """Writes a flight from the timeline, up to its last sample; call `go_on` until it is done.
+    """Incremental writer of a flight from the timeline, up to its last sample; call `go_on` until it is done.
 
     Parameters
     ----------
-    session : session to export. folder : empty or new folder.
+    session : session to export.
+    folder : empty or new folder.
 
     Raises
     ------

@@ -60,7 +60,8 @@ def ground_track(flight: Flight, t_s: float) -> GroundTrack:
 
     Parameters
     ----------
-    flight : flight of the target. t_s : time within it.
+    flight : flight of the target.
+    t_s : time within it.
     """
     r, v = flight.orbit(t_s)
     body, mu = flight.body, flight.body.mu_m3_s2

@@ -34,8 +34,12 @@ class Guided:
 
     Parameters
     ----------
-    title : name for people. mode : mode of `flyaround.simulator.world`. n_rad_s : mean motion. start_s : start time.
-    join : states at the start and end of the joining path. join_s : duration of the transfer to the path.
+    title : name for people.
+    mode : mode of `flyaround.simulator.world`.
+    n_rad_s : mean motion.
+    start_s : start time.
+    join : states at the start and end of the joining path.
+    join_s : duration of the transfer to the path.
     """
 
     title: str
@@ -116,7 +120,8 @@ def cubic_between(start: LvlhState, end: LvlhState, duration_s: float, t_s: floa
 
     Parameters
     ----------
-    duration_s : time between them. t_s : time since the first.
+    duration_s : time between them.
+    t_s : time since the first.
     """
     (p0, v0), (p1, v1) = start, end
     x, T = t_s / duration_s, duration_s

@@ -1,4 +1,4 @@
-"""Hold points on the approach axis: distances, conditions, and go or no-go."""
+"""Hold points on the approach axis: their distances, their conditions, and the operator's go or no-go decisions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DISTANCES_M = (150.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 AT_SHARE, AT_LEAST_M = 0.03, 0.2
 """Tolerance of a hold point's position: a share of its distance, at least this distance [m]."""
 RESTS_BELOW_M_S = 0.02
-"""Speed below which the chaser is at rest at a hold point [m s-1]; a thousandth of the distance per second is added."""
+"""Speed below which the chaser counts as at rest at a hold point [m s-1], plus 1e-3 of its distance per second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,8 @@ class HoldPoint:
 
     Parameters
     ----------
-    axial_m : distance of the docking point in front of the port. decision : open until the operator decides or it is
-        passed.
+    axial_m : distance of the docking point in front of the port.
+    decision : open until the operator decides, or until the chaser passes the point without a go.
     """
 
     name: str
@@ -45,7 +45,8 @@ class HoldPoints:
 
     Parameters
     ----------
-    start_m : distance at which the approach begins. distances_m : distances of the points.
+    start_m : distance at which the approach begins.
+    distances_m : distances of the points.
     """
 
     def __init__(self, start_m: float, distances_m: tuple[float, ...] = DISTANCES_M) -> None:
@@ -53,7 +54,7 @@ class HoldPoints:
         self.begin(start_m)
 
     def begin(self, start_m: float) -> None:
-        """Open all hold points within a distance."""
+        """Reset the decisions; only hold points nearer than ``start_m`` remain."""
         ahead = sorted((d for d in self._distances_m if d < start_m), reverse=True)
         self.points = tuple(HoldPoint(name=f"H{k}", axial_m=d) for k, d in enumerate(ahead, start=1))
 
@@ -72,7 +73,7 @@ class HoldPoints:
         return point
 
     def rearm(self, figures: DockingFigures, corridor_deg: float = CORRIDOR_DEG) -> None:
-        """Open the points ahead of an approach that begins outside the corridor, at least the nearest one."""
+        """Reset the hold points ahead if the chaser is outside the corridor; at least the nearest one remains."""
         if figures.off_axis_deg > corridor_deg:
             nearest_m = min(self._distances_m)
             self.begin(max(figures.range_m, nearest_m * (1 + AT_SHARE)))

@@ -44,7 +44,9 @@ def longer_flight(plan: Plan, flight: Flight, spans_s: tuple[float, ...], *, gui
 
     Parameters
     ----------
-    plan : plan of the scenario. flight : present flight. guided : True if guidance flies to its end.
+    plan : plan of the scenario.
+    flight : present flight.
+    guided : True if guidance flies to its end.
     spans_s : spans from the start in order of preference; a later one is used if an earlier one is impossible.
 
     Raises

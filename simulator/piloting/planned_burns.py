@@ -34,7 +34,8 @@ class PlannedBurn:
 
     Parameters
     ----------
-    t_s : time of its centre, since the scenario's start. delta_v_lvlh_m_s : radial, along-track, cross-track.
+    t_s : time of its centre, since the scenario's start.
+    delta_v_lvlh_m_s : radial, along-track, cross-track.
     """
 
     t_s: float
@@ -129,7 +130,9 @@ class PredictedPath:
 
     Parameters
     ----------
-    times_s : (n,) times. points_lvlh_m : (n, 3) positions. nodes_lvlh_m : (burns, 3) position of each burn.
+    times_s : (n,) times.
+    points_lvlh_m : (n, 3) positions.
+    nodes_lvlh_m : (burns, 3) position of each burn.
     """
 
     times_s: FloatArray
@@ -144,7 +147,9 @@ def predicted_path(
 
     Parameters
     ----------
-    orbit : orbit of the target. chaser : present state. after_s : time after the last burn.
+    orbit : orbit of the target.
+    chaser : present state.
+    after_s : time after the last burn.
     samples : points per leg between burns.
     """
     mu = orbit.forces.mu_m3_s2

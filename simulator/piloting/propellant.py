@@ -63,7 +63,8 @@ def plume_strikes(chaser: ChaserState, acceleration_camera_m_s2: FloatArray, tar
 
     Parameters
     ----------
-    acceleration_camera_m_s2 : (3,) acceleration. target_radius_m : radius of the sphere about the target.
+    acceleration_camera_m_s2 : (3,) acceleration.
+    target_radius_m : radius of the sphere about the target.
     """
     los = -matrix_from_quat(chaser.q_camera_from_eci_wxyz) @ np.array(chaser.position_eci_m)
     distance = float(np.linalg.norm(los))

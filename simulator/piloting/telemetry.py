@@ -57,7 +57,8 @@ def telemetry_of(world: WorldState, scene: SceneState) -> Telemetry:
 
     Parameters
     ----------
-    world : state of the world. scene : scene of the image.
+    world : state of the world.
+    scene : scene of the image.
     """
     p, v = np.array(world.position_lvlh_m), np.array(world.velocity_lvlh_m_s)
     distance = float(np.linalg.norm(p))

@@ -1,7 +1,7 @@
 """Background libraries: views of a body from random places in orbit, with random camera attitudes.
 
-View i depends on (library's seed, i) alone. In training, a craft is rendered in front of the scene of a view, with its
-light, rather than pasted over an image; `flyaround backgrounds` draws the images.
+View i depends only on the library's seed and i. For training, a craft is rendered into the scene of a view, under its
+illumination, rather than pasted over an image. ``flyaround backgrounds`` renders the images without a craft.
 
 References
 ----------
@@ -39,11 +39,14 @@ _OUT_OF_SIGHT_M = (0.0, 0.0, -1000.0)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnView:
-    """One view of a library.
+    """One random view of a background library.
 
     Parameters
     ----------
-    euler_deg : Euler angles of the camera, left-handed axes. redraws : number of draws rejected as unlit.
+    reference : library and number of the view, as recorded in labels.
+    place : place and attitude of the camera.
+    euler_deg : Euler angles of the camera, left-handed axes.
+    redraws : number of draws that were rejected, for example because the ground was not lit.
     """
 
     reference: BackgroundView
@@ -57,7 +60,9 @@ def draw_view(library: Background, camera: Camera, number: int) -> DrawnView:
 
     Parameters
     ----------
+    library : settings of the library.
     camera : camera whose image must show the body's day side.
+    number : number of the view.
 
     Raises
     ------
@@ -110,7 +115,8 @@ def _sunlit_share(
 
     Parameters
     ----------
-    r_m : (3,) camera position from the body's centre. to_sun : (3,) unit vector to the Sun.
+    r_m : (3,) camera position from the body's centre.
+    to_sun : (3,) unit vector to the Sun.
     """
     u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 13), np.linspace(0, camera.height_px - 1, 10))
     rays = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1)) @ R_eci_from_camera.T

@@ -1,4 +1,4 @@
-"""Poses of a flat board for calibration: spread over the image, tilted, entirely visible."""
+"""Random poses of a calibration board: spread over the image, tilted, and entirely visible."""
 
 from __future__ import annotations
 
@@ -16,15 +16,23 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import FloatArray
     from flyaround.simulator.targets.model import Target
 
-_PLACES = 80  # directions that are tried for each pose
-_STEPS_BACK, _STEP_BACK = 12, 1.15  # number and factor of the steps to larger distances
+_PLACES = 80  # candidate directions for each pose
+_STEPS_BACK, _STEP_BACK = 12, 1.15  # number of distances to try, and the ratio of successive ones
 MARGIN_PX = 6.0  # least distance of the board from the image's edge
 
 
 def board_pose(
     rng: Generator, camera: Camera, target: Target, k: int, facing_deg: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Draw the pose of a board: its position cycles through a grid of nine, its tilt and roll are random.
+    """Draw the pose of a board: its position cycles through a 3 x 3 grid of image cells, tilt and roll are random.
+
+    Parameters
+    ----------
+    rng : random generator.
+    camera : camera to calibrate.
+    target : flat target.
+    k : number of the pose, which selects the cell.
+    facing_deg : largest tilt out of the plane perpendicular to the line of sight.
 
     Returns
     -------
@@ -32,11 +40,11 @@ def board_pose(
     """
     points = np.concatenate([p.positions_m for p in target.parts]).astype(float)
     low, high = points.min(axis=0), points.max(axis=0)
-    # midpoints of its sides too, which bulge through a fish-eye
+    # include the midpoints of the sides: a fisheye projects the sides as outward curves
     across, up = ((a, (a + b) / 2, b) for a, b in zip(low[:2], high[:2], strict=True))
     rim = np.array([[x, y, high[2]] for x in across for y in up])
     size = np.array([camera.width_px, camera.height_px])
-    # the board's own z towards the camera, its y up
+    # facing the camera: the board's z axis points at the camera, its y axis up in the image
     facing = np.diag([1.0, -1.0, -1.0])
     towards_cell = np.array([k % 3, k // 3 % 3]) - 1.0
     axis_turn, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(0.3, 1.0) * facing_deg)
@@ -46,7 +54,7 @@ def board_pose(
     share = rng.uniform(0.55, 0.8)
     near = _distance_for_span(camera, rim @ orientation.T, share * size)
     rays = camera.rays(rng.uniform(0, 1, (_PLACES, 2)) * (size - 1))
-    # a board rotated towards the corner of a wide-angle camera may not fit: then it is moved farther away
+    # a board near the corner of a wide-angle image may not fit: if so, move it farther away
     for step in range(_STEPS_BACK):
         fit = _farthest_place(camera, rim @ orientation.T, near * _STEP_BACK**step, rays, towards_cell)
         if fit is not None:
@@ -61,11 +69,11 @@ def board_pose(
 def _farthest_place(
     camera: Camera, rim_m: FloatArray, distance_m: float, rays: FloatArray, towards_cell: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the rotation from the boresight and the position at which a board fits and lies closest to its cell."""
+    """Return the rotation and position of the board that fit the image nearest to its cell; None if none fit."""
     size = np.array([camera.width_px, camera.height_px])
     best, best_place = -np.inf, None
     for ray in rays:
-        # the board faces the camera along its own ray, anywhere in a wide image
+        # rotate with the ray, so that the board also faces the camera away from the optical axis
         R = _turn_between(np.array([0.0, 0.0, 1.0]), ray)
         outline = camera.project(rim_m @ R.T + distance_m * ray)
         if (
@@ -83,7 +91,7 @@ def _farthest_place(
 
 
 def _distance_for_span(camera: Camera, corners_m: FloatArray, span_px: FloatArray) -> float:
-    """Return the distance on the boresight at which rotated corners span less than a number of pixels each way."""
+    """Return the least distance on the optical axis at which rotated corners span less than ``span_px`` in x and y."""
     distances = np.geomspace(0.3, 60.0, 100) * float(np.ptp(corners_m, axis=0).max())
     for distance in distances:
         if corners_m[:, 2].min() + distance <= 0:

@@ -58,7 +58,8 @@ class RecipePlan(DocumentPlan):
 
     Parameters
     ----------
-    n_frames : number of samples. environment : replaces the recipe's layers of the world.
+    n_frames : number of samples.
+    environment : replaces the recipe's layers of the world.
     """
 
     recipe: Recipe
@@ -233,8 +234,10 @@ def plan_recipe(
 
     Parameters
     ----------
-    name : name of a built-in recipe, file, or the recipe itself. n : number of samples, by default the recipe's.
-    target, camera : name or file to use instead of the recipe's. environment : replaces the recipe's layers of the
+    name : name of a built-in recipe, file, or the recipe itself.
+    n : number of samples, by default the recipe's.
+    target, camera : name or file to use instead of the recipe's.
+    environment : replaces the recipe's layers of the
         world.
 
     Raises

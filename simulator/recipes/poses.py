@@ -1,4 +1,4 @@
-"""Poses of a recipe: depth, attitude, then the position in the image."""
+"""Random poses of a recipe: depth, then attitude, then position in the image."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TANGO_SIZE_M = 0.80320
 
 @dataclass(frozen=True, eq=False)
 class DrawnPose:
-    """A pose of the target in the camera, with Euler angles if it was drawn by them."""
+    """A random pose of the target relative to the camera; ``raw`` holds its Euler angles, if it was drawn as such."""
 
     q_camera_from_target_wxyz: FloatArray
     t_camera_from_target_m: FloatArray

@@ -38,11 +38,14 @@ class PlaceInSky:
 
     Parameters
     ----------
-    R_eci_from_camera : (3, 3) attitude of the camera. camera_eci_m : (3,) camera position.
+    R_eci_from_camera : (3, 3) attitude of the camera.
+    camera_eci_m : (3,) camera position.
     origin_eci_m : (3,) origin of the model, if placed.
     along_eci : (3,) direction of motion about the body, not normalised.
-    body : central body. centre_m_s : (3,) its velocity.
-    r_sun_eci_m : (3,) apparent position of the Sun. bodies : states of the bodies, see `SceneState`.
+    body : central body.
+    centre_m_s : (3,) its velocity.
+    r_sun_eci_m : (3,) apparent position of the Sun.
+    bodies : states of the bodies, see `SceneState`.
     """
 
     now: Instant
@@ -113,7 +116,8 @@ def place_in_sky(rng: Generator, sky: Sky, t_m: FloatArray, sun: FloatArray, nad
 
     Parameters
     ----------
-    t_m : (3,) model's origin, camera axes, at the sky's altitude. sun, nadir : (3,) directions, camera axes.
+    t_m : (3,) model's origin, camera axes, at the sky's altitude.
+    sun, nadir : (3,) directions, camera axes.
     """
     body = body_named(sky.body)
     now = random_moment(rng)

@@ -173,7 +173,8 @@ class Spread:
 
     Parameters
     ----------
-    at : (M,) indices of the pixels, row by row. light : (M, n) radiance to be added, per band [W m-2 sr-1].
+    at : (M,) indices of the pixels, row by row.
+    light : (M, n) radiance to be added, per band [W m-2 sr-1].
     """
 
     at: IntArray

@@ -44,7 +44,8 @@ class FramePasses:
     ----------
     culling : selection of the target's triangles and tiles.
     clear : pass that clears the images.
-    globe : pass that finds the globe in the image. views : passes for the Moon's view, the globe's tiles, the frame's
+    globe : pass that finds the globe in the image.
+    views : passes for the Moon's view, the globe's tiles, the frame's
         air.
     sky : passes for everything behind the target; each adds its light times one minus the coverage.
     earth_programs : passes that prepare and draw the Earth, to compile its programs ahead.

@@ -113,7 +113,8 @@ def directions(camera: Camera, x_px: FloatArray, y_px: FloatArray, matrix: Float
 
     Parameters
     ----------
-    x_px, y_px : columns and rows of the grid. matrix : (3, 3) matrix applied to the rays' camera coordinates.
+    x_px, y_px : columns and rows of the grid.
+    matrix : (3, 3) matrix applied to the rays' camera coordinates.
     """
     if camera.distortion.is_none:
         column = (x_px - camera.cx_px)[:, None] / camera.fx_px * matrix[:, 0]

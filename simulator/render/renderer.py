@@ -68,7 +68,8 @@ def _check_finite(
 
     Parameters
     ----------
-    radiance : (H, W) or (H, W, n). coverage : function that reads (H, W), the share of each pixel that the target
+    radiance : (H, W) or (H, W, n).
+    coverage : function that reads (H, W), the share of each pixel that the target
         covers.
     """
     if np.isfinite(radiance.sum()):  # one pass; no sum of finite radiance overflows
@@ -84,7 +85,7 @@ def _check_finite(
 
 
 class Renderer:
-    """Draws scenes headless, one at a time, in the thread that created it.
+    """Headless renderer of scenes, one at a time, in the thread that created it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One frame in camera coordinates: all quantities that the passes need, subtracted and rotated in float64."""
+"""Scene in camera coordinates, in which render passes work: positions are differenced and rotated in float64."""
 
 from __future__ import annotations
 
@@ -35,20 +35,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera-frame quantities of one scene, float64.
+    """Geometry and illumination of one scene in the camera frame, float64.
 
     Parameters
     ----------
     R_camera_from_target, t_camera_from_target_m : pose of the target.
-    globe : the ray-cast body. R_camera_from_globe : orientation of the globe.
-    r_camera_globe_m : camera position in its axes.
-    sun_direction : unit vector from the target to the Sun. sun_sine : sine of its angular radius.
-    sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in its axes.
-    moon_share : irradiance of the Moon at the globe over the Sun's; 0 if no Moon is drawn.
+    globe : body that is rendered by ray casting.
+    R_camera_from_globe : orientation of the globe.
+    R_camera_from_eci : orientation of the inertial frame.
+    r_camera_globe_m : camera position from the globe's centre, in the globe's axes.
+    sun_direction : unit vector from the target to the Sun.
+    sun_sine : sine of the Sun's angular radius.
+    sun_globe, moon_globe : unit vectors from the globe to the Sun and the Moon, in the globe's axes.
+    moon_share : irradiance of the Moon at the globe relative to the Sun's; 0 if no Moon is drawn.
     sun_irradiance_w_m2 : irradiance of the unobstructed Sun at the target, per band.
-    sun_share : share of it that Earth, air and Moon let through, per band.
     sun_at_globe_w_m2 : irradiance of the Sun at the globe, per band.
-    sky : light of globe and Moon on the target.
+    sun_visible_fraction : visible share of the Sun's disc at the target.
+    sun_share : share of the Sun's irradiance that Earth, air and Moon transmit to the target, per band.
+    sky : irradiance of globe and Moon on the target.
     lights : for each area light, the unit vector from the target's origin and the irradiance there per band.
     """
 
@@ -74,13 +78,13 @@ class View:
 SCENE: Resource[SceneState] = Resource("scene")
 MODEL: Resource[Target] = Resource("target model")
 VIEW: Resource[View] = Resource("view")
-"""The scene in camera coordinates; the light of Earth and Moon on the target is added last."""
+"""The scene in camera coordinates; a later pass adds the light of Earth and Moon on the target."""
 GIVEN_IRRADIANCE: Resource[IrradianceField] = Resource("given irradiance")
 """Replacement for the light of Earth and Moon on the target, for validation."""
 
 
 class SetUpPass(Pass):
-    """Builds the view and writes its uniforms, without the light of Earth and Moon on the target."""
+    """Pass that builds the view and writes its uniforms, without the light of Earth and Moon on the target."""
 
     name = "setup"
     reads = (SCENE,)
@@ -97,11 +101,12 @@ class SetUpPass(Pass):
 
 
 def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
-    """Reduce a scene to the camera frame.
+    """Convert a scene to the camera frame.
 
     Parameters
     ----------
-    sky : light of globe and Moon on the target (`globe_and_moon_shine`), or a replacement; ``None`` for none.
+    scene : scene to render.
+    sky : irradiance of globe and Moon on the target (`globe_and_moon_shine`), or a replacement; ``None`` for none.
     """
     R_ce = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     globe = scene.globe
@@ -136,7 +141,10 @@ def build_view(scene: SceneState, sky: IrradianceField | None = None) -> View:
 
 
 def _from_far(scene: SceneState) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield direction and irradiance of area lights for the whole target, for light between its parts."""
+    """Yield direction and irradiance of each area light at the target's origin, as if the light were far away.
+
+    Light that the target's parts reflect on each other is computed from these.
+    """
     origin = np.asarray(scene.t_camera_from_target_m)
     for light in scene.area_lights:
         at_target = light.placed(scene.camera_from_target)
@@ -166,7 +174,7 @@ def _sun_share(scene: SceneState) -> FloatArray:
 
 
 def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
-    """Return the members of the block ``Frame``."""
+    """Return the members of the uniform block ``Frame``."""
     camera, sky = scene.camera, view.sky
     u_sky, u_earth = np.zeros((10, 4)), np.zeros((3, 4))
     u_sky[:, : sky.irradiance_w_m2.shape[1]] = sky.irradiance_w_m2
@@ -179,7 +187,7 @@ def frame_values(scene: SceneState, view: View) -> dict[str, ArrayLike]:
         "u_sky": u_sky,
         "u_globe_radiance": u_earth,
         "u_globe_rim": [*sky.axis, sky.disc_cosine],
-        # a disc of half the sky lights from around the mean of normal and nadir, a whole sky from the normal
+        # mean direction of the light: between normal and nadir for a hemisphere, the normal for a full sphere
         "u_nadir_direction": [*sky.axis, float(np.clip((1 + sky.disc_cosine) / 2, 0, 1))],
         "u_lamp_place": [0.0] * 4 if lamp is None else [*lamp.offset_m, lamp.shape],
         "u_lamp_intensity": [0.0] * 4 if lamp is None else vec4_of_bands(lamp.intensity_w_sr(scene.bands)),

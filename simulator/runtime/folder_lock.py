@@ -56,10 +56,10 @@ def lock_name(what: str) -> str:
 
 @contextmanager
 def locked_file(path: Path, wait_s: float = 0.0) -> Iterator[None]:
-    """Hold the lock of a file, which is created and removed again.
+    """Hold an exclusive lock on a file, which is created for this and removed afterwards.
 
-    The system releases a lock when its process ends, so a left-over file is no obstacle. On disks without locks, as
-    some network disks, nobody is excluded.
+    The system releases a lock when its process ends, so a file left by a crash does not block. File systems without
+    locks, such as some network disks, exclude no other process; nor does Windows.
 
     Parameters
     ----------
@@ -86,13 +86,14 @@ def locked_file(path: Path, wait_s: float = 0.0) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # while still locked: a waiter that opened it opens it again
+        # removed while locked: a waiter notices that its open file is gone and opens a new one
+        with suppress(OSError):
             path.unlink()
         os.close(file)
 
 
 def _locked(path: Path) -> int | None:
-    """Return the descriptor of the file if this caller has locked it now."""
+    """Try to lock the file; return its descriptor, or None if another caller holds it."""
     file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     with suppress(OSError):
         try:

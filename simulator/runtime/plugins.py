@@ -23,7 +23,7 @@ GROUPS: dict[Kind, str] = {
     "target": "flyaround.targets",
     "body": "flyaround.bodies",
 }
-"""The entry-point group of each kind; docs/plugins.md says what each entry point must be."""
+"""Entry-point group of each kind; docs/plugins.md documents the object that each must provide."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class Plugin:
 
     Parameters
     ----------
-    name : name of the entry point. package, version : distribution that provides it.
+    name : name of the entry point.
+    package, version : distribution that provides it.
     """
 
     kind: Kind
@@ -70,7 +71,7 @@ class Plugin:
 
 def plugins(kind: Kind) -> dict[str, Plugin]:
     """Return the entry points of a kind by name, sorted; none is imported."""
-    # part of the cache's key: packages may come and go with the path
+    # sys.path is part of the cache key: it determines which packages are found
     return dict(_found(kind, tuple(sys.path)))
 
 

@@ -31,12 +31,16 @@ def run_tasks(
 ) -> Generator[B]:
     """Yield ``work(task)`` in order, each computed in one of ``workers`` processes.
 
-    Even a single worker is another process. Processes end at once when the generator is closed, or when the parent
-    ends.
+    A single worker is also a separate process. Processes are terminated when the generator is closed or the parent
+    exits; tasks in progress are lost.
 
     Parameters
     ----------
-    work : module-level function. start, arguments : function called once in each process before its first task.
+    work : module-level function, because processes are spawned.
+    tasks : arguments of ``work``.
+    workers : number of processes.
+    start : function called once in each process before its first task.
+    arguments : arguments of ``start``.
     at_once : tasks handed to a process at a time.
 
     Raises
@@ -68,7 +72,7 @@ def run_tasks(
 
 
 def _start_process(start: Callable[..., object] | None, arguments: tuple[object, ...]) -> None:
-    """Ignore Ctrl-C, which the parent handles."""
+    """Initialise a worker: ignore Ctrl-C, which the parent handles, exit with the parent, and call ``start``."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=leave_with_parent, daemon=True).start()
     if start is not None:

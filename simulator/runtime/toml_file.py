@@ -32,7 +32,8 @@ def read_toml(path: Path, name: str, advice: str) -> bytes:
 
     Parameters
     ----------
-    name : name of the file in messages. advice : remedy if it cannot be read.
+    name : name of the file in messages.
+    advice : remedy if it cannot be read.
 
     Raises
     ------

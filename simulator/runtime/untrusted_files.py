@@ -92,7 +92,9 @@ def find_beside(owner: Path, name: str, what: str, root: Path | None = None) -> 
 
     Parameters
     ----------
-    owner : file that contains the name. name : relative, with / or backslashes. what : kind of file, for messages.
+    owner : file that contains the name.
+    name : relative, with / or backslashes.
+    what : kind of file, for messages.
     root : folder that must not be left; by default that of ``owner``.
 
     Raises

@@ -57,7 +57,7 @@ class ProcessDiedError(RuntimeError):
 
 
 class WorkerProcess(Generic[T]):
-    """Runs ``work(resource, *arguments, **options)`` in another process, in order, a few jobs ahead of the caller.
+    """Process that runs ``work(resource, *arguments, **options)`` in order, a few jobs ahead of the caller.
 
     Arrays travel in shared memory and are copied once on each side. Use as a context manager.
 

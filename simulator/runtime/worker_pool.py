@@ -27,7 +27,7 @@ class JobsLostError(Exception):
 
 
 class WorkerPool(Generic[T]):
-    """Runs ``work(resource, *arguments, **options)`` in ``count`` processes. Use as a context manager.
+    """Pool of ``count`` processes that run ``work(resource, *arguments, **options)``. Use as a context manager.
 
     A result depends on its job alone, not on the process. Errors are those of `WorkerProcess`.
 

@@ -310,7 +310,8 @@ def reversed_intervals(value: object, key: str = "") -> Iterator[str]:
 
     Parameters
     ----------
-    value : section, list of sections or value. key : key of the value in the file.
+    value : section, list of sections or value.
+    key : key of the value in the file.
     """
     if isinstance(value, msgspec.Struct):
         for name, inner in msgspec.structs.asdict(value).items():

@@ -186,7 +186,8 @@ class Faults(Section, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    seed : seed of every random choice. camera, line : simultaneous faults.
+    seed : seed of every random choice.
+    camera, line : simultaneous faults.
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**62)] = 0

@@ -174,7 +174,8 @@ def parse_scenario(content: bytes, where: str, stem: str, folder: Path) -> Scena
 
     Parameters
     ----------
-    where : name of the file in messages. stem : default name of the scenario.
+    where : name of the file in messages.
+    stem : default name of the scenario.
     folder : folder of the files that it names.
 
     Raises

@@ -41,7 +41,9 @@ def resolve_messages(scenario: Scenario, where: str, folder: Path) -> Scenario:
 
     Parameters
     ----------
-    scenario : scenario as read. where : name of the file in error messages. folder : base of relative paths.
+    scenario : scenario as read.
+    where : name of the file in error messages.
+    folder : base of relative paths.
 
     Raises
     ------

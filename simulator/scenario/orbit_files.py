@@ -82,8 +82,11 @@ def read_orbit_file(
 
     Parameters
     ----------
-    data : contents of the file. where : name of the file in error messages. epoch : origin of times.
-    centre : required central body. satellite : name or number, if there are several.
+    data : contents of the file.
+    where : name of the file in error messages.
+    epoch : origin of times.
+    centre : required central body.
+    satellite : name or number, if there are several.
 
     Raises
     ------

@@ -57,7 +57,8 @@ class DocumentPlan(ABC):
 
     Parameters
     ----------
-    every_s : spacing of the frames, or None. vary : ranges within which each frame is varied.
+    every_s : spacing of the frames, or None.
+    vary : ranges within which each frame is varied.
     """
 
     target: Target

@@ -33,7 +33,14 @@ _FRAMES, _CRAFT = 0xF2A3E, 0xC2AF7
 
 @dataclass(frozen=True, eq=False)
 class FrameVariation:
-    """Ranges within which the frames of a plan are varied; frame k depends on (ranges, seed, target, k) alone."""
+    """Random variation of the frames of a plan. Frame k depends only on ranges, seed, target and k.
+
+    Parameters
+    ----------
+    vary : ranges of the varied quantities.
+    seed : seed of the random generators.
+    target : model of the unvaried target.
+    """
 
     vary: Vary
     seed: int

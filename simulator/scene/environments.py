@@ -20,9 +20,12 @@ class Environment(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    moon : the Moon, and bodies other than the Earth. earthshine : light of bodies on the target.
+    moon : the Moon, and bodies other than the Earth.
+    earthshine : light of bodies on the target.
     sunlight : the Sun lights the target; if False it lights only the background, as in front of a laboratory's screen.
-    seasons : land and ice of the date, otherwise of August. relief : shading of mountains. sea_ice : climatological
+    seasons : land and ice of the date, otherwise of August.
+    relief : shading of mountains.
+    sea_ice : climatological
         ice.
     undifferentiated : land, sea and clouds reflect alike, as on a plain globe.
     airglow : emission of the air at 85 to 100 km, visible at night.

@@ -12,7 +12,8 @@ class RawPose(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    position_m : origin of the model. euler_deg : rotations about fixed axes x, y and z, in that order.
+    position_m : origin of the model.
+    euler_deg : rotations about fixed axes x, y and z, in that order.
     q_wxyz : the same rotation. In the camera's right-handed axes (y down) these are x, -y, z and w, -x, y, -z.
     """
 
@@ -48,9 +49,13 @@ class VariedBy(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    exposure, noise : factors, noise on standard deviations. psf_sigma_px : width of the Gaussian PSF.
-    pedestal_dn : the detector's black level. glow_share : glow of the optics. boxes : number of area lights.
-    lamp : True if a lamp is lit. environment : name of the layers, or empty.
+    exposure, noise : factors, noise on standard deviations.
+    psf_sigma_px : width of the Gaussian PSF.
+    pedestal_dn : the detector's black level.
+    glow_share : glow of the optics.
+    boxes : number of area lights.
+    lamp : True if a lamp is lit.
+    environment : name of the layers, or empty.
     craft : number of the varied craft, which is described in the scene's target.
     """
 
@@ -72,8 +77,10 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes
     ----------
     redraws : number of poses drawn again for each of the recipe's constraints.
-    raw : Euler angles, if the attitude was drawn by them. background : the view of a library, if used.
-    pair, sequence : group of frames. varied : changes by `--vary` or a recipe's [vary].
+    raw : Euler angles, if the attitude was drawn by them.
+    background : the view of a library, if used.
+    pair, sequence : group of frames.
+    varied : changes by `--vary` or a recipe's [vary].
     """
 
     redraws: dict[str, int] = msgspec.field(default_factory=dict)

@@ -68,7 +68,8 @@ class SceneState(BodyStates):
     epoch_utc : mid-exposure, ISO 8601 with a trailing Z.
     t_s : seconds since the scenario's start.
     frame_index, seed : key of this frame's random numbers.
-    exposure_s : integration time [s]. shutter : exposure times of the rows.
+    exposure_s : integration time [s].
+    shutter : exposure times of the rows.
     optics : effects of the lens other than distortion.
     quality : preset of the renderer.
     bands : ``mono`` (panchromatic) or ``rgb``.
@@ -82,7 +83,8 @@ class SceneState(BodyStates):
     bodies : Earth, Moon and, if different, the central body, whose position is geometric, so that ``r_camera_eci_m``
         minus it is the camera's position above its ground.
     sun_visible_fraction : share of the Sun's disc visible from the target past the bodies, 0..1.
-    central_body : name of the body that the target orbits. lamp : lamp on the chaser, if lit.
+    central_body : name of the body that the target orbits.
+    lamp : lamp on the chaser, if lit.
     lights : area lights, if any.
     sample : further random draws of a recipe, if any.
     """

@@ -49,7 +49,7 @@ def load_target(name_or_path: str | Path, detail: Detail = "full") -> Target:
 
     Parameters
     ----------
-    name_or_path : name out of `list_targets`, optionally with a level (``tango@low``), or path of a file.
+    name_or_path : name from `list_targets`, optionally with a level (``tango@low``), or path of a target file.
     detail : level of a built-in target whose name states none; files have one level only.
 
     Raises
@@ -100,7 +100,7 @@ def _added(plugin: Plugin) -> Target:
 
 @functools.lru_cache(maxsize=_MAX_IN_USE)
 def target_in_use(name: str, sha256: str) -> Target:
-    """Load a target as `load_target` does, cached, so that data derived from its mesh are kept.
+    """Load a target as `load_target` does, and cache it together with data derived from its mesh.
 
     For processes that get a target's name with each frame. A mesh that the user imports again has another hash and is
     loaded again.

@@ -136,7 +136,8 @@ class Target:
 
     Parameters
     ----------
-    name : name on the command line. title : name for people.
+    name : name on the command line.
+    title : name for people.
     sha256 : hash of geometry, materials, keypoints and wireframe, recorded with every image.
     occluders : coarse substitute of the geometry for visibility tests.
     frames : named frames on the craft (docking port, grasp point): origin [m] and axis.

@@ -11,7 +11,7 @@ from flyaround.simulator.targets.model import TextureImage
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 MAX_SIDE_PX, MAX_PIXELS = 16_384, 8192 * 8192
-"""Largest decoded size of an image: 200 MB. A hundred kilobytes may decode to a hundred times as much."""
+"""Largest image: 200 MB once decoded. A limit on the file's size would not do, because images compress well."""
 _DECODED = ("PNG", "JPEG", "BMP", "DIB", "GIF", "TIFF", "WEBP", "JPEG2000", "PPM")
 
 
@@ -51,7 +51,7 @@ def check_picture(data: bytes, where: str) -> None:
 
 
 def pictures_of(document: dict[str, Any], blob: bytes) -> tuple[TextureImage, ...]:
-    """Return the embedded images of a document."""
+    """Return the images embedded in a glTF document and its binary buffer."""
     out = []
     for k, image in enumerate(document.get("images") or []):
         view = document["bufferViews"][image["bufferView"]]

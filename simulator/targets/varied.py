@@ -1,8 +1,8 @@
-"""A varied craft: its model deformed by millimetres, and its surface parameters changed.
+"""Variation of a target model: its geometry deformed by millimetres, and its surface parameters scaled.
 
-The deformation is one small symmetric matrix for the whole craft, ``x' = x + A x``: parts do not move against each
-other, edges stay straight, and the model's axes are kept. Keypoints and wireframe are deformed too, so that labels
-match the drawn craft.
+The deformation is a small symmetric strain ``A`` of the whole craft, ``x' = x + A x``. It keeps parts joined and edges
+straight, and it does not rotate the craft. Keypoints and wireframe are deformed too, so that labels match the rendered
+craft.
 """
 
 from __future__ import annotations
@@ -28,18 +28,20 @@ if TYPE_CHECKING:
 
 
 class SurfaceVariation(msgspec.Struct, frozen=True, kw_only=True):
-    """Factors on a material's parameters; roughness and reflectance stay within 0.02 to 1."""
+    """Factors on a material's parameters. The results are clipped: reflectance to 0 to 1, roughness to 0.02 to 1."""
 
     reflectance: float = 1.0
     roughness: float = 1.0
 
 
 class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
-    """The differences of a craft from its model.
+    """Differences between a craft and its model.
 
     Attributes
     ----------
-    base_sha256 : hash of the model. stretch : the symmetric matrix A. error_m : the largest displacement of a vertex.
+    base_sha256 : hash of the model.
+    stretch : symmetric strain matrix ``A``.
+    error_m : largest displacement of a vertex.
     surfaces : factors by material name.
     """
 
@@ -49,7 +51,7 @@ class CraftVariation(msgspec.Struct, frozen=True, kw_only=True):
     surfaces: dict[str, SurfaceVariation] = msgspec.field(default_factory=dict)
 
     def moved(self, points_m: ArrayLike) -> FloatArray:
-        """Return points (..., 3) of the model at their positions on the craft [m]."""
+        """Return the deformed positions of points (..., 3) of the model [m]."""
         points = np.asarray(points_m, float)
         return points + points @ np.asarray(self.stretch).T
 

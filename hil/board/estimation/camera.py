@@ -1,4 +1,4 @@
-"""Camera intrinsics and the two lens models: points to pixels, and pixels to rays."""
+"""Camera intrinsics with OpenCV's two distortion models: projection of points, and rays of pixels."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ _COEFFICIENT_COUNTS: Dict[str, Tuple[int, ...]] = {
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """Intrinsics; pixel (0, 0) is the centre of the top-left pixel.
+    """Intrinsics of a camera; pixel (0, 0) is the centre of the top-left pixel.
 
     Parameters
     ----------
+    width_px, height_px : image size.
+    fx_px, fy_px : focal lengths.
+    cx_px, cy_px : principal point.
     distortion_model : ``none``, ``brown_conrady`` or ``kannala_brandt``.
     distortion : coefficients in OpenCV's order.
-    encoding : transfer function of the images as they are delivered; estimators are handed linear ones.
+    encoding : transfer function of the delivered images; it is inverted before an estimator gets them.
     """
 
     width_px: int
@@ -86,7 +89,7 @@ class CameraIntrinsics:
 
     @property
     def distorted(self) -> bool:
-        """True if the lens bends straight lines; a fish-eye does, even if all its coefficients are 0."""
+        """True if the projection differs from a pinhole's; a fisheye's does even if all coefficients are 0."""
         return self.distortion_model == "kannala_brandt" or any(self.distortion)
 
     @cached_property
@@ -95,7 +98,7 @@ class CameraIntrinsics:
         return replace(self, distortion_model="none", distortion=())
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
-        """Return normalised coordinates after the lens, by OpenCV's two models."""
+        """Apply the lens distortion to normalised image coordinates (those of a pinhole at z = 1)."""
         if self.distortion_model == "none":
             return x, y
         k = np.zeros(8)
@@ -115,14 +118,14 @@ class CameraIntrinsics:
         return x * scale, y * scale
 
     def pixels(self, points_camera_m: Array) -> Array:
-        """Return the (..., 2) pixels of points (..., 3) in the camera frame; depth is kept away from zero."""
+        """Project points (..., 3) in the camera frame [m] to pixels (..., 2); depths are at least 1 mm."""
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)
 
 
 def undistorted_rays(camera: CameraIntrinsics, pixels: Array) -> Array:
-    """Return the (N, 2) undistorted points at z = 1 of pixels (N, 2); points are undistorted, never the image."""
+    """Return the undistorted normalised coordinates (N, 2) of pixels (N, 2), by fixed-point iteration."""
     p = np.asarray(pixels, float).reshape(-1, 2)
     x0 = (p[:, 0] - camera.cx_px) / camera.fx_px
     y0 = (p[:, 1] - camera.cy_px) / camera.fy_px

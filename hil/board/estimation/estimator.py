@@ -20,7 +20,8 @@ class Estimator:
 
     Parameters
     ----------
-    model : the target. camera : the intrinsics of every image.
+    model : the target.
+    camera : the intrinsics of every image.
     """
 
     method = ""

@@ -1,4 +1,4 @@
-"""Planar faces of the target with their materials, and the tree that orders them from any viewpoint."""
+"""Planar faces of the target with their materials, and the BSP tree that sorts them by depth from any viewpoint."""
 
 from __future__ import annotations
 
@@ -12,21 +12,26 @@ import numpy as np
 
 Array = np.ndarray
 
-# Parts of a direction that have one brightness; on a round body it changes by as much as between materials.
+# Quantisation steps of each normal component in grouping faces by brightness: in general, and for round bodies, on
+# which brightness varies with direction by as much as between materials.
 STEPS, ROUND_STEPS = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Planar faces with their materials, and the tree that orders them from any viewpoint.
+    """Planar faces with their materials, and the BSP tree that sorts them by depth from any viewpoint.
 
     Parameters
     ----------
-    corners : (T, 4, 3) convex plane faces, the last corner twice where there are three [m].
-    normals : (T, 3) outward. offset : (T,) plane n.x = offset.
-    group : (T,) index of material and direction: one brightness. groups : number of groups. material : (T,).
-    plane : (N, 4) of each node of the tree, zero at leaves. children : (N, 2) in front of and behind it, -1 none.
-    members : per node its faces; node 0 is the root.
+    corners : (T, 4, 3) corners of convex planar faces [m]; triangles repeat their last corner.
+    normals : (T, 3) outward unit normals.
+    offset : (T,) distances of the faces' planes from the origin: n.x = offset.
+    group : (T,) index of each face's group; a group has one material and nearly one direction, so one brightness.
+    groups : number of groups.
+    material : (T,) index of each face's material.
+    plane : (N, 4) splitting plane of each node, zero at leaves.
+    children : (N, 2) child nodes in front of the plane and behind it, -1 for none.
+    members : indices of the faces of each node; node 0 is the root.
     """
 
     corners: Array
@@ -41,7 +46,7 @@ class Faces:
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Faces:
-        """Make faces from the board file's ``faces`` object; a group has one material and nearly one direction.
+        """Make faces from the ``faces`` object of a board model file.
 
         Raises
         ------
@@ -76,15 +81,13 @@ class Faces:
         return Faces(corners, n, offset, group, groups, material, plane, children, members)
 
     def grouped(self, steps: int) -> Faces:
-        """Return the faces regrouped: one brightness per material and direction, rounded to ``steps`` steps per
-        component.
-        """
+        """Return the faces regrouped by material and normal, whose components are quantised to ``steps`` steps."""
         group, groups = _grouped(self.material, self.normals, steps)
         return replace(self, group=group, groups=groups)
 
     @cached_property
     def labels(self) -> Array:
-        """Group + 1 of each face (T + 1,), with zero first for the background."""
+        """(T + 1,) label of each face, its group plus 1; the first entry is 0, for the background."""
         return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
 
     @cached_property

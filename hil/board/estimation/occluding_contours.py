@@ -22,7 +22,8 @@ class Outlines:
     points_m : (V, N, 3) on the surface, target frame [m].
     normals : (V, N, 3) unit, outward, across the line of sight.
     radius_m : (V, N) of curvature along the line of sight [m]; 0 at sharp edges.
-    center_m : (3,) the target's middle. range_m : distance of the views from it [m].
+    center_m : (3,) the target's middle.
+    range_m : distance of the views from it [m].
     """
 
     directions: Array

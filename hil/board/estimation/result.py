@@ -37,12 +37,16 @@ class PoseResult:
 
     Parameters
     ----------
-    accepted : True if the pose may be used. reason : cause of a decline, else empty.
+    accepted : True if the pose may be used.
+    reason : cause of a decline, else empty.
     q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
         there is none. A declined result still carries its best pose.
-    confidence : 0..1. stages_ms : time of each stage in order. counts : number of results of each stage.
+    confidence : 0..1.
+    stages_ms : time of each stage in order.
+    counts : number of results of each stage.
     evidence : data of the decision, of a type of the method; None if it keeps none.
-    covariance : (6, 6) of turn [rad] and shift [m], camera axes. alternatives : distinct poses, best first.
+    covariance : (6, 6) of turn [rad] and shift [m], camera axes.
+    alternatives : distinct poses, best first.
     method : name of the method.
     """
 

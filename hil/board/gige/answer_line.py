@@ -1,4 +1,4 @@
-"""Separate line for poses to the host whose camera the board reads, so that its ledger gets them."""
+"""Connection on which a board that reads a GigE Vision camera returns its poses to the host."""
 
 from __future__ import annotations
 
@@ -28,18 +28,20 @@ LOOK_S = 0.5
 
 
 class AnswerLine:
-    """Session with a host, like any board's, but with images from elsewhere.
+    """Session with a host that carries poses only; the images come from the camera.
 
     Parameters
     ----------
-    url : address of the host for poses. hello : description of this board. key : key shared with the host.
-    timeout_s : time-out for reaching it, and for its first message.
+    url : address at which the host accepts poses.
+    hello : description of this board.
+    key : key shared with the host, None without authentication.
+    timeout_s : time-out of the connection, and of the host's first message.
     silence_s : time without messages after which the host is considered gone.
 
     Raises
     ------
     LinkError
-        If the host cannot be reached or refuses: one sentence.
+        If the host cannot be reached, or refuses the session.
     """
 
     def __init__(
@@ -72,7 +74,7 @@ class AnswerLine:
         return self._terms.takes_fields
 
     def send(self, pose: PoseMessage) -> None:
-        """Send one answer; earlier images without one get none."""
+        """Send the pose of one image; earlier images that have none will not get one."""
         try:
             self._link.send(pose)
             self._link.send(Credit(pose.frame_id, self._terms.window))
@@ -80,7 +82,7 @@ class AnswerLine:
             self.ended = self.ended or f"the host went away without a goodbye ({error})"
 
     def close(self, reason: str) -> None:
-        """Say goodbye."""
+        """End the session with a goodbye that states the reason, and wait for the listener thread."""
         self._stop.set()
         self._link.close(reason)
         self._listener.join(2.0)
@@ -102,7 +104,7 @@ class AnswerLine:
                 self.ended = f"the host said nothing for {self._silence_ns * 1e-9:g} s"
             if isinstance(message, TimeSyncRequest):
                 try:
-                    # it does not say which pictures came: the host would count those in work as lost
+                    # the reply must not list received images: the host would count those still being processed as lost
                     self._link.send(answer_time_sync(message, heard_ns))
                 except LinkClosed:
                     continue  # the next recv says why

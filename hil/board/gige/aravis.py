@@ -87,7 +87,7 @@ class Aravis:
     Raises
     ------
     LinkError
-        If it is not installed, or lacks one of them: one sentence.
+        If it is not installed, or lacks one of them; the message is one sentence.
     """
 
     def __init__(self) -> None:

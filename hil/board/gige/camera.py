@@ -1,4 +1,4 @@
-"""GigE Vision camera for a board: configured by its features, newest frame, triggers on request."""
+"""Client of a GigE Vision camera, on the board: configuration, software trigger, and access to the newest frame."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from flyaround.hil.link.packets.enums import PixelFormat
 from flyaround.hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
 
 SCHEME = "gige://"
-# codes of the naming convention whose layout is that of a link format with two bytes per value
+# pixel-format codes whose memory layout is that of Mono16
 WORDS = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY = (*(int(f) for f in PixelFormat if f.channels == 1), *WORDS)
 N_BUFFERS = 8
-# packets thrown away before anything came: a few are other programs'
+# number of ignored packets, without any complete image, above which the stream is restarted: other programs cause a few
 DEAF_PACKETS = 64
 POP_US = 100_000
-# block identifiers of 16 bits go from 1 to this, and on from 1
+# largest 16-bit block identifier, after which identifiers wrap to 1
 MAX_BLOCK_ID = 0xFFFF
-# larger pictures than any that the link takes are not taken from a camera either
+# largest accepted image, as on the link
 MAX_PAYLOAD_BYTES = 1 << 27
 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Settings of a camera before it streams; None leaves a feature as it is.
+    """Settings applied to a camera before it streams; None leaves a feature unchanged.
 
     Parameters
     ----------
     exposure_us, gain_db, rate_hz : settings within the camera's limits.
-    roi_px : x, y, width, height of the part that is read.
+    roi_px : x, y, width, height of the region of the detector to read.
     pixel_format : GenICam name of the pixel format, such as Mono8.
-    packet_bytes : size of the stream's packets, headers of IP and UDP included; 0: the largest that the line carries.
-    software_trigger : an image for each trigger, else the camera runs freely.
-    packet_socket : read the stream by a packet socket, which holds more, where this program may (root).
+    packet_bytes : size of the stream's packets, including IP and UDP headers; 0 for the largest possible.
+    software_trigger : True for one image per software trigger, False for free running.
+    packet_socket : True to receive the stream through a packet socket, whose buffer is larger, if permitted (root).
     """
 
     exposure_us: Optional[float] = None
@@ -55,14 +55,16 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """Image from the camera.
+    """Image received from the camera.
 
     Parameters
     ----------
-    number : since acquisition started, from 0, as the camera counts.
-    image : (H, W) uint8 or uint16. roi_px : x, y, width, height of the part of the detector that it is.
-    camera_time_ns : the camera's own time stamp. received_ns : this machine's monotonic clock.
-    skipped : whole frames since the last one taken, which this one took the place of.
+    number : frame number since acquisition started, from 0, by the camera's count.
+    image : (H, W) uint8 or uint16.
+    roi_px : x, y, width, height of the region of the detector that the image shows.
+    camera_time_ns : the camera's own time stamp.
+    received_ns : time of reception, monotonic clock of this machine.
+    skipped : number of complete frames since the previous returned one that were superseded by this.
     """
 
     number: int
@@ -74,16 +76,17 @@ class CameraFrame:
 
 
 class GigeCamera:
-    """Camera under this program's control; close it to release it.
+    """GigE Vision camera under this program's exclusive control until `close`.
 
     Parameters
     ----------
-    address : IPv4 address, host name, or one of Aravis's names of devices.
+    address : IPv4 address, host name, or device name in Aravis's list.
+    settings : settings applied before streaming.
 
     Raises
     ------
     LinkError
-        If Aravis is not here, no camera answers, another program controls it, or a setting is refused: one sentence.
+        If Aravis is not installed, no camera answers, another program controls it, or a setting is refused.
     """
 
     def __init__(self, address: str, settings: CameraSettings) -> None:
@@ -99,7 +102,7 @@ class GigeCamera:
         self._heard = False  # True once a complete image has arrived
         self._count = _BlockCount()
         self.damaged = 0
-        """Number of frames with missing packets, which are not used."""
+        """Number of frames discarded because of missing packets."""
         try:
             self._camera = self._aravis("arv_camera_new", address.encode() or None)
         except AravisError as error:
@@ -126,12 +129,12 @@ class GigeCamera:
 
     @property
     def roi_px(self) -> Tuple[int, int, int, int]:
-        """X, y, width and height of the part of the detector that is read.
+        """Region of the detector that is read: x, y, width, height.
 
         Raises
         ------
         LinkError
-            If the camera does not say.
+            If the camera does not answer.
         """
         try:
             return self._aravis.region(self._camera)
@@ -149,7 +152,7 @@ class GigeCamera:
         Raises
         ------
         LinkError
-            If the camera refuses, or sends images of a size that none should have.
+            If the camera refuses, or announces images above `MAX_PAYLOAD_BYTES`.
         """
         self.stop()
         arv = self._aravis
@@ -176,19 +179,18 @@ class GigeCamera:
 
     @property
     def deaf(self) -> bool:
-        """True if the stream misses the camera's packets and must be restarted.
+        """True if the stream discards the camera's packets and must be restarted.
 
-        Before its filter is set, a packet socket receives the packets of other programs, which Aravis parses as images.
-        If one's number seems to be among the next hundred, the true ones up to it count as late and are dropped.
+        Until its filter is set, a packet socket also receives packets of other programs, which Aravis parses as image
+        packets. If such a packet seems to have one of the next hundred block numbers, Aravis treats all real blocks up
+        to that number as late and drops them.
         """
         return (
             self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS
         )
 
     def mend(self) -> bool:
-        """Restart a stream that is `deaf`, from the second time on without a packet socket; return True if
-        restarted.
-        """
+        """Restart the stream if it is `deaf`, the second time without a packet socket; return True if restarted."""
         if not self.deaf:
             return False
         self._deaf_starts += 1
@@ -196,12 +198,12 @@ class GigeCamera:
         return True
 
     def trigger(self) -> None:
-        """Request an image.
+        """Send a software trigger, which requests one image.
 
         Raises
         ------
         LinkError
-            If the camera does not take it.
+            If the camera refuses it.
         """
         try:
             self._aravis("arv_camera_software_trigger", self._camera)
@@ -209,7 +211,7 @@ class GigeCamera:
             raise LinkError(f"camera {self._address} takes no trigger: {error}") from error
 
     def frame(self, timeout_s: float) -> Optional[CameraFrame]:
-        """Return the newest complete frame, once; None after ``timeout_s``."""
+        """Return the newest complete frame that was not returned before; None if none comes within ``timeout_s``."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None, timeout_s)
             buffer, self._newest = self._newest, None
@@ -223,7 +225,7 @@ class GigeCamera:
             self._reader.join()
             self._reader = None
         if self._stream is not None:
-            with contextlib.suppress(AravisError):  # it may be gone
+            with contextlib.suppress(AravisError):  # the camera may be disconnected
                 self._aravis("arv_camera_stop_acquisition", self._camera)
             self._aravis("g_object_unref", self._stream)
             self._stream = None
@@ -303,7 +305,7 @@ class GigeCamera:
     # --- the reader's thread -----------------------------------------------------------------
 
     def _read(self, stream: int) -> None:
-        """Take every frame off the stream at once, so that the newest one is current when requested."""
+        """Receive frames continuously and keep only the newest, so that a request never gets an old one."""
         arv = self._aravis
         while not self._stop.is_set():
             buffer = arv("arv_stream_timeout_pop_buffer", stream, POP_US)
@@ -335,7 +337,7 @@ class GigeCamera:
         return CameraFrame(number, image, (x, y, width, height), stamp, at_ns)
 
     def _counted(self, name: str) -> int:
-        """Return a counter that Aravis keeps of the stream."""
+        """Return a statistics counter of the stream by its name in Aravis."""
         return int(self._aravis("arv_stream_get_info_uint64_by_name", self._stream, name.encode()))
 
 
@@ -374,11 +376,13 @@ class _BlockCount:
 
 
 def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optional[Image]:
-    """Return an (H, W) image, uint8 or uint16, of a buffer's bytes; None if too short or of another kind.
+    """Unpack a buffer to an (H, W) uint8 or uint16 image; return None if it is too short or not grey.
 
     Parameters
     ----------
-    code : code of the pixel format naming convention.
+    data : contents of the buffer.
+    width_px, height_px : size of the image.
+    code : pixel-format code of GenICam's Pixel Format Naming Convention.
     """
     if code not in GREY or width_px < 1 or height_px < 1:
         return None

@@ -68,12 +68,13 @@ def run_camera_board(
     Parameters
     ----------
     url : ``gige://ADDRESS``.
-    make_estimator : makes one from a camera JSON object. hello : description of this board for the host.
+    make_estimator : makes one from a camera JSON object.
+    hello : description of this board for the host.
 
     Raises
     ------
     LinkError
-        If Aravis is not here, the camera, a file or the host cannot be used: one sentence.
+        If Aravis is not here, the camera, a file or the host cannot be used; the message is one sentence.
     """
     address = url[len(SCHEME) :].rstrip("/")
     if not address:

@@ -1,4 +1,4 @@
-"""Options of a board at a camera: a table next to that of the link's agent, and the options made of both."""
+"""Command-line options of a board that reads a GigE Vision camera, in addition to those of every board."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def check_options(url: str, given: Dict[str, Any]) -> None:
     Raises
     ------
     LinkError
-        If one is given that does not go with the URL: one sentence.
+        If one is given that does not go with the URL; the message is one sentence.
     """
     at_camera = url.startswith(SCHEME)
     table = [o for o in AGENT_OPTIONS if o.name in OF_HOSTS] if at_camera else CAMERA_OPTIONS
@@ -79,7 +79,7 @@ def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
     Raises
     ------
     LinkError
-        If a value or the key cannot be used: one sentence.
+        If a value or the key cannot be used; the message is one sentence.
     """
     for name, least in (("timeout", 1e-9), ("silence", 1e-9), ("frames", 1), ("packet_size", 0)):
         if given[name] is not None and not given[name] >= least:

@@ -283,7 +283,7 @@ class PoseEstimator(Estimator):
     Parameters
     ----------
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         Intrinsics of every image.
     accept_at : float

@@ -1,7 +1,7 @@
-"""A network's file, read as one that anybody may have written.
+"""Files of trained pose networks: ``.npz`` archives of float32 weights with JSON metadata.
 
-An ``.npz`` of float32 weights and a JSON sheet: which target, which camera, how well the network did on pictures that
-its training did not see.
+The metadata names the target and camera, and states the errors on held-out images. Files are untrusted input: size,
+shapes and values are checked.
 """
 
 from __future__ import annotations
@@ -23,14 +23,22 @@ Array = np.ndarray
 
 SCHEMA, VERSION = "flyaround.network", 2
 
-# Largest file [bytes], and allowed sides of a picture and numbers of classes.
+# Largest file [bytes]; then least and largest side of an input image, and number of attitude classes.
 MOST_BYTES = 256_000_000
 SIDE_PX, CLASSES = (16, 1024), (8, 20_000)
 
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """RMS errors on pictures that the training did not see: about each axis, and over the range."""
+    """RMS errors on held-out images.
+
+    Parameters
+    ----------
+    turn_rad : float
+        Rotation error about each axis.
+    across_share, along_share : float
+        Position error across and along the line of sight, as shares of the range.
+    """
 
     turn_rad: float
     across_share: float
@@ -39,22 +47,22 @@ class HeldOutErrors:
 
 @dataclass(frozen=True, eq=False)
 class NetworkFile:
-    """A network and its sheet.
+    """A trained pose network with its metadata.
 
     Parameters
     ----------
     name : str
         Name of the file.
     target, sha256 : str
-        Name and hash of the craft that it was trained on.
+        Name and hash of the target that it was trained on.
     camera : NetworkCamera
-        Camera of its pictures.
+        Camera of the input images.
     classes : int
-        Number of attitudes that it tells apart.
+        Number of attitude classes.
     log_range_mean, log_range_scale : float
-        Mean and scale of the logarithm of the range [m]; its third output is in units of the scale.
+        Mean and scale of the natural logarithm of the range [m]; the third position output is standardised by them.
     errors : HeldOutErrors
-        Errors of the answers that it accepts.
+        Errors of accepted estimates on held-out images.
     architecture : str
         One of ``ARCHITECTURES``.
     weights : dict of str to array
@@ -79,7 +87,7 @@ class NetworkFile:
         Raises
         ------
         BoardModelError
-            If it cannot be read, or is no such network: one sentence.
+            If it cannot be read, or is no such network; the message is one sentence.
         """
         try:
             data = read_bounded(path, MOST_BYTES)
@@ -98,12 +106,12 @@ class NetworkFile:
             ) from error
 
     def to_bytes(self, training: Dict[str, Any]) -> bytes:
-        """Return the file.
+        """Serialise the network as the bytes of a file.
 
         Parameters
         ----------
         training : dict of str to object
-            What the network was trained on, for people.
+            Description of the training, stored as information only.
         """
         sheet = {
             "schema": SCHEMA,
@@ -123,7 +131,7 @@ class NetworkFile:
         return data.getvalue()
 
     def run(self, picture: Array) -> Tuple[Array, Array]:
-        """Return place (3,) and logits of the attitudes (K,) of one (h, w) float32 picture."""
+        """Return the position outputs (3,) and attitude logits (K,) of one float32 image (h, w)."""
         return ARCHITECTURES[self.architecture].run(self.weights, picture)
 
 

@@ -1,7 +1,8 @@
-"""Feature correspondence: each group of the image is paired with each group of its kind on the wireframe, and solved.
+"""Feature correspondence: pairs perceptual groups of image lines with groups of the wireframe, and solves their poses.
 
-Sharma, Ventura & D'Amico (2018), pose determination: each pair of groups is a hypothesis, solved by EPnP. The thesis
-draws three points of a pair at random for P3P, and counts inliers (RANSAC, Fischler & Bolles 1981).
+Each pair of groups of the same kind is a hypothesis, solved by EPnP (Sharma, Ventura & D'Amico 2018, pose
+determination). Sharma's thesis instead solves P3P for three random points of a pair and counts inliers (RANSAC,
+Fischler & Bolles 1981).
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from flyaround.hil.board.svd.settings import PublishedConfig
 Array = np.ndarray
 Pairs = Tuple[Array, Array]
 
-# Pairs of groups solved at most: the search must end.
+# Largest number of pairs to solve; it bounds the run time.
 BUDGET = 6000
 
 # Least number of points of each solver.
 LEAST_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
 
-# Share of the budget of each combination, the most telling first.
+# Kinds of groups in the order in which the budget is distributed, the most distinctive first; True: with an antenna.
 ORDER = (
     ("closed_tetrad", True),
     ("open_tetrad", False),
@@ -37,12 +38,12 @@ ORDER = (
 
 
 def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET) -> Iterator[Pairs]:
-    """Yield the pairs of one combination at a time: image points (N, P, 2) and model points (N, P, 3), P four to six.
+    """Yield the pairs of one kind of group at a time: image points (N, P, 2) and model points (N, P, 3).
 
     Notes
     -----
-    The published search joins a polygon with an antenna where it finds one, for six points that do not lie in
-    one plane; each combination gets an even share of what is left of the budget, picked evenly.
+    The published search combines a polygon with an antenna, if there is one, to obtain points that are not coplanar.
+    Each kind gets an equal share of the remaining budget; if it has more pairs, they are subsampled uniformly.
     """
     remaining = budget
     for k, (kind, with_antenna) in enumerate(ORDER):
@@ -70,12 +71,12 @@ def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: b
 def solve_all(
     image: PointGroups, model: PointGroups, camera: CameraIntrinsics, config: PublishedConfig
 ) -> Tuple[Array, Array, int]:
-    """Return every pose of every pair, q (N, 4) and t (N, 3), and the number of pairs solved.
+    """Return all pose solutions of all pairs, q (N, 4) and t (N, 3), and the number of pairs solved.
 
     Notes
     -----
-    With RANSAC three points of the pair are drawn at random for the solver, so that one bad corner of four does not
-    spoil the figure; inliers are counted afterwards for all poses together.
+    With RANSAC the solver gets three random points of a pair, so that one wrong corner of four need not spoil the pose.
+    Inliers are counted afterwards, for all poses together.
     """
     rng = np.random.default_rng(2018)
     needed = LEAST_POINTS[config.solver]
@@ -103,7 +104,7 @@ def solve_all(
 
 
 def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
-    """Return all poses of model points (N, P, 3) seen at (N, P, 2): P3P as a batch, OpenCV's solvers one by one."""
+    """Solve the poses of model points (N, P, 3) at image points (N, P, 2), with P3P all at once."""
     if solver == "p3p":
         q, t, _ = three_point_poses(target, points)
         return q, t

@@ -81,7 +81,7 @@ class PublishedEstimator(Estimator):
     Parameters
     ----------
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         The intrinsics of every image.
     config : PublishedConfig

@@ -1,4 +1,4 @@
-"""Acquisition: requests of images, their destination, and the board's answers."""
+"""Image acquisition of the simulated camera: requests to the renderer, and transmission to the controller."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Due:
-    """Requested frame, with the controller's settings."""
+    """A requested frame, with the controller's settings at the time of the request."""
 
     request_id: int
     asked_ns: int
@@ -32,11 +32,13 @@ class _Due:
 
 
 class Acquisition:
-    """Frames while a controller acquires: one requested at a time, from the newest state.
+    """State machine of image acquisition. One frame is requested at a time, from the newest state.
 
     Parameters
     ----------
-    tell : says something to the drawing side.
+    registers : the camera's registers, which the controller reads and writes.
+    stream : channel on which images are sent.
+    tell : function that sends a message to the render process.
     """
 
     def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:
@@ -53,10 +55,10 @@ class Acquisition:
         self._due: _Due | None = None
         self._exposed: FrameTaken | None = None
 
-    # --- what a controller does -------------------------------------------------------------
+    # --- commands of the controller ---------------------------------------------------------
 
     def start(self) -> None:
-        """Start in the current mode; nothing if running."""
+        """Start acquiring in the current mode, unless already running."""
         registers = self._registers
         registers[Place.ACQUISITION_START] = 0
         if registers.acquiring:
@@ -79,7 +81,7 @@ class Acquisition:
         self._started_s = self.next_s = time.monotonic()
 
     def stop(self) -> None:
-        """Stop; an image in progress is discarded."""
+        """Stop acquiring and discard an image in progress."""
         self._registers.acquiring = False
         self._forget()
         self._stream.stop()
@@ -91,12 +93,12 @@ class Acquisition:
         self._due = self._exposed = None
 
     def trigger(self) -> None:
-        """Request a frame, if acquisition runs."""
+        """Request one frame by software trigger, if acquisition runs."""
         self._registers[Place.TRIGGER_SOFTWARE] = 0
         self.triggered = self._registers.acquiring
 
     def control_timestamp(self) -> None:
-        """Latch the time stamp, or reset it."""
+        """Latch the time stamp into its registers, or reset it, as the controller wrote."""
         if self._registers[Place.TIMESTAMP_CONTROL] == 1:
             self._origin_ns = time.monotonic_ns()
         else:
@@ -109,7 +111,7 @@ class Acquisition:
 
     @property
     def wants_frame(self) -> bool:
-        """True if a frame is to be requested when due."""
+        """True if the next frame may be requested: none is in progress and, in trigger mode, a trigger came."""
         if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
             return False
         return self.triggered or not self._registers[Place.TRIGGER_MODE]
@@ -130,7 +132,7 @@ class Acquisition:
         if registers[Place.TRIGGER_MODE]:
             self.next_s = now_s
         else:
-            # keep the pace if possible; missed frames are not made up for
+            # keep the frame rate if possible; frames missed by a slow renderer are skipped
             self.next_s = max(self.next_s + self._interval_s, now_s)
         self.triggered = False
         self._request_id += 1
@@ -155,21 +157,21 @@ class Acquisition:
         self._number += 1
 
     def take(self, taken: FrameTaken) -> None:
-        """Receive a requested image."""
+        """Store a rendered image until its exposure is over; reject one from a stopped acquisition."""
         if self._due is None or taken.request_id != self._due.request_id:
-            self._tell_unsent(taken)  # from a stopped acquisition
+            self._tell_unsent(taken)
         else:
             self._exposed = taken
 
     @property
     def read_out_s(self) -> float | None:
-        """Time at which the image may be sent: no camera reads out before its exposure is over."""
+        """Monotonic time from which the image may be sent, the end of its exposure [s]; None without an image."""
         if self._exposed is None or self._due is None:
             return None
         return self._due.asked_ns * 1e-9 + self._due.exposure_s
 
     def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
-        """Send the image whose exposure is over to the controller, if it named a port."""
+        """Send the image, once its exposure is over, to the controller's stream address ``to``, if it set one."""
         picture, due, read_out_s = self._exposed, self._due, self.read_out_s
         if picture is None or due is None or read_out_s is None or now_s < read_out_s:
             return
@@ -208,7 +210,7 @@ class Acquisition:
 
 
 def _record(due: _Due) -> FrameRecord:
-    """Return the record of an image that is sent, with scene and flight times if rendered."""
+    """Return the record of an image that is being sent; the render process adds time and epoch of its scene."""
     now_ns = time.monotonic_ns()
     latency_s = (now_ns - due.asked_ns) * 1e-9 - due.exposure_s
     return FrameRecord(

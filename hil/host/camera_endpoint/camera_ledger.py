@@ -26,7 +26,8 @@ class CameraLedger:
 
     Parameters
     ----------
-    folder : output folder; None for no files. link : address for answers of boards.
+    folder : output folder; None for no files.
+    link : address for answers of boards.
     flown : scenario and command for the record of the run.
 
     Raises

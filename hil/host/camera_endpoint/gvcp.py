@@ -51,7 +51,8 @@ class RefusedError(Exception):
 
     Parameters
     ----------
-    status : the acknowledgement's. index : number of the access that failed.
+    status : the acknowledgement's.
+    index : number of the access that failed.
     """
 
     def __init__(self, status: Status, index: int = 0) -> None:

@@ -85,7 +85,9 @@ class Block:
 
     Parameters
     ----------
-    block_id : 1 to 65535. timestamp_ns : start of the exposure. data : pixels of the frame.
+    block_id : 1 to 65535.
+    timestamp_ns : start of the exposure.
+    data : pixels of the frame.
     packet_bytes : size of each packet, headers of IP and UDP included.
     """
 

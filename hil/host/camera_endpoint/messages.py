@@ -33,7 +33,8 @@ class EndpointConfig:
     allowed : addresses that are heard.
     xml, xml_name : the GenICam description and the file name it is served under.
     answers : address at which boards send their poses; None for none.
-    loss_share : stream packets that are left out, to try a client's requests. loss_seed : seed of their choice.
+    loss_share : stream packets that are left out, to try a client's requests.
+    loss_seed : seed of their choice.
     """
 
     interface: Interface
@@ -73,7 +74,9 @@ class FrameWanted:
 
     Parameters
     ----------
-    request_id : comes back with the image. number : since acquisition started, from 0. t_s : its time.
+    request_id : comes back with the image.
+    number : since acquisition started, from 0.
+    t_s : its time.
     exposure_s, gain_db : settings of the controller.
     """
 

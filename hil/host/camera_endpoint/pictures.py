@@ -37,7 +37,8 @@ class TakenPicture:
 
     Parameters
     ----------
-    image : (H, W) digital numbers of the whole detector. scene : None if unknown.
+    image : (H, W) digital numbers of the whole detector.
+    scene : None if unknown.
     """
 
     image: Image
@@ -89,7 +90,9 @@ class LoopedPictures:
 
     Parameters
     ----------
-    images : (H, W) each. bits : bits of a pixel. exposure_s : they were taken with.
+    images : (H, W) each.
+    bits : bits of a pixel.
+    exposure_s : they were taken with.
     black_dn : number of a pixel that no light falls on.
     scenes : their scenes, one each; empty if unknown.
     """

@@ -100,7 +100,8 @@ class CameraTerms:
 
     Parameters
     ----------
-    bits : bits of a pixel of the detector. exposure_us, rate_hz : before a controller changes them.
+    bits : bits of a pixel of the detector.
+    exposure_us, rate_hz : before a controller changes them.
     scenario, target : names.
     """
 

@@ -33,7 +33,8 @@ class StreamChannel:
 
     Parameters
     ----------
-    sock : socket to send from. loss_share : share of packets that are left out, to test a receiver's requests.
+    sock : socket to send from.
+    loss_share : share of packets that are left out, to test a receiver's requests.
     seed : seed of their choice.
     """
 
@@ -75,7 +76,8 @@ class StreamChannel:
 
         Parameters
         ----------
-        interval_s : between frames, of which sending takes half. delay_s : least time between packets.
+        interval_s : between frames, of which sending takes half.
+        delay_s : least time between packets.
         """
         gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:

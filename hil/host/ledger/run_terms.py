@@ -86,7 +86,8 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        source : the scenario's file. command : the words on the command line.
+        source : the scenario's file.
+        command : the words on the command line.
         """
         return FlownRecord(
             scenario=ScenarioRecord.of(plan.scenario, source),

@@ -1,4 +1,4 @@
-"""The ledger's summary: counts that add up, latency percentiles, pose errors; summary.json."""
+"""Summary of a ledger, written as ``summary.json``: counts of outcomes, percentiles of latency, pose errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class StageTimes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Machine(msgspec.Struct, frozen=True, kw_only=True):
-    """The host's machine."""
+    """Description of the machine that the host ran on."""
 
     system: str
     processor: str
@@ -158,7 +158,7 @@ def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
 
 
 class LedgerTally:
-    """Data of each row that a summary needs, about eighty bytes, so that runs of days fit in memory."""
+    """Accumulator of the columns that a summary needs, about 80 bytes a row, so that runs of days fit in memory."""
 
     def __init__(self, rows: Iterable[FrameRecord] = ()) -> None:
         self.outcomes: Counter[str] = Counter()
@@ -193,7 +193,7 @@ class LedgerTally:
                     values.append(value)
 
     def interval_ms(self) -> float | None:
-        """Return the median interval between frames."""
+        """Return the median interval between frames; None with fewer than two."""
         times = np.sort(self.columns["t_s"])
         return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
 

@@ -82,7 +82,9 @@ class BoardSession:
 
     Parameters
     ----------
-    config : settings of the link. tell : sends a message to the run. in_flight : frames sent.
+    config : settings of the link.
+    tell : sends a message to the run.
+    in_flight : frames sent.
     """
 
     def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:

@@ -1,6 +1,6 @@
-"""Run as ROS 2 messages: in an MCAP file, and live to Foxglove or Lichtblick over a WebSocket.
+"""Recorder of a run as ROS 2 messages: to an MCAP file, and live to Foxglove or Lichtblick over a WebSocket.
 
-Optional parts: the extra ``logs`` (foxglove-sdk, rosbags).
+Needs the optional dependencies ``flyaround[logs]`` (foxglove-sdk, rosbags).
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ FRAME_TIMING_DEFINITION = ros_definition(
     + "".join(f"float64 {name}\n" for name in DURATIONS)
     + "string[] stage_names\nfloat64[] stage_ms\nfloat64 position_error_m\nfloat64 attitude_error_deg\n"
 )
-"""Definition of the message type."""
+"""ROS 2 definition of the message ``flyaround_msgs/FrameTiming``."""
 
 
 def frame_timing(row: FrameRecord) -> dict[str, Any]:
-    """Return the flyaround_msgs/FrameTiming of a ledger's row; unknown values are NaN."""
+    """Convert a row of the ledger to a ``flyaround_msgs/FrameTiming`` message; unknown values become NaN."""
     durations = {name: getattr(row, name) for name in DURATIONS}
     return {
         "header": header(row.epoch_utc),
@@ -78,15 +78,18 @@ TOPICS = {
 
 
 class _FileToWrite:
-    """New file for a writer that cannot handle a full disk: the first error is kept, later data is dropped."""
+    """A new file that never raises while it is written: it keeps the first error and drops all later data.
+
+    The MCAP writer of foxglove-sdk cannot handle a full disk, and needs consistent positions from ``seek``.
+    """
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
-        self._end = 0  # the writer's position in the file, after an error
+        self._end = 0  # position that the writer assumes, after an error
         self.error: OSError | None = None
 
     def write(self, data: bytes) -> int:
-        """Write all data, or nothing after an error."""
+        """Write the data, or drop it after an error; return its length either way."""
         if self.error is None:
             try:
                 return self._file.write(data)
@@ -127,16 +130,17 @@ class _FileToWrite:
 
 
 class RosLog:
-    """Recorder of frames, truth, answers and timing; times are those of the scenario, in UTC.
+    """Recorder of images, true poses, estimates and timing, stamped with the scenario's time (UTC).
 
     Parameters
     ----------
-    path : MCAP file to write, or None. live : host and port of a WebSocket to serve, or None.
+    path : MCAP file to write, or None.
+    live : host and port of a WebSocket to serve, or None.
 
     Raises
     ------
     UserError
-        If the extra is not installed, the file is there already, or the port is taken.
+        If the extra is not installed, the file exists already, or the port is in use.
     """
 
     def __init__(self, path: Path | None, live: tuple[str, int] | None = None) -> None:
@@ -146,7 +150,7 @@ class RosLog:
             from flyaround.hil.host.recording.cdr import CdrEncoder  # noqa: PLC0415 - an optional part
         except ImportError as error:
             raise missing_extra("--mcap or --live", "logs", error) from error
-        # channels know their context weakly: it lives as long as the log
+        # channels hold only a weak reference to their context: keep it alive
         self._context = context = foxglove.Context()
         definitions = DEFINITIONS | {FRAME_TIMING: FRAME_TIMING_DEFINITION}
         self._encoder = CdrEncoder({kind: definitions[kind] for kind in TOPICS.values()})
@@ -191,7 +195,7 @@ class RosLog:
             self._log("/tf", transform(q, t, epoch, TARGET_FRAME), epoch)
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """Write the answer, if accepted, and its times."""
+        """Write the estimated pose, if it was accepted, and the timing of the frame."""
         epoch = frame.scene.epoch_utc
         if row.outcome == "accepted" and row.q_wxyz is not None and row.t_m is not None:
             self._log("/estimate/pose", pose_stamped(row.q_wxyz, row.t_m, epoch), epoch)
@@ -233,7 +237,7 @@ class RosLog:
         Raises
         ------
         OSError
-            If the file could not be finished, however long ago.
+            If an earlier write or the end of the file failed.
         """
         self._give_up_file()
         if self._server is not None:

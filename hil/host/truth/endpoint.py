@@ -1,4 +1,4 @@
-"""Ground truth on a separate endpoint: a few loggers, none of which can slow the run."""
+"""TCP endpoint that streams ground truth to loggers, none of which can slow down the run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flyaround.hil.link.transports.tcp import TcpListener, keep_alive
 from flyaround.hil.link.transports.url import parse_url
 
 MAX_CLIENTS = 16
-# a logger that lags this far behind is cut off, and so is one that has not caught up for this long
+# a logger is disconnected if its send queue exceeds this size, or was not empty for this long
 MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
-# a logger has this long to prove that it has the key
+# time-out for a logger's proof that it has the key
 PROOF_NS = 10_000_000_000
-# time-out for the goodbye and the queue, over all loggers
+# time-out for sending the queues and the goodbye at the end, for all loggers together
 CLOSE_S = 2.0
 
 
@@ -32,19 +32,19 @@ class _Client:
         self.backlog = bytearray()
         self.lagging_since_ns: int | None = None
         self.sequence = 0
-        self.heard = b""  # the end of what it said
-        self.said_all = False  # its end of the line is closed: it left, or only listens
+        self.heard = b""  # last bytes received, in which a packet's magic number may begin
+        self.said_all = False  # the peer closed its sending side: it disconnected, or only receives
         self.framing = LengthFraming()
         self.handshake: HostHandshake | None = None
         self.since_ns = now_ns()
 
     def send(self) -> None:
-        """Send what the line takes now.
+        """Send as much of the queue as the socket accepts without blocking.
 
         Raises
         ------
         OSError
-            If it left.
+            If the client disconnected.
         """
         try:
             while self.backlog:
@@ -56,12 +56,12 @@ class _Client:
             self.lagging_since_ns = None
 
     def is_board(self) -> bool:
-        """Return True if it has sent a packet, since loggers only listen.
+        """Return True if the client sent a packet of the link: a board does, whereas loggers only receive.
 
         Raises
         ------
         OSError
-            If it left.
+            If the client disconnected, or its proof of the key is wrong.
         """
         try:
             data = self.sock.recv(4096)
@@ -93,19 +93,20 @@ class _Client:
 
     @property
     def is_known(self) -> bool:
-        """True if it may receive the truth."""
+        """True if the client may receive the truth: it proved that it has the key, or none is required."""
         return self.handshake is None or self.handshake.seal is not None
 
 
 class TruthEndpoint:
-    """TCP server that sends TRUTH packets to the clients connected before them.
+    """TCP server that sends TRUTH packets to the loggers that are connected at the time.
 
-    At most ``MAX_CLIENTS`` loggers; more are turned away with a sentence. One that left, or that lags by
-    ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
+    It accepts at most ``MAX_CLIENTS`` loggers and refuses others with an error message. A logger that disconnected, or
+    lags by ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
 
     Parameters
     ----------
-    url : address for loggers. board_url : address for boards, named to one that connects here.
+    url : address for loggers.
+    board_url : address for boards, for the error message to a board that connects here by mistake.
     key : key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
     """
 
@@ -125,7 +126,7 @@ class TruthEndpoint:
         return self._listener.fileno()
 
     def accept(self) -> None:
-        """Accept a logger, or refuse it if there is no room."""
+        """Accept a pending connection, and refuse it if there are too many loggers."""
         sock = self._listener.accept_socket(0.0)
         if sock is None:
             return
@@ -133,7 +134,7 @@ class TruthEndpoint:
         client = _Client(sock)
         if self._key is not None:
             client.handshake = HostHandshake(self._key)
-        with contextlib.suppress(OSError):  # it left already; sending will show it
+        with contextlib.suppress(OSError):  # disconnected already: the next send fails and drops it
             keep_alive(sock)
         self._make_room()
         full = len(self._clients) >= MAX_CLIENTS
@@ -144,16 +145,16 @@ class TruthEndpoint:
             )
 
     def publish(self, frame_id: int, truth: dict[str, Any]) -> None:
-        """Queue a frame's truth for every logger and send what the lines take."""
+        """Queue a frame's truth for every logger, and send without blocking."""
         self._queue(TruthMessage(frame_id, truth))
 
     @property
     def lagging(self) -> bool:
-        """True if data is still to be sent."""
+        """True if data is queued, or a logger has not proved yet that it has the key."""
         return any(client.backlog or not client.is_known for client in self._clients)
 
     def flush(self) -> None:
-        """Send what the lines take now; boards, and loggers that left or lag too far, are dropped."""
+        """Send without blocking; drop boards, and loggers that disconnected or lag too far."""
         for client in list(self._clients):
             try:
                 if client.is_board():
@@ -203,7 +204,7 @@ class TruthEndpoint:
         client.sequence += 1
 
     def _make_room(self) -> None:
-        """Make room by dropping clients that left, or else the oldest one without a proof."""
+        """Make room by dropping clients that disconnected, or else the oldest without a proof of the key."""
         if len(self._clients) < MAX_CLIENTS:
             return
         self.flush()
@@ -214,7 +215,7 @@ class TruthEndpoint:
             self._drop(strangers[0])
 
     def _refuse(self, client: _Client, code: ErrorCode, sentence: str) -> None:
-        """Refuse a client with a message; an estimator never gets the truth."""
+        """Send an error message to a client and disconnect it."""
         client.backlog.clear()
         self._append(client, ErrorMessage(code, sentence))
         with contextlib.suppress(OSError):

@@ -26,9 +26,9 @@ class TruthLogger:
 
     Parameters
     ----------
-    url : the truth endpoint; it may open later than ``start``.
-    path : the JSONL file, overwritten.
-    key : key of the host; None if it has none.
+    url : address of the truth endpoint, which may open later than ``start``.
+    path : JSON-lines file to write; an existing one is overwritten.
+    key : key shared with the host; None without authentication.
     """
 
     def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:
@@ -90,7 +90,7 @@ class TruthLogger:
                         return
                     if isinstance(message, Bye):
                         return
-                    if isinstance(message, ErrorMessage):  # the endpoint has as many loggers as it takes
+                    if isinstance(message, ErrorMessage):  # refused, for example because of too many loggers
                         logger.warning("no truth is logged: %s", message.text)
                         return
                     if isinstance(message, TruthMessage):

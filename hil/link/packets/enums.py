@@ -32,12 +32,12 @@ class PixelFormat(IntEnum):
 
     @property
     def in_words(self) -> bool:
-        """True if each number of the unpacked image needs two bytes."""
+        """True if each sample of the unpacked image takes two bytes."""
         return self.depth_bits > 8
 
     @property
     def channels(self) -> int:
-        """Numbers per pixel."""
+        """Number of samples per pixel."""
         return 3 if self is PixelFormat.RGB8 else 1
 
 

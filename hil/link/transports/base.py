@@ -1,4 +1,4 @@
-"""Protocol of a line to one other side, and the framing and deadlines that all byte streams share."""
+"""Interface of a transport between host and board, and the framing and deadlines that all byte streams share."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Framing(Protocol):
 
 
 class Transport(Protocol):
-    """Line to one other side.
+    """Connection to one peer.
 
-    ``send_packet`` and ``recv_packet`` may be called from two different threads, one each. What a transport promises:
-    a packet that arrives is whole and was sent (its CRC held). What it may not promise, and its docstring then says:
-    that all packets arrive, in order, once; that the other side's leaving is noticed.
+    ``send_packet`` and ``recv_packet`` may be called from two different threads, one each. Every transport guarantees
+    that a received packet is complete and was sent as such, by its CRC. A transport that does not guarantee that all
+    packets arrive, in order and once, or that a disconnected peer is detected, states so in its docstring.
 
-    A new transport takes a file in this folder with a class for the line and one for its `Listener`, and a scheme in
-    `url`. The contract's tests run over every transport.
+    To add a transport, write a module in this folder with a class for the connection and one for its `Listener`, and
+    add its scheme to `url`. The contract tests run over every transport.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Transport(Protocol):
 
 
 class Listener(Protocol):
-    """Place where the other side may connect."""
+    """Listening address at which peers connect."""
 
     url: str
 
@@ -74,10 +74,10 @@ class Listener(Protocol):
 class StreamTransport(ABC):
     """Framing and deadlines that all byte streams share.
 
-    A stream's own class says how bytes are written and read, and who closes what.
+    Subclasses implement reading and writing of bytes, and closing.
     """
 
-    # a clock request waits for one of these at most; small ones also leave the processor's cache to the other side
+    # size of one chunk of a frame: a clock request waits for at most one chunk
     chunk_bytes = 1 << 15
 
     def __init__(self, name: str, framing: Framing) -> None:

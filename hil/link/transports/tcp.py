@@ -14,18 +14,18 @@ from flyaround.hil.link.errors import LinkClosed, LinkError
 from flyaround.hil.link.framing.length_prefix import LengthFraming
 from flyaround.hil.link.transports.base import StreamTransport
 
-# a peer that takes no byte for this long is gone
+# time-out for a peer that accepts no byte
 SEND_STALL_S = 1.5
-# and so is one whose system acknowledges none of what was sent for so long: its cable is out
+# time-out for a peer whose system acknowledges nothing, as with a cut cable (TCP_USER_TIMEOUT)
 UNACKNOWLEDGED_MS = 1500
-LONGEST_S = 86_400.0
-# and so is one that takes longer for a packet: slower than a modem, it only holds the sender
+LONGEST_S = 86_400.0  # upper bound of a time-out that the user sets
+# time-out for one packet: a slower peer would only block the sender
 SEND_PACKET_S = 60.0
-# a peer whose machine vanished is noticed after about half a minute in which nothing is sent to it
+# keep-alive probes: while nothing is sent, a peer whose machine vanished is detected after about half a minute
 KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
 # pause when file descriptors or memory run out and no connection can be accepted; it keeps the processor free
 EXHAUSTED_PAUSE_S = 0.01
-# read at once: a frame is taken apart while the rest of it comes
+# size of one read: a frame is parsed while the rest of it arrives
 READ_BYTES = 1 << 18
 
 
@@ -83,7 +83,7 @@ class TcpTransport(StreamTransport):
         """Shut down the connection; a second call does nothing."""
         if not self._closed:
             self._closed = True
-            with contextlib.suppress(OSError):  # the other side may have been faster
+            with contextlib.suppress(OSError):  # the peer may have closed it already
                 self._sock.shutdown(socket.SHUT_RDWR)
             self._sock.close()
 
@@ -192,7 +192,7 @@ class TcpListener:
         try:
             return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
         except (BlockingIOError, ConnectionError):
-            return None  # it came and went
+            return None  # the peer disconnected before it was accepted
         except OSError as error:
             if error.errno not in EXHAUSTED:
                 return None  # a network error of that one connection, see accept(2)
@@ -200,8 +200,9 @@ class TcpListener:
             return None
 
     def _turn_away(self) -> None:
-        """Close a waiting connection using the reserved file descriptor; left waiting, it would be reported for
-        ever.
+        """Accept and close one pending connection using the reserved file descriptor.
+
+        Without this the listening socket would stay readable, and the caller's loop would spin.
         """
         if self._spare is not None:
             os.close(self._spare)
@@ -213,14 +214,14 @@ class TcpListener:
         time.sleep(EXHAUSTED_PAUSE_S)
 
     def accept(self, timeout_s: float) -> Optional[TcpTransport]:
-        """Return a line to a new peer, None after ``timeout_s``."""
+        """Return a connection to a new peer, or None after ``timeout_s``."""
         sock = self.accept_socket(timeout_s)
         if sock is None:
             return None
         try:
             peer = sock.getpeername()
             return TcpTransport(sock, f"tcp://{peer[0]}:{peer[1]}")
-        except OSError:  # it left again
+        except OSError:  # the peer disconnected already
             sock.close()
             return None
 

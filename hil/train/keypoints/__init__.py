@@ -1,1 +1,1 @@
-"""Training of the keypoint network: views drawn, samples made of them, trunk and heads fitted, files written."""
+"""Training of the keypoint network: renders views, derives samples, fits trunk and heads, and writes their files."""

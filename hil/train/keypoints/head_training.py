@@ -1,4 +1,4 @@
-"""A head for a craft: its views drawn, the head trained on the shipped trunk, judged on views kept back, written."""
+"""Training of the keypoint head of a craft on the features of the shipped trunk, from rendered views."""
 
 from __future__ import annotations
 
@@ -42,32 +42,32 @@ if TYPE_CHECKING:
 
     Report = Callable[[float, str], None]
 
-# Samples of a step; views kept back; steps between checkpoints and reports.
+# Batch size; number of held-out views; steps between checkpoints and reports.
 BATCH, KEPT_BACK, CHECKPOINT = 64, 100, 200
 
-# Least distance between two keypoints, and how many must be that far apart [radii].
+# Least distance between distinct keypoints [radii], and least number of distinct keypoints.
 DISTINCT_RADII, LEAST_DISTINCT = 0.05, 6
 
 
 class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Errors of a head on views that its training did not see.
+    """Errors of a keypoint head on held-out views.
 
     Parameters
     ----------
     network : str
-        The file.
+        Name of the head's file.
     target : str
-        The craft.
+        Name of the craft.
     views, steps : int
-        Of the training.
+        Number of rendered views, and of training steps.
     median_px : float
-        Median error of a keypoint [px of an input of 128].
+        Median error of a keypoint, in pixels of the network's 128 x 128 input.
     within_10_px : float
-        Share of keypoints with a smaller error than 10 px.
+        Share of keypoints with an error below 10 px.
     present : float
-        Share of the views whose craft was noticed.
+        Share of the views with a craft in which the head detects it.
     symmetries : int
-        Rotations under which the craft looks nearly the same: its keypoints are known up to these.
+        Number of rotations under which the craft looks nearly the same. Keypoints are determined only up to these.
     """
 
     network: str
@@ -92,31 +92,31 @@ def train_head(
 ) -> HeadReport:
     """Train the head of a craft and write its file.
 
-    What was drawn and learned stands in ``output`` with ``.partial`` added until the file is written: the same command
-    goes on there after it was stopped.
+    Until the file is written, rendered views and checkpoints are kept in a folder of its name with ``.partial`` added.
+    An interrupted training resumes from there if it is called again with the same arguments.
 
     Parameters
     ----------
     name : str
-        Of the target.
+        Name of the target.
     output : Path
-        The file, ``.npz``.
+        File to write, ``.npz``.
     views : int
-        Number of views to draw.
+        Number of views to render.
     budget : Budget
-        Time or steps of the training, without the drawing.
+        Limit on the time or steps of the training, without rendering.
     seed : int
-        Of views, samples and first weights.
+        Seed of views, samples and initial weights.
     workers : int
-        Processes that draw, and threads that make samples.
+        Number of processes that render, and of threads that make samples.
     report : callable
-        Given the share done and a line of text.
+        Called with the completed share and a line of text.
 
     Raises
     ------
     UserError
-        If the craft has too few distinct keypoints or too many triangles, the disk is full, or a run that was stopped
-        there was of other views or is damaged.
+        If the craft has too few distinct keypoints or too many triangles, the disk is full, or the interrupted training
+        is damaged or has other views.
     """
     target = load_target(name)
     model = board_model(target)
@@ -154,7 +154,7 @@ def train_head(
 
 
 def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
-    """Return the drawn views of a craft with these keypoints (K, 3) [radii]."""
+    """Load the rendered views of a craft, whose keypoints are ``points`` (K, 3) [radii]."""
 
     def part(name: str) -> NDArray[Any]:
         return np.asarray(np.load(drawing.folder / f"{name}.npy", mmap_mode="r"))
@@ -174,17 +174,17 @@ def state_of(head: KeypointHead) -> dict[str, Tensor]:
 
 
 def _of_file(key: str) -> str:
-    """Return the name in PyTorch of an array of a head's file."""
+    """Return the PyTorch parameter name of an array in a head's file."""
     return key.replace("_bias", ".bias") if "bias" in key else f"{key}.weight"
 
 
 def _check_keypoints(target: Target, points: FloatArray) -> None:
-    """Refuse a craft of which one pose cannot be told from another by its keypoints.
+    """Raise if the keypoints of a craft do not determine its pose.
 
     Raises
     ------
     UserError
-        If too few of them are apart, or all lie on a line.
+        If too few keypoints are distinct, or all are collinear.
     """
     distinct: list[FloatArray] = []
     for p in points:
@@ -199,7 +199,7 @@ def _check_keypoints(target: Target, points: FloatArray) -> None:
 
 
 class _HeadTraining:
-    """The training of one head on the features of a trunk that stays as it is."""
+    """Training of one head on the features of a frozen trunk."""
 
     def __init__(self, trunk: Trunk, views: LitViews, earths: tuple[Float32Array, ...], seed: int) -> None:
         self._trunk = trunk.to(memory_format=torch.channels_last)
@@ -211,7 +211,7 @@ class _HeadTraining:
         self._steps, self._spent_s = 0, 0.0
 
     def run(self, budget: Budget, workers: int, state: Path, report: Report) -> int:
-        """Train from where ``state`` was left; return the steps in all."""
+        """Train, resuming from the checkpoint ``state`` if it exists; return the total number of steps."""
         self._restore(state)
         cv2.setNumThreads(1)
         began = time.monotonic() - self._spent_s
@@ -230,7 +230,7 @@ class _HeadTraining:
         return self._steps
 
     def judged(self) -> tuple[float, float, float]:
-        """Return the median keypoint error [px], the share below 10 px, and the share of craft noticed."""
+        """Return the median keypoint error [px], the share below 10 px, and the share of craft detected."""
         self._head.load_state_dict(self.mean)
         rng = np.random.default_rng([self._seed, 2])
         centres = ((torch.arange(BINS) + 0.5) * STEP - REACH).numpy()

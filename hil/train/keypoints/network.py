@@ -1,8 +1,11 @@
-"""The keypoint network in PyTorch: a trunk for all craft, and a head for each.
+"""The keypoint network in PyTorch: a trunk shared by all craft, and a head for each craft.
 
-A head gives, for every keypoint, a distribution over the columns and one over the rows of the input (SimCC: Li et al.
-2022, SimCC: a simple coordinate classification perspective for human pose estimation), and the logit of a craft being
-there.
+For every keypoint a head gives a distribution over the columns of the input and one over its rows. It also gives the
+logit that a craft is present.
+
+References
+----------
+Li et al. (2022), SimCC: a simple coordinate classification perspective for human pose estimation.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ CHANNELS, BLOCKS = (64, 128, 192), (2, 2, 3)
 
 
 class _Residual(nn.Module):  # type: ignore[misc]
-    """Two convolutions beside the identity (He et al. 2016)."""
+    """Residual block of two convolutions (He et al. 2016)."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -40,7 +43,7 @@ class _Residual(nn.Module):  # type: ignore[misc]
 
 
 class Trunk(nn.Module):  # type: ignore[misc]
-    """Return (B, 192, 8, 8) features of inputs (B, 2, 128, 128)."""
+    """Feature extractor, shared by all craft: (B, 2, 128, 128) inputs to (B, 192, 8, 8) features."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -63,7 +66,7 @@ class Trunk(nn.Module):  # type: ignore[misc]
 
 
 class Head(nn.Module):  # type: ignore[misc]
-    """Return (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of a craft and log size, of a trunk's features."""
+    """Output layers of one craft: (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of presence and log size."""
 
     def __init__(self) -> None:
         super().__init__()

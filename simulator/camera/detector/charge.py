@@ -39,7 +39,8 @@ class FixedPattern:
     Parameters
     ----------
     sensitivity : (H, W) factor of mean one; zero for a dead pixel.
-    offset_e : (H, W) offset [e]. dark_e_s : (H, W) dark current of each pixel [e s-1].
+    offset_e : (H, W) offset [e].
+    dark_e_s : (H, W) dark current of each pixel [e s-1].
     """
 
     sensitivity: Float32Array | None

@@ -44,7 +44,9 @@ class Arithmetic:
 
     Parameters
     ----------
-    full_dn : largest digital number. steps_per_dn : 1 in floating point. sigma_dn : standard deviation of the additive
+    full_dn : largest digital number.
+    steps_per_dn : 1 in floating point.
+    sigma_dn : standard deviation of the additive
         noise.
     """
 

@@ -254,7 +254,8 @@ def gaussian_blur(image: Float32Array, sigma_px: float, gain: float | Float32Arr
 
     Parameters
     ----------
-    image : (H, W) or (H, W, n). gain : scalar, or (n,) per band.
+    image : (H, W) or (H, W, n).
+    gain : scalar, or (n,) per band.
     """
     taps = gaussian_taps(sigma_px)
     if isinstance(gain, np.ndarray):

@@ -12,19 +12,22 @@ ColourFilter = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
-    """A real detector, in electrons. All noise terms are standard deviations unless said otherwise.
+    """Parameters of a detector, in electrons. Noise terms are standard deviations unless stated otherwise.
 
     Parameters
     ----------
     quantum_efficiency : electrons per photon of sunlight, mean over the band: one number, or red, green, blue.
     quantum_efficiency_curve : replaces it: (wavelength [m], electrons per photon) in ascending order, linear between
         and zero beyond; each band of a colour detector uses its interval.
-    full_well_e : full-well capacity [e]. gain_e_per_dn : system gain [e DN-1].
+    full_well_e : full-well capacity [e].
+    gain_e_per_dn : system gain [e DN-1].
     black_level_dn : offset added to the signal.
-    read_noise_e : noise of each read-out. row_noise_e, column_noise_e : noise shared by a row or column of one frame.
+    read_noise_e : noise of each read-out.
+    row_noise_e, column_noise_e : noise shared by a row or column of one frame.
     dark_current_e_s : dark current at ``dark_reference_c``; it doubles every ``dark_doubling_c`` kelvin.
     temperature_c : temperature of the detector.
-    dsnu_e : fixed offset of each pixel. dark_nonuniformity : fixed relative variation of dark current.
+    dsnu_e : fixed offset of each pixel.
+    dark_nonuniformity : fixed relative variation of dark current.
     prnu : fixed relative variation of sensitivity.
     hot_pixel_share, hot_pixel_e_s : share of pixels with additional dark current, exponentially distributed with that
         mean.
@@ -32,10 +35,11 @@ class Detector:
     blooming : share of the charge above the full well that spills into the column's neighbours.
     cosmic_rays_cm2_s : rate of ionising particles. Each leaves 80 electrons per micrometre of its track in a layer of
         thickness ``layer_m``.
+    layer_m : thickness of the sensitive layer.
     colour_filter : ``none`` (each pixel sees every band) or a Bayer mosaic, named by its first two by two pixels.
-        demosaic : True to output the interpolated RGB image instead of the mosaic.
-    binning : width and height of an image pixel in physical ones. charge_binning : True to add charge before the
-        read-out (one read noise), False to add numbers after it.
+    demosaic : True to output the interpolated RGB image instead of the mosaic.
+    binning : width and height of an image pixel in physical pixels.
+    charge_binning : True to add charges before read-out (one read noise), False to add numbers after it.
     roi_x0_px, roi_y0_px : first physical pixel of the image, for the fixed pattern.
     serial : serial number of the device: seed of the fixed pattern, the same in every frame and scenario.
     shot_noise : False only in clean twins, where all other noise is off too.

@@ -65,7 +65,8 @@ def veiling_glare(
 
     Parameters
     ----------
-    sun_direction : unit vector, camera frame. sun_irradiance_w_m2 : irradiance of the visible part, per band.
+    sun_direction : unit vector, camera frame.
+    sun_irradiance_w_m2 : irradiance of the visible part, per band.
 
     References
     ----------

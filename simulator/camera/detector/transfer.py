@@ -49,7 +49,7 @@ def encoding_problem(encoding: Encoding, sensor: Sensor) -> str | None:
 
 
 def converter(sensor: Sensor, encoding: Encoding) -> Sensor:
-    """Return the sensor that the curve is applied to: itself for linear images, else one of 14 bits."""
+    """Return the sensor before encoding: ``sensor`` itself for linear images, else with 14 bits."""
     return sensor if encoding == "linear" else with_bits(sensor, CONVERTER_BITS)
 
 
@@ -61,11 +61,11 @@ def encode_numbers(
     Parameters
     ----------
     numbers : (H, W) or (H, W, 3) array
-        Digital numbers of `converter`, white balanced.
+        Digital numbers of the sensor that `converter` returns, white balanced.
     sensor : Sensor
-        The camera's own.
+        Sensor of the camera.
     encoding : str
-        The numbers themselves are returned if it is linear.
+        Encoding of the delivered image; with ``linear``, ``numbers`` are returned unchanged.
     """
     if encoding == "linear":
         return numbers
@@ -77,18 +77,18 @@ def encode_numbers(
 def decode_numbers(
     image: NDArray[np.unsignedinteger], sensor: Sensor, encoding: Encoding
 ) -> tuple[NDArray[np.unsignedinteger], Sensor]:
-    """Decode a delivered image to linear digital numbers. Return them with their sensor.
+    """Decode a delivered image to linear digital numbers, and return them with the sensor whose scale they have.
 
-    An sRGB image in colour yields numbers for sRGB's primaries.
+    A colour image in sRGB is decoded to the primaries of sRGB, not to the detector's bands.
 
     Parameters
     ----------
     image : array
-        As the camera delivered it.
+        Image as the camera delivers it.
     sensor : Sensor
-        The camera's own.
+        Sensor of the camera.
     encoding : str
-        Image and sensor themselves are returned if it is linear.
+        Encoding of the image; with ``linear``, ``image`` and ``sensor`` are returned unchanged.
     """
     if encoding == "linear":
         return image, sensor
@@ -104,7 +104,7 @@ def _black_dn(sensor: Sensor) -> float:
 
 @lru_cache(maxsize=16)
 def _curve(encoding: Encoding, black_dn: float) -> NDArray[np.uint8]:
-    """Return the delivered number for each of the converter's (65536,), or of those after the colour matrix."""
+    """Return the (65536,) look-up table from the converter's numbers to delivered ones."""
     full = 2**CONVERTER_BITS - 1
     light = np.clip((np.arange(1 << 16) - black_dn) / (full - black_dn), 0, 1)
     return np.rint(encode(light, encoding) * 255).astype(np.uint8)

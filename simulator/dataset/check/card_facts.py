@@ -33,7 +33,8 @@ def check_card(
 
     Parameters
     ----------
-    target : model that was drawn, if available. layers_of_frames : names of each frame's layers.
+    target : model that was drawn, if available.
+    layers_of_frames : names of each frame's layers.
     """
     if target is not None:
         expected = CardTarget.of(target)
@@ -70,7 +71,8 @@ def check_frames_listed(
 
     Parameters
     ----------
-    splits : split of each frame in the data set's list, by number. assigned : frames of each split, assigned again;
+    splits : split of each frame in the data set's list, by number.
+    assigned : frames of each split, assigned again;
         empty if that is impossible.
     """
     for q in card.quarantined:

@@ -45,7 +45,8 @@ class Entry:
 
     Parameters
     ----------
-    key : unique in the file, or in the shards of a split. frame : number of the frame, if the entry belongs to one.
+    key : unique in the file, or in the shards of a split.
+    frame : number of the frame, if the entry belongs to one.
     """
 
     key: str

@@ -55,7 +55,9 @@ class ExportsCheck:
 
     Parameters
     ----------
-    numbers : numbers of all intact frames. seed : seed of the sample. whole : True to compare all frames.
+    numbers : numbers of all intact frames.
+    seed : seed of the sample.
+    whole : True to compare all frames.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""Independent checks of the two shares that decide whether a frame is feasible.
+"""Independent checks of the two labels that decide whether a frame is feasible.
 
-The silhouette is filled by OpenCV on the CPU. Steps along the wireframe are taken in double precision, sample by
-sample, from the clean twin or from a redrawn image. If a step is too close to the noise level to decide, either answer
-is accepted.
+``silhouette_inside``, the share of the silhouette in the image, is recomputed from triangles filled by OpenCV.
+``wireframe_step_share``, the share of visible edges whose brightness step exceeds the noise, is recomputed in double
+precision from a noise-free image. Steps too close to the threshold to decide may count either way.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, FloatArray
     from flyaround.simulator.targets.model import Target
 
-FINE_PX = 2048  # longest side of the grid for filling silhouettes
-LABEL_PX = 512  # longest side of the label's own grid, whose error the tolerance allows for
+FINE_PX = 2048  # longest side of the grid on which silhouettes are filled
+LABEL_PX = 512  # longest side of the coarser grid that the label is computed on
 SHARE = 0.002  # relative tolerance of an area
-# Tolerance of a raster's pixel count, over the root of its outline's length: four standard deviations of a random error
-# of half a pixel.
+# Tolerance of a silhouette's pixel count, in square roots of its outline's length: four standard deviations if each
+# outline pixel is wrong by half a pixel at random.
 OUTLINE = 2.0
-# For nearer targets the label counts only surfaces within one image size of the image (docs/labels.md).
+# Nearer targets are not checked: their label counts only surfaces within one image size of the image (docs/labels.md).
 NEAREST_M = 0.01
-# docs/labels.md: spacing of samples along an edge, and distance of the two sides
+# Spacing of samples along an edge, and distance from it at which brightness is read on either side (docs/labels.md).
 SPACING_PX, REACH_PX = (
     4.0,
     2.0,
 )
 DIRECTION_STEP = 1e-4  # step along an edge for its direction, in x / z
-ON_GRID_PX = 1 / 32  # sub-pixel resolution of OpenCV's look-up, in some versions
+ON_GRID_PX = 1 / 32  # sub-pixel resolution of cv2.remap in some versions of OpenCV
 ROUNDING = 1e-5  # rounding of float32 coordinates
 
 
 def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
-    """Check the share of the silhouette inside the image, from triangles filled on the CPU."""
+    """Return the errors of the label ``silhouette_inside``: none, or one sentence."""
     mesh, camera = mesh_of(target), truth.camera
     box = truth.box_amodal_px
     if (
@@ -58,7 +58,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         and box[2] <= camera.width_px - 1
         and box[3] <= camera.height_px - 1
     ):
-        # the mask is checked elsewhere
+        # the box is checked against the mask elsewhere
         return (
             []
             if truth.silhouette_inside == 1
@@ -94,7 +94,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
         fill_triangles(fine, (corners_px - start) * scale - 0.5)
         whole, part = _area(fine, start, scale, size)
         expected = part / whole if whole else 0.0
-        # the label counts pixels of the image, or coarser ones
+        # the label counts pixels on a grid no finer than the image
         coarser = min(1.0, LABEL_PX / float((high - low).max())) / scale
         outline = np.count_nonzero(fine - cv2.erode(fine, np.ones((3, 3), np.uint8))) * coarser
         tolerance = SHARE + OUTLINE * float(np.sqrt(outline)) / max(whole * coarser**2, 1.0)
@@ -108,7 +108,7 @@ def check_silhouette_inside(truth: Truth, target: Target) -> list[str]:
 
 
 def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) -> tuple[float, float]:
-    """Return the area of a filled silhouette minus half of its outline, and the part of it inside the image."""
+    """Return the area of a filled silhouette and its part inside the image; outline pixels count half."""
     inner = cv2.erode(fine, np.ones((3, 3), np.uint8))
     share = (fine.astype(float) + inner) / 510
     x, y = ((np.arange(n) + 0.5) / scale + s for n, s in zip(fine.shape[::-1], start, strict=True))
@@ -119,12 +119,15 @@ def _area(fine: ByteArray, start: FloatArray, scale: float, size: FloatArray) ->
 def check_step_share(
     truth: Truth, target: Target, signal: FloatArray, doubt: float, relative: float = 0.0
 ) -> list[str]:
-    """Check the share of the visible wireframe whose step reaches one sigma of the noise.
+    """Return the errors of the label ``wireframe_step_share``: none, or one sentence.
+
+    The label is the share of the visible wireframe across which the signal steps by at least one sigma of the noise.
 
     Parameters
     ----------
-    signal : (H, W) noise-free signal, 1 at full scale. doubt : absolute uncertainty of its values.
-        relative : relative uncertainty of its values.
+    signal : (H, W) noise-free signal, 1 at full scale.
+    doubt : absolute uncertainty of the signal.
+    relative : relative uncertainty of the signal.
     """
     clipped = np.clip(signal, 0, 1)
     level = float(clipped.mean())
@@ -156,10 +159,10 @@ def check_step_share(
 
 
 def _samples(truth: Truth, target: Target) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield pixels (S, 2) of each visible interval in the image, and the normal (S, 2) at each."""
+    """Yield sample positions (S, 2) [px] along each visible edge interval, and the unit normals (S, 2) there."""
     camera, pose = truth.camera, truth.scene.camera_from_target
     still = (1.0, 0.0, 0.0, 0.0), np.zeros(3)
-    # the visibility of edges is checked by rays elsewhere
+    # use the label's own visibility of edges: rays check it elsewhere
     for view in view_edges(camera, pose, target, mesh_of(target)):
         ends_m = pose.apply(np.array([view.edge.a_m, view.edge.b_m]))
         # beyond OpenCV's domain, use the label's own lens

@@ -1,7 +1,11 @@
-"""Checks of the keypoints' geometric states and of the craft's box, by rays through the whole mesh.
+"""Independent checks of keypoint visibility, by ray casting against all triangles, and of the amodal box.
 
-The labels compare depths of the projected mesh. Here each keypoint sends a ray to the camera and one to the Sun, and is
-hidden if they intersect a triangle (Moeller and Trumbore 1997, Fast, minimum storage ray/triangle intersection).
+The labels are computed from depths of the projected mesh. Here a ray is cast from each keypoint to the camera and one
+to the Sun. A hit means occlusion or shadow.
+
+References
+----------
+Moeller and Trumbore (1997), Fast, minimum storage ray/triangle intersection.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 AWAY_M = 2e-3  # docs/formats/truth.md: a surface closer to a keypoint than this does not hide it
-# tolerances of that distance, and of the hit point in a triangle: within them either answer is accepted
+# tolerances of that distance [m], and of barycentric coordinates: closer to the limit, either state is accepted
 DOUBT_M, DOUBT = (
     1e-4,
     1e-6,
@@ -41,15 +45,17 @@ class Triangles:
         middle = corners.mean(axis=1)
         self._reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-6
         self._middle = np.ascontiguousarray(middle.T)
-        # part of the distance that is independent of the ray
+        # term of the test against bounding spheres that does not depend on the ray
         self._within = (middle**2).sum(axis=1) - self._reach**2
 
     def between(self, start_m: FloatArray, way: FloatArray, length_m: float) -> tuple[bool, bool]:
-        """Return two flags: a triangle certainly intersects a ray, and one possibly does.
+        """Cast a ray and return whether it certainly hits a triangle, and whether it possibly does.
 
         Parameters
         ----------
-        start_m : (3,) start. way : (3,) unit vector. length_m : length; infinite for the Sun.
+        start_m : (3,) origin of the ray.
+        way : (3,) unit direction.
+        length_m : length of the ray; infinite towards the Sun.
         """
         along = way @ self._middle - way @ start_m
         near = np.flatnonzero(
@@ -88,7 +94,7 @@ def check_states(truth: Truth, target: Target) -> list[str]:
     wrong = []
     for keypoint in truth.keypoints:
         if keypoint.state == "out_of_frame" or keypoint.pixel_px is None:
-            continue  # its position in the image follows from its pixel
+            continue  # this state depends on the pixel alone, which is checked elsewhere
         possible = _possible(truth, keypoint, mesh, to_sun)
         state = "in sight" if keypoint.state in BY_PICTURE else keypoint.state
         if state not in possible:
@@ -101,7 +107,7 @@ def check_states(truth: Truth, target: Target) -> list[str]:
 def _possible(
     truth: Truth, keypoint: KeypointLabel, mesh: Triangles, to_sun: FloatArray
 ) -> list[KeypointState | str]:
-    """Return the states that the geometry allows: the first that applies and, if a ray is grazing, the next one too."""
+    """Return the states that the rays allow: one, or two if a ray grazes a triangle."""
     point = np.array(keypoint.target_m)
     row = 0.0 if keypoint.pixel_px is None else keypoint.pixel_px[1]
     eye = np.asarray(pose_of_row(truth, row).inverse().t_m) - point
@@ -111,7 +117,7 @@ def _possible(
     if surely:
         return possible
     if truth.scene.has_lamps:
-        return [*possible, "in sight"]  # the lamp at the camera lights all that the camera sees
+        return [*possible, "in sight"]  # lamps at the camera illuminate every point that it sees
     if truth.scene.sunlit_fraction < ECLIPSED_BELOW:
         return [*possible, "eclipsed"]
     surely, perhaps = mesh.between(point, to_sun, np.inf)
@@ -149,7 +155,7 @@ def check_amodal_box(truth: Truth, target: Target) -> list[str]:
             return [] if holds else [f"box_amodal_px {truth.box_amodal_px} does not hold the projected craft"]
     expected = (*pixels.min(axis=0), *pixels.max(axis=0))
     error = np.abs(np.subtract(expected, truth.box_amodal_px))
-    # far off the axis pixel numbers are large, and so are their last digits
+    # far outside the image, coordinates are large and rounding errors grow with them
     if np.any(error > PIXEL_TOLERANCE_PX * np.maximum(1, np.abs(expected) / 1e3)):
         rounded = tuple(round(float(x), 3) for x in expected)
         return [f"box_amodal_px {truth.box_amodal_px} is not the projected craft's {rounded}"]

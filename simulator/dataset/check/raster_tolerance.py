@@ -30,7 +30,8 @@ class ShowableTriangles:
 
     Parameters
     ----------
-    nearest_m, farthest_m : (M,) bounds of each one's camera z there. parts : (M,) part numbers, from 1.
+    nearest_m, farthest_m : (M,) bounds of each one's camera z there.
+    parts : (M,) part numbers, from 1.
     cones : (M, 3, 3) normals at the corners (rows), camera frame, extrapolated by the rounding: any drawn normal is a
         positive combination of the three.
     is_sure : True if one of them covers the centre for any rounding.
@@ -64,8 +65,11 @@ def triangles_near(
 
     Parameters
     ----------
-    corners_px : (K, 3, 2) corners relative to the pixel's centre. inverse_z : (K, 3) 1 / camera z of the corners [1/m].
-    normals : (K, 3, 3) unit normals, camera frame. parts : (K,) part numbers. doubt_px : largest distance of a drawn
+    corners_px : (K, 3, 2) corners relative to the pixel's centre.
+    inverse_z : (K, 3) 1 / camera z of the corners [1/m].
+    normals : (K, 3, 3) unit normals, camera frame.
+    parts : (K,) part numbers.
+    doubt_px : largest distance of a drawn
         point from the centre.
     """
     inside, border_px = _inside_by(corners_px)

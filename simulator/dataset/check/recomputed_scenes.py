@@ -1,4 +1,4 @@
-"""Check of the recorded scenes: the card's scenario or recipe is planned again."""
+"""Check of recorded scenes against those that the scenario or recipe in the card gives when it is planned again."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NOT_COMPARED = ("camera", "target")
 
 @dataclass(frozen=True)
 class SceneCheck:
-    """Wrong fields by frame, and comparisons that were skipped, with the reason."""
+    """Result of the check: faults, each with its frame number (None for all), and reasons for skipped comparisons."""
 
     faults: tuple[tuple[int | None, str], ...] = ()
     not_checked: tuple[str, ...] = ()
@@ -56,7 +56,8 @@ def check_scenes(card: DatasetCard, scenes: Mapping[int, SceneState], seed: int)
 
     Parameters
     ----------
-    scenes : recorded scenes by number. seed : seed of the sample of a recipe's frames.
+    scenes : recorded scenes by number.
+    seed : seed for the random choice of `MAX_SAMPLES` frames of a recipe.
     """
     if not scenes:
         return SceneCheck()

@@ -91,7 +91,8 @@ def check_pictures(
 
     Parameters
     ----------
-    frames : numbers of readable frames to draw. target : target named by card and records.
+    frames : numbers of readable frames to draw.
+    target : target named by card and records.
     """
     from flyaround.simulator.render.earth.map_textures import prefetch_maps_of  # noqa: PLC0415 - a check without pictures needs no renderer
     from flyaround.simulator.render.renderer import Renderer  # noqa: PLC0415 - the same

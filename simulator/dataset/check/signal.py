@@ -1,4 +1,4 @@
-"""Check of the image-dependent keypoint states (visible, saturated, below_noise) from the clean twin."""
+"""Check of the image-dependent keypoint states (visible, saturated, below_noise) from the noise-free clean twin."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ if TYPE_CHECKING:
 
 BY_SIGNAL = ("visible", "saturated", "below_noise")
 RELATIVE = 0.02
-"""Relative distance of a contrast from the noise within which either state is accepted."""
+"""Relative tolerance of the contrast at the noise level, within which either state is accepted."""
 MEAN_OF_SRGB = np.full(3, 1 / 3) @ np.linalg.inv(SRGB_FROM_BANDS)
-"""Weights of linear sRGB in the mean of the detector's bands."""
+"""Weights of the linear sRGB channels that give the mean of the detector's bands."""
 
 
 def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> list[str]:
-    """Return the keypoints whose visible, saturated or below-noise state contradicts the noise-free image.
+    """Return faults for keypoints whose visible, saturated or below-noise state contradicts the noise-free image.
 
-    Its digital numbers give the signal to half a step; if that allows two answers, either is accepted. Colours that
-    saturate in one band only, and detectors that bloom or mix their pixels' colours, are not checked.
+    The image is quantised, so the signal is known to half a quantisation step only; if two states are possible, either
+    is accepted. Colours that saturate in a single band are not checked, nor are detectors with blooming or with a
+    colour filter mosaic.
     """
     signal = _signal(truth, clean)
     if signal is None:
@@ -51,16 +52,16 @@ def check_states_by_signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> 
 
 
 def check_steps_by_signal(truth: Truth, target: Target, clean: NDArray[np.unsignedinteger]) -> list[str]:
-    """Check the share of the wireframe above the noise, if the clean twin gives the signal."""
+    """Check ``wireframe_step_share`` against the clean twin; without faults if the signal is not known from it."""
     signal = _signal(truth, clean)
     if signal is None or _is_matrixed(truth, signal):
-        return []  # a colour outside the screen's gamut was clipped, so its light is unknown
+        return []  # colours outside the sRGB gamut were clipped, so their signal is unknown
     mono = signal if signal.ndim == 2 else signal.mean(axis=2)
     return check_step_share(truth, target, mono, 0.51 * _step(truth, mono))
 
 
 def _signal(truth: Truth, clean: NDArray[np.unsignedinteger]) -> NDArray[np.float64] | None:
-    """Return the clean twin's signal, 1 at full scale; ``None`` if a number mixes several pixels' signals."""
+    """Return the signal of the clean twin, 1 at full scale; ``None`` if its numbers mix signals of several pixels."""
     detector = truth.scene.sensor.detector
     if detector is not None and (detector.blooming > 0 or clean.ndim == 3 or truth.scene.bands == "rgb"):
         return None
@@ -86,7 +87,7 @@ def _possible_states(truth: Truth, signal: NDArray[np.float64], step: float) -> 
     """Return the possible states of a patch (h, w) or (h, w, 3) of the signal, known to half a ``step``."""
     at_full = signal >= 1 - 0.51 * step
     if at_full.all():
-        return ("saturated", "below_noise")  # half a step below full scale reads as full
+        return ("saturated", "below_noise")  # a signal half a step below full scale is rounded to full scale
     if signal.ndim == 3:
         matrixed = _is_matrixed(truth, signal)
         if at_full.any() or (matrixed and signal.min() <= 0):

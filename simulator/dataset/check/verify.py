@@ -71,9 +71,11 @@ class CheckReport:
 
     Parameters
     ----------
-    n_redrawn : number of frames redrawn from their records. not_redrawn : reason if none was, although requested.
+    n_redrawn : number of frames redrawn from their records.
+    not_redrawn : reason if none was, although requested.
     redraw_seed : seed of the redrawn sample, to repeat it.
-    n_exported : frames whose contents were compared in each export. not_checked : impossible checks, with the reason.
+    n_exported : frames whose contents were compared in each export.
+    not_checked : impossible checks, with the reason.
     """
 
     n_frames: int

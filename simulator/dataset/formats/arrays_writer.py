@@ -35,7 +35,7 @@ NO_CHANNELS = ("amodal",)  # larger than the image
 
 
 class NpzWriter:
-    """Writes NPZ."""
+    """Writer of data sets in the NPZ format."""
 
     def __init__(self, output: FormatOutput) -> None:
         self._output = output
@@ -91,7 +91,7 @@ def arrays_of(frame: LabelledFrame) -> Arrays:
 
 
 class ExrWriter:
-    """Writes EXR."""
+    """Writer of data sets in the EXR format."""
 
     def __init__(self, output: FormatOutput) -> None:
         self._output = output

@@ -99,7 +99,8 @@ class DatasetFormat:
 
     Parameters
     ----------
-    name : name on the command line, and of the folder next to the native layout. title : description.
+    name : name on the command line, and of the folder next to the native layout.
+    title : description.
     carries, lacks : contents and omissions of the format, as parts of a sentence.
     writer : function that makes a writer from output and card; None for a read-only format.
     read : function that returns the images with poses of a folder or list, or None for one of another kind; None for a

@@ -52,7 +52,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
 class BopWriter:
-    """Writes BOP: one scene per split, and a model for each drawn shape."""
+    """Writer of data sets in the BOP format: one scene per split, and a model for each rendered shape."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

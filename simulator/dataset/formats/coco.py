@@ -84,7 +84,7 @@ def box_xywh(box: tuple[float, float, float, float]) -> list[float]:
 
 
 class CocoWriter:
-    """Writes COCO."""
+    """Writer of data sets in the COCO format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

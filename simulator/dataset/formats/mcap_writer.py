@@ -40,7 +40,7 @@ _NO_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class McapWriter:
-    """Writes MCAP."""
+    """Writer of data sets in the MCAP format."""
 
     def __init__(self, output: FormatOutput, _card: DatasetCard) -> None:
         self._output = output

@@ -25,7 +25,7 @@ Row = dict[str, Any]
 
 
 class ParquetWriter:
-    """Writes Parquet."""
+    """Writer of data sets in the Parquet format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

@@ -39,7 +39,9 @@ class PosedPicture:
 
     Parameters
     ----------
-    name : name in the set's own list. path : image file. t_s : time since the first image of a sequence [s].
+    name : name in the set's own list.
+    path : image file.
+    t_s : time since the first image of a sequence [s].
     """
 
     name: str
@@ -54,7 +56,8 @@ class PosedPictures:
 
     Parameters
     ----------
-    labels : path of the list. camera : camera of the set; None if it has none.
+    labels : path of the list.
+    camera : camera of the set; None if it has none.
     usual_camera, usual_target : names of the built-in ones for such sets; empty if they vary.
     encoding : transfer function of the images of a set without a camera file.
     """
@@ -135,7 +138,8 @@ def find_picture(labels: Path, places: Iterable[Path], name: Any) -> Path:  # no
 
     Parameters
     ----------
-    labels : path of the list. places : folders to search, in order.
+    labels : path of the list.
+    places : folders to search, in order.
 
     Raises
     ------

@@ -99,12 +99,12 @@ def parse_formats(text: str) -> tuple[str, ...]:
 
 
 def check_formats(names: Iterable[str], card: DatasetCard) -> list[str]:
-    """Return a sentence per format on the contents that it keeps of a data set, and those that it omits.
+    """Return a sentence for each format that states which labels of a data set it keeps and which it omits.
 
     Raises
     ------
     UserError
-        If one cannot hold it.
+        If a format cannot represent the data set.
     """
     chosen_formats = [find_format(name) for name in names if name != NATIVE]
     for form in chosen_formats:
@@ -117,7 +117,8 @@ def read_foreign(place: Path, name: str | None = None) -> tuple[PosedPictures, s
 
     Parameters
     ----------
-    place : folder or list of labels. name : name of the format; by default it is detected.
+    place : folder or list of labels.
+    name : name of the format; by default it is detected.
 
     Raises
     ------

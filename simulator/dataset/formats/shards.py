@@ -13,7 +13,7 @@ MAX_BYTES, MAX_FRAMES = 128_000_000, 1000
 
 
 class Shards(Generic[Item]):
-    """Collects items by split and passes each full shard on.
+    """Collector of items by split, which passes on each full shard.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
 class SparkWriter:
-    """Writes SPARK."""
+    """Writer of data sets in the SPARK format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

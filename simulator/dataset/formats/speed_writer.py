@@ -55,11 +55,11 @@ def jpeg(frame: LabelledFrame) -> bytes:
 
 
 class SpeedWriter:
-    """Writes SPEED or SPEED+.
+    """Writer of data sets in the SPEED or SPEED+ format.
 
     Parameters
     ----------
-    kind : speed or speedplus.
+    kind : ``speed`` or ``speedplus``.
     """
 
     def __init__(self, output: FormatOutput, card: DatasetCard, kind: str) -> None:
@@ -67,7 +67,7 @@ class SpeedWriter:
         self._rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _LISTS[kind]}
 
     def write(self, frame: LabelledFrame) -> None:
-        """Write the image; its row is collected for the list."""
+        """Write the image, and collect its row for the list that `finish` writes."""
         split = frame.split or "train"
         name = f"img{frame.number:06d}.jpg"
         folder = "synthetic/images" if self._kind == "speedplus" else f"images/{split}"

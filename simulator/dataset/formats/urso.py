@@ -1,7 +1,8 @@
 """URSO: ``N_rgb.png``, ``SPLIT_images.csv`` and ``SPLIT_poses_gt.csv`` (x, y, z, q1 to q4, the scalar last).
 
-Its axes are left-handed, x forward, y right, z up. A position (x, y, z) here is (z, x, -y) there. The model is mirrored
-with the camera (its y is negated), so R there is P R diag(1, -1, 1), where P is the change of the camera's axes.
+URSO's camera axes are left-handed: x forward, y right, z up. A position (x, y, z) in OpenCV's axes is (z, x, -y) in
+URSO's. The target frame is left-handed too, with y negated, so a rotation R becomes P R diag(1, -1, 1), where P
+converts the camera axes.
 
 References
 ----------
@@ -52,14 +53,14 @@ def urso_pose(q_wxyz: tuple[float, ...], t_m: tuple[float, ...]) -> tuple[FloatA
 
 
 class UrsoWriter:
-    """Writes URSO."""
+    """Writer of data sets in the URSO format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card
         self._rows: dict[str, list[tuple[str, list[str]]]] = {}
 
     def write(self, frame: LabelledFrame) -> None:
-        """Write the image; its rows are collected for the lists."""
+        """Write the image, and collect its row for the CSV files that `finish` writes."""
         name = f"{frame.number}_rgb.png"
         self._output.write(name, frame.read("png"))
         t, q = urso_pose(frame.truth.q_camera_from_target_wxyz, frame.truth.t_camera_from_target_m)
@@ -67,7 +68,7 @@ class UrsoWriter:
         self._rows.setdefault(FOLDERS[frame.split], []).append((name, row))
 
     def finish(self) -> None:
-        """Write the lists and the camera; URSO's own loader has the camera in its code."""
+        """Write the CSV files and the camera, which is an addition: the authors' loader has it in its code."""
         for split, rows in self._rows.items():
             self._output.write(f"{split}_images.csv", "".join(f"{name}\n" for name, _ in rows).encode())
             text = io.StringIO()
@@ -79,12 +80,12 @@ class UrsoWriter:
 
 
 def read_urso(place: Path) -> PosedPictures | None:
-    """Read a folder like URSO, or one of its ``SPLIT_poses_gt.csv``; None for a folder of another kind.
+    """Read a folder in the URSO format, or one of its ``SPLIT_poses_gt.csv``; return None for another format.
 
     Raises
     ------
     UserError
-        If it holds several lists, they differ in length, or a row has a mistake.
+        If the folder has several splits, poses and images differ in number, or a row is invalid.
     """
     if place.is_file():
         lists = [place] if place.name.endswith("_poses_gt.csv") else []

@@ -26,7 +26,7 @@ Files = list[tuple[str, bytes]]
 
 
 class WebWriter:
-    """Writes WebDataset."""
+    """Writer of data sets in the WebDataset format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._card = output, card

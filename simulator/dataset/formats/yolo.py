@@ -27,7 +27,7 @@ FOLDERS = {"": "train", "train": "train", "validation": "val", "test": "test"}
 
 
 class YoloWriter:
-    """Writes YOLO-pose."""
+    """Writer of data sets in the YOLO-pose format."""
 
     def __init__(self, output: FormatOutput, card: DatasetCard) -> None:
         self._output, self._target = output, card.target

@@ -24,7 +24,9 @@ class FrameFiles:
 
     Parameters
     ----------
-    parts : all files but the record. record : file renamed last. lines : lines of the manifest.
+    parts : all files but the record.
+    record : file renamed last.
+    lines : lines of the manifest.
     """
 
     parts: Files
@@ -38,7 +40,7 @@ class FrameFiles:
 
 
 class FrameBatches:
-    """Writes frames into a store in batches, in the background. Use as a context manager.
+    """Background writer of frames into a store, in batches. Use as a context manager.
 
     Leaving it writes the remaining frames, also after an error elsewhere, so that the data set stays valid.
 

@@ -1,7 +1,7 @@
-"""manifest.sha256: the hash of every file of the native layout, for ``sha256sum -c`` and for resuming.
+"""``manifest.sha256``: the hash of every file of the native layout, for ``sha256sum -c`` and for resuming.
 
-Lines are written before the files get their names, so every frame has its lines; after an interruption the last lines
-may name missing files, and resuming removes them. A frame's record comes last.
+A frame's lines are written before its files are renamed to their final names, so every complete frame is listed. After
+an interruption the last lines may name missing files; resuming removes them. The line of a frame's record comes last.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ def file_hash(data: bytes) -> str:
 
 
 def manifest_lines(files: Files) -> bytes:
-    """Return the lines of some files, in order."""
+    """Return the manifest lines of ``files``, in their order."""
     return _text((name, file_hash(data)) for name, data in files)
 
 
 def read_manifest(store: Store) -> dict[int, dict[str, str]]:
-    """Return hashes by name for each frame; the last line of a name wins. Empty without a manifest.
+    """Return the hashes by frame number and file name; empty without a manifest.
 
-    An incomplete last line, after a loss of power, is ignored: its file is verified by other means.
+    If a name is listed twice, its last line applies. An incomplete last line, left by a loss of power, is ignored.
 
     Raises
     ------
@@ -60,13 +60,13 @@ def read_manifest(store: Store) -> dict[int, dict[str, str]]:
 
 
 def rewrite_manifest(store: Store, frames: Mapping[int, Mapping[str, str]]) -> None:
-    """Rewrite the manifest for some frames, in the order of their numbers."""
+    """Replace the manifest by one that lists only ``frames``, in the order of their numbers."""
     text = b"".join(_text(frames[k].items()) for k in sorted(frames))
     store.write([(MANIFEST_NAME, text)])
 
 
 def sort_manifest(store: Store) -> None:
-    """Sort the lines of a finished data set, so that resumed and uninterrupted sets are equal."""
+    """Sort the manifest of a finished data set by frame, so that a resumed set equals an uninterrupted one."""
     frames = read_manifest(store)
     if list(frames) != sorted(frames):
         rewrite_manifest(store, frames)

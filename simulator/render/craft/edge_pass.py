@@ -1,4 +1,4 @@
-"""Edge pass: analytic edge coverage. Reads the edges; writes one slope of sample weights per pixel."""
+"""Edge pass: analytic coverage of pixels by the target's edges, as a slope of the sample weights of each pixel."""
 
 from __future__ import annotations
 
@@ -22,17 +22,20 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.frame_graph import PassResources
 
 EXACT_AREAS = "EXACT_AREAS"
-"""Shader define of the preset `high`: areas of parts bounded by several edges in a pixel are summed too."""
+"""Shader define of the preset `high`, which also sums the areas of parts that several edges bound within a pixel."""
 _PATTERN = np.array([0, 1, 2, 2, 1, 3], np.uint32)  # corners of the two triangles of an edge's quad
 
 
 def edge_defines(*, exact: bool) -> dict[str, object]:
-    """Return the defines of the shaders that write and read the slopes."""
+    """Return the preprocessor defines of the shaders that write and read the slopes."""
     return {EXACT_AREAS: ""} if exact else {}
 
 
 class SlopeImage:
-    """Slope of the sample weights per pixel [px-1], number of edges in it, and with ``exact`` the areas of parts."""
+    """Render target of the slopes of the sample weights [px-1].
+
+    With ``exact`` it also stores for each pixel the number of edges and the areas of parts.
+    """
 
     def __init__(self, context: moderngl.Context, width: int, height: int, *, exact: bool) -> None:
         self._context = context
@@ -49,7 +52,7 @@ EDGE_SLOPES: Resource[moderngl.Texture] = Resource("edge slopes")
 
 
 class EdgePass(Pass):
-    """Draws the target's edges, which divide pixels exactly; samples alone are 0.05 to 0.2 px off."""
+    """Pass that draws the target's edges, so that coverage of edge pixels is exact rather than limited by samples."""
 
     name = "target.edges"
     reads = (SCENE, TARGET)
@@ -83,8 +86,7 @@ class EdgePass(Pass):
         program.set("u_window", rect.viewport)
         layout, names = "3f 3f 1f 4x", ["in_start_m", "in_end_m", "in_corner"]
         if exact:
-            # the first edges are the outlines of their part: those that show their first face, then those that show
-            # their second
+            # outlines of parts come first: those whose first adjacent face is visible, then those whose second one is
             program.set("u_outlines", tuple(2 * n for n in outlines))
             layout, names = "3f 3f 1f 1f", [*names, "in_material"]
         indices = (np.asarray(numbers, np.uint32)[:, None] * np.uint32(4) + _PATTERN).ravel()

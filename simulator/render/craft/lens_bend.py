@@ -47,7 +47,8 @@ def bent_outlines(camera: Camera, hulls_m: FloatArray, parts: IntArray) -> tuple
 
     Parameters
     ----------
-    hulls_m : (3, K) points of all hulls in turn, camera frame, in front of the camera. parts : start of each but the
+    hulls_m : (3, K) points of all hulls in turn, camera frame, in front of the camera.
+    parts : start of each but the
         first.
     """
     flat = np.ascontiguousarray((hulls_m[:2] / hulls_m[2]).T, np.float32)

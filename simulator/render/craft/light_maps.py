@@ -40,7 +40,8 @@ def patch_view(place_m: FloatArray, center_m: FloatArray, radius_m: float) -> tu
 
     Parameters
     ----------
-    place_m : (3,) position of the light. center_m : (3,) centre of the sphere. Depth grows away from the light, -1 to
+    place_m : (3,) position of the light.
+    center_m : (3,) centre of the sphere. Depth grows away from the light, -1 to
         1.
     """
     along = center_m - place_m

@@ -34,7 +34,8 @@ class Draw:
 
     Parameters
     ----------
-    first, count : range of indices. material : material with the textures and factors; None if there are none.
+    first, count : range of indices.
+    material : material with the textures and factors; None if there are none.
     """
 
     first: int
@@ -48,8 +49,10 @@ class GpuMesh(BakedMesh):
 
     Parameters
     ----------
-    vertices, indices : buffers of ``values`` and ``triangles``. at_chart : chart coordinates of the vertices.
-    uv : texture coordinates of the vertices, if any part has a texture. draws : index ranges by set of textures.
+    vertices, indices : buffers of ``values`` and ``triangles``.
+    at_chart : chart coordinates of the vertices.
+    uv : texture coordinates of the vertices, if any part has a texture.
+    draws : index ranges by set of textures.
     order : indices of the target's parts, in the order of the buffers.
     sources : (V,) for each vertex of a cut mesh, a vertex of the uncut mesh on the same part.
     """
@@ -88,7 +91,8 @@ class GpuMesh(BakedMesh):
 
         Parameters
         ----------
-        more : further per-vertex buffers, each with format and name. indices : replaces the indices of all triangles.
+        more : further per-vertex buffers, each with format and name.
+        indices : replaces the indices of all triangles.
         """
         content: list[tuple[moderngl.Buffer, str, *tuple[str, ...]]] = [
             (self.vertices, VERTEX_FORMAT, *ATTRIBUTES),

@@ -47,7 +47,8 @@ class PlacedTarget:
 
     Parameters
     ----------
-    size, origin : size of the samples' framebuffer, and origin of its lattice counters. tiles_px : (K, 2) centres of
+    size, origin : size of the samples' framebuffer, and origin of its lattice counters.
+    tiles_px : (K, 2) centres of
         the tiles that the target may touch.
     """
 

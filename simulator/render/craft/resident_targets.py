@@ -88,7 +88,8 @@ class ResidentTarget:
 
     Parameters
     ----------
-    seen : edges of the uncut mesh. draw : function that makes a `DrawnMesh` of a mesh and its edges.
+    seen : edges of the uncut mesh.
+    draw : function that makes a `DrawnMesh` of a mesh and its edges.
     """
 
     mesh: GpuMesh

@@ -67,7 +67,8 @@ class SamplePattern:
 
         Parameters
         ----------
-        tiles_px : (K, 2) centres of the squares. reach_px : distance from there to the centre of a square's corner
+        tiles_px : (K, 2) centres of the squares.
+        reach_px : distance from there to the centre of a square's corner
             pixel.
         """
         low, high = [], []

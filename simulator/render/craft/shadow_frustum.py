@@ -70,7 +70,8 @@ class SurfacePatches:
 
     Parameters
     ----------
-    corners_m : (8, 3, P) corners of the boxes, target frame. normals : (P, 3) mean unit normal of each.
+    corners_m : (8, 3, P) corners of the boxes, target frame.
+    normals : (P, 3) mean unit normal of each.
     spread_rad : (P,) largest angle between the mean normal and a normal in the box.
     """
 

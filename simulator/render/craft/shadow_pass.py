@@ -62,7 +62,8 @@ def choose_shadow(quality: Quality, box_m: float, pixel_m: float) -> ShadowChoic
 
     Parameters
     ----------
-    box_m : width of the box that the map covers. pixel_m : width of an image pixel at the target.
+    box_m : width of the box that the map covers.
+    pixel_m : width of an image pixel at the target.
     """
     if quality == "high":
         return _BEST
@@ -144,7 +145,8 @@ class TargetShadow:
 
     Parameters
     ----------
-    lights : maps of area lights. light_points : patches of each of them; 0 if there are none.
+    lights : maps of area lights.
+    light_points : patches of each of them; 0 if there are none.
     """
 
     map: moderngl.Texture

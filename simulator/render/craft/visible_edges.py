@@ -34,7 +34,9 @@ class EdgeCamera:
 
     Parameters
     ----------
-    rect : pixels to draw. nearest_m : least camera z of the mesh. camera_from_target : (4, 4) matrix.
+    rect : pixels to draw.
+    nearest_m : least camera z of the mesh.
+    camera_from_target : (4, 4) matrix.
     """
 
     camera: Camera
@@ -48,7 +50,8 @@ class VisibleEdges:
 
     Parameters
     ----------
-    mesh : mesh whose large bodies hide edges. beside_m : (2, E) result of `edge_gaps`, for edges already in order.
+    mesh : mesh whose large bodies hide edges.
+    beside_m : (2, E) result of `edge_gaps`, for edges already in order.
     pieces : (E,) number of pieces that each original edge was cut into.
     """
 

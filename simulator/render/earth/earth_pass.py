@@ -81,8 +81,10 @@ class EarthDraw:
 
     Parameters
     ----------
-    framebuffer, viewport : destination. blended : True to add to its contents.
-    tile_px : side of its tiles. city : True if city lights may be on.
+    framebuffer, viewport : destination.
+    blended : True to add to its contents.
+    tile_px : side of its tiles.
+    city : True if city lights may be on.
     level : mipmap level of `TileKind`; ``None`` if all maps are read at their first level.
     """
 

@@ -39,7 +39,8 @@ class EarthMaps:
 
     Parameters
     ----------
-    albedo : albedo for Earth-shine. maps : textures of the maps, one for one band, two for three.
+    albedo : albedo for Earth-shine.
+    maps : textures of the maps, one for one band, two for three.
     months : gains by month number.
     ocean_colour, night : textures that are uploaded once such water, or the night, is in view.
     air : tables for the scene's thickness.

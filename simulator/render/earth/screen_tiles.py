@@ -30,12 +30,15 @@ class TileKind:
 
     Parameters
     ----------
-    smooth : all ground, away from limb and poles. covered : the target may be in front.
-    night : dark enough for city lights somewhere. icy : may be near sea ice somewhere.
+    smooth : all ground, away from limb and poles.
+    covered : the target may be in front.
+    night : dark enough for city lights somewhere.
+    icy : may be near sea ice somewhere.
     unlit : lit by neither Sun nor Moon; only for smooth tiles.
     bright_water : near shallow or turbid water somewhere.
     level : log2 of a pixel's footprint [km]; only for smooth tiles.
-    air : air only, no ground. fine : half as wide as other tiles, towards the limb; only for smooth tiles.
+    air : air only, no ground.
+    fine : half as wide as other tiles, towards the limb; only for smooth tiles.
     """
 
     air: bool
@@ -55,7 +58,8 @@ class ScreenTiles:
 
     Parameters
     ----------
-    size_px : side of a tile. centers_px : (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
+    size_px : side of a tile.
+    centers_px : (K, 2) float32 centres of each kind's tiles; pixel edges lie at .5.
     extent_px : width and height of all tiles together, from the image's corner to beyond its end.
     dark : True if some ground in view has no more light of the Sun than the Moon may give.
     others_px : (L, 2) centres of all the image's tiles that are not smooth.

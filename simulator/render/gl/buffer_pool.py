@@ -1,8 +1,8 @@
-"""Off-screen buffers by size class: a window uses its class, or an existing one slightly larger.
+"""Pool of off-screen buffers, in size classes.
 
-A driver clears a whole framebuffer many times faster than a part of it (llvmpipe draws a quad for a part), so one
-largest buffer is not enough. Creating one takes longer than drawing into it, so a craft that rotates and approaches
-must not need another class every few frames.
+Sizes are rounded up, for two reasons. A driver clears a whole framebuffer many times faster than a part of it (llvmpipe
+draws a quad for a part), so a single large buffer would be slow. Creating a buffer takes longer than drawing into it,
+so a craft whose image grows must not need a new one every few frames.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-GRAIN_PX = 128
-KEPT = 3  # sizes that are kept at once
-# largest area of an existing buffer over that of the class: clearing so much more is cheaper than a new one
+GRAIN_PX = 128  # widths and heights are multiples of this
+KEPT = 3  # largest number of sizes in the pool
+# largest ratio of an existing buffer's area to the requested one: clearing the excess is cheaper than a new buffer
 LARGER = 1.25
 
 
@@ -30,7 +30,7 @@ B = TypeVar("B", bound=Buffers)
 
 
 class BufferPool(Generic[B]):
-    """Creates buffers of a class at its first use, and frees the least recently used ones.
+    """Pool that creates buffers of a size at its first use, and frees the least recently used ones.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class BufferPool(Generic[B]):
         self._kept: dict[tuple[int, int], B] = {}
 
     def at_least(self, width: int, height: int) -> B:
-        """Return buffers that hold a window of this size."""
+        """Return buffers of at least this size."""
         size = (-(-width // GRAIN_PX) * GRAIN_PX, -(-height // GRAIN_PX) * GRAIN_PX)
         most = LARGER * size[0] * size[1]
         # existing sizes that would hold the window if they were slightly larger
@@ -62,7 +62,7 @@ class BufferPool(Generic[B]):
                 buffers = None
         if buffers is None:
             remaining_px = self._most_px - size[0] * size[1]
-            # freed before others are created, for the peak memory
+            # free old buffers before creating new ones, to limit the peak memory
             while self._kept and (
                 len(self._kept) >= KEPT or sum(w * h for w, h in self._kept) > remaining_px
             ):

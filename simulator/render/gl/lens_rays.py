@@ -1,4 +1,4 @@
-"""The inverse of a lens as a texture: each pixel's undistorted ray and angular size."""
+"""Inverse lens distortion as a texture: the undistorted ray and the angular size of each pixel."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 KEPT = 64
-"""Cameras whose textures are kept; a rolling shutter draws the image in at most so many bands of rows."""
+"""Number of cached textures: a rolling shutter renders the image in at most 64 bands of rows, each with a camera."""
 _STEP_PX = 8.0
 
 
 def ray_table(camera: Camera) -> Float32Array:
-    """Return (H + 2, W + 2, 3): x / z, y / z and the angular size [rad] of each pixel, and of those around the image.
+    """Return (H + 2, W + 2, 3): x / z, y / z and angular size [rad] of each pixel, with a border of one pixel.
 
-    Exact rays every eighth pixel, with a quintic spline between: within 1e-6 px for lenses that can be drawn.
+    Rays are exact at every eighth pixel and interpolated by a quintic spline, to within 1e-6 px for supported lenses.
     """
     from scipy.interpolate import RectBivariateSpline  # noqa: PLC0415 - slow to import, and most lenses are not distorted
 
@@ -32,7 +32,7 @@ def ray_table(camera: Camera) -> Float32Array:
     x, y = nodes(camera.width_px), nodes(camera.height_px)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     xy = camera.unproject(grid)
-    # outside the lens's range (a window beyond the image) nothing is looked up
+    # outside the lens's domain, in a window beyond the image, values are never sampled
     layers = [np.nan_to_num(v) for v in (*np.moveaxis(xy, -1, 0), np.sqrt(camera.pixel_solid_angle_sr(grid)))]
     at_x, at_y = np.arange(-1, camera.width_px + 1.0), np.arange(-1, camera.height_px + 1.0)
     return np.stack(
@@ -41,7 +41,7 @@ def ray_table(camera: Camera) -> Float32Array:
 
 
 class RayTextures:
-    """Ray textures of the most recent cameras."""
+    """Cache of the ray textures of the most recently used cameras."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -71,7 +71,7 @@ class RayTextures:
 
 
 def lens_values(camera: Camera) -> dict[str, ArrayLike]:
-    """Return the members of the block ``Lens``."""
+    """Return the members of the uniform block ``Lens``."""
     c = np.zeros(8)
     distortion = camera.distortion
     brown = distortion.model == "brown_conrady"

@@ -103,7 +103,8 @@ class ProgramLibrary:
         ----------
         fragment : ``None`` for a program that draws nothing: its vertex shader's outputs are written to a buffer.
         defines : preprocessor constants. The value ``""`` defines the bare name.
-        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``. varyings : outputs to write, without a
+        samplers : names of the samplers; sampler ``k`` reads texture unit ``k``.
+        varyings : outputs to write, without a
             fragment shader.
         """
         # passes call this in every frame: equal arguments are answered without sorting and printing them

@@ -31,7 +31,9 @@ class GlobeView:
 
     Parameters
     ----------
-    earth_from_camera : (3, 3) matrix of directions (not a rotation). camera : (3,) position. sun : (3,) unit vector.
+    earth_from_camera : (3, 3) matrix of directions (not a rotation).
+    camera : (3,) position.
+    sun : (3,) unit vector.
     top2 : squared radius of the top of the air.
     rect : pixels that the Earth or its air can touch; ``None`` if there are none.
     ground_rows, sky_rows : range 0..1 in view of the atmosphere table's row coordinate, or ``None``.

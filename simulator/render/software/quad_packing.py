@@ -1,4 +1,7 @@
-"""Quad packing: merges pixels drawn one by one with those drawn four per texel. Reads the radiance; writes texels."""
+"""Quad packing for software drivers: four pixels are rendered as one RGBA texel, which is cheaper than four texels.
+
+Tiles that were rendered pixel by pixel are copied into the packed image.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
 
 LEAST_SHARE = 0.4
-"""Least share of the image that must gain: reading packed texels costs as much as a tenth of the Earth."""
+"""Least share of smooth tiles in the image for which packing pays off, because reading packed texels has a cost."""
 
 
 def worth_packing(images: FrameImages, tiles: ScreenTiles) -> bool:
@@ -33,7 +36,7 @@ QUADS: Resource[bool] = Resource("quads")
 
 
 class QuadPackingPass(Pass):
-    """Copies tiles that were drawn pixel by pixel to the packed texels."""
+    """Pass that copies tiles rendered pixel by pixel into the packed image."""
 
     name = "earth.quad_packing"
     reads = (QUADS, EARTH_TILES, RADIANCE)
@@ -76,7 +79,7 @@ class QuadPackingPass(Pass):
 
 
 class ReadQuadsPass(ReadBackPass):
-    """Waits for the driver and reads the image, unpacking it if necessary."""
+    """Pass that waits for the driver and reads the image, unpacking it if necessary."""
 
     optional = (*ReadBackPass.optional, QUADS)
 

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.projection import PixelRect
     from flyaround.simulator.runtime.arrays import BoolArray
 
-_SMOOTH_DISC = 0.08  # square of the ray's depth under the sphere, 1 at the nadir
+_SMOOTH_DISC = 0.08  # least squared cosine of the angle between ray and vertical at the ground
 _LARGEST_GROUND = 0.015  # largest extent of a tile on the ground [radii]
-# from a pole to a smooth tile, in its sides: nearer the map's longitude bends by a third of a pixel
+# least distance of a smooth tile from a pole, in tile sides: nearer to it, interpolated longitudes are off by more
+# than a third of a pixel
 _POLE_SPANS = 16
 
 
@@ -42,7 +43,8 @@ def moon_tiles(moon: MoonView, rect: PixelRect, camera: Camera, target: PixelRec
 
     Parameters
     ----------
-    rect : rectangle of the Moon in the image. target : pixels that the target may touch.
+    rect : rectangle of the Moon in the image.
+    target : pixels that the target may touch.
     """
     size = tile_size_px(camera)
     x_px = np.append(np.arange(rect.x0, rect.x1, size), rect.x1) - 0.5

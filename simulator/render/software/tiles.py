@@ -34,16 +34,17 @@ if TYPE_CHECKING:
     from flyaround.simulator.render.globe.globe_view import GlobeView
     from flyaround.simulator.runtime.arrays import BoolArray, Float32Array, FloatArray, IntArray
 
-# square of the ray's depth under the sphere, 1 at the nadir: up to 73 degrees from the vertical
+# least squared cosine of the angle between ray and vertical at the ground: smooth up to 73 degrees from the vertical
 _SMOOTH_DISC = 0.08
-_FINE_DISC = 0.02  # of tiles half as wide, for the same curvature: up to 82 degrees
+_FINE_DISC = 0.02  # the same for fine tiles, half as wide: up to 82 degrees
 # largest extent of a tile on the ground [radii]: light and air are even enough over 100 km
 _LARGEST_GROUND = 0.015
 _LARGEST_FINE = 0.06  # the same for a fine tile
-# from a pole to a smooth tile, in its sides: nearer the maps' longitude bends by a third of a pixel
+# least distance of a smooth tile from a pole, in tile sides: nearer to it, interpolated longitudes are off by more
+# than a third of a pixel
 _POLE_SPANS = 16
 _LEVEL_STEP = 0.5  # step of the level of detail: a smooth tile has one for all its pixels
-# largest extent on the ground [radii], one degree; larger tiles may hold bright water between their corners
+# largest extent on the ground [radii], one degree; a larger tile may contain bright water that none of its corners sees
 _LARGEST_OPEN = 0.017
 _MOONLIT_MU = -0.06  # sine of the Sun's elevation below which moonlight counts, shaders/earth/point.glsl
 # sines of the elevations of Sun and Moon below which neither shines
@@ -56,9 +57,12 @@ class _CornerRays:
 
     Attributes
     ----------
-    directions : (N, M, 3) unit vectors. along : their dot products with the camera's position.
-    perigee2 : square of their distance from the centre. disc : square of their depth under the sphere, 1 at the nadir.
-    distance : distance to the ground [radii]. footprint_km : footprint of a pixel.
+    directions : (N, M, 3) unit vectors, Earth-fixed frame.
+    along : dot products of the directions with the camera's position.
+    perigee2 : squared distances of the rays from the Earth's centre [radii^2].
+    disc : ``1 - perigee2``: squared cosine of the angle from the vertical at the ground, negative beyond the limb.
+    distance : distance to the ground [radii].
+    footprint_km : footprint of a pixel.
     span : extent of a tile on the ground across its ray [radii].
     """
 
@@ -82,10 +86,11 @@ class _CornerRays:
         self.ground = [earth.camera[k] + self.distance * self.directions[..., k] for k in range(3)]
 
     def smooth(self, camera: Camera) -> tuple[BoolArray, BoolArray]:
-        """Return tiles that are smooth, and others that are smooth if divided into two by two fine ones."""
+        """Return masks of smooth tiles, and of others that are smooth once divided into 2 x 2 fine tiles."""
         before, span, depth = self.along < 0, self.span, self.depth
         x, y, z = self.ground
-        # a map's columns converge at a pole, and jump on the meridian beyond it; the detail folds at the equator
+        # a map's columns converge at a pole and wrap around on the meridian behind it; the detail noise is mirrored
+        # at the equator
         aside = np.abs(self.earth.camera[0] * y - self.earth.camera[1] * x) > 2 * span * np.hypot(
             *self.earth.camera[:2]
         )
@@ -158,7 +163,8 @@ def earth_tiles(
     Parameters
     ----------
     target_px : (K, 2) centres of the tiles that the target may touch, ``None`` without target.
-    day : ISO 8601 day of the sea ice. moon : unit vector to the Moon, ``None`` if it gives no light.
+    day : ISO 8601 day of the sea ice.
+    moon : unit vector to the Moon, ``None`` if it gives no light.
     """
     rays = _CornerRays(earth, camera)
     size, columns, rows = rays.size_px, len(rays.x_px) - 1, len(rays.y_px) - 1
@@ -204,7 +210,7 @@ def _covered(shape: tuple[int, int], size_px: int, target_px: FloatArray | None)
     covered = np.zeros(shape, bool)
     if target_px is None:
         return covered
-    # a tile of the target is no larger than one of these: it lies within those of its corners
+    # the target's tiles are no larger than these, so the tiles at its four corners cover each of them
     first_px = (target_px - (TILE_PX - 1) / 2).astype(np.int32)
     low, high = first_px // size_px, (first_px + TILE_PX - 1) // size_px
     ends = (low,) if np.array_equal(low, high) else (low, high)

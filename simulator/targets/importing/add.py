@@ -59,7 +59,8 @@ class ImportOptions:
 
     Parameters
     ----------
-    scale, units : factor to metres, or one of mm, cm, m, in. up : y or z.
+    scale, units : factor to metres, or one of mm, cm, m, in.
+    up : y or z.
     recentre : True to move the origin to the centre of the bounding box.
     any_size : True to accept a size that no spacecraft has.
     decimate : reduce to at most this many triangles.

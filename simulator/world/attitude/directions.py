@@ -37,7 +37,9 @@ class PointingContext:
 
     Parameters
     ----------
-    orbit : orbit of the target. body : central body. epoch, duration_s : start and length of the flight.
+    orbit : orbit of the target.
+    body : central body.
+    epoch, duration_s : start and length of the flight.
     relative : function of time: chaser minus target, position [m] and velocity [m s-1], GCRS axes.
     """
 
@@ -112,7 +114,7 @@ class ChaserDirection:
 
 @dataclass(frozen=True, eq=False)
 class SunDirection:
-    """Direction to the apparent Sun; ``where`` returns its position from the central body [m]."""
+    """Direction to the apparent Sun; ``where`` is the Sun's position relative to the central body over time [m]."""
 
     orbit: OrbitTrack
     where: CubicSpline

@@ -86,7 +86,8 @@ def fly_wheels(reference: Reference, duration_s: float, wheels: Wheels) -> Wheel
     Parameters
     ----------
     reference : ``q_camera_from_eci_wxyz`` and angular velocity in camera axes over time, as from `Pointing.attitude`.
-    duration_s : length of the flight. wheels : wheels of the chaser.
+    duration_s : length of the flight.
+    wheels : wheels of the chaser.
 
     References
     ----------

@@ -34,7 +34,8 @@ class RigidBodyTrack:
 
     Parameters
     ----------
-    duration_s : span [s]. solution : (7,) attitude and angular momentum along ECI axes, over time.
+    duration_s : span [s].
+    solution : (7,) attitude and angular momentum along ECI axes, over time.
     inertia_kg_m2, inverse_inertia : (3, 3), body axes.
     """
 

@@ -1,4 +1,4 @@
-"""Torques on the target: constant in body axes, gravity gradient, residual magnetic moment."""
+"""Torques on a rigid body in orbit: constant in body axes, gravity gradient, and residual magnetic dipole."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _J2000 = 2451545.0
 _YEAR_DAYS = 365.25
 _FIELD_RADIUS_M = 6_371_200.0
-_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # terms g11, h11, g10 of IGRF-14 in 2025
-_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their change per year
+_DIPOLE_2025_T = np.array([-1410.3, 4545.5, -29350.0]) * 1e-9  # IGRF-14 coefficients g11, h11, g10 at 2025.0
+_CHANGE_T_YEAR = np.array([10.0, -21.5, 12.6]) * 1e-9  # their secular variation, per year
 
 
 def torque_on(
@@ -39,10 +39,16 @@ def torque_on(
 
     Parameters
     ----------
-    orbit : orbit of the body. inertia_kg_m2 : (3, 3), body axes. epoch : start of the orbit.
-    constant_nm : torque fixed in the body, for example of a leak [N m].
-    gravity_gradient : True for the gravity-gradient torque of the central body.
-    residual_dipole_a_m2 : magnetic moment fixed in the body, in the Earth's field [A m2].
+    orbit : orbit of the body.
+    inertia_kg_m2 : (3, 3) inertia about the centre of mass, body axes.
+    epoch : start of the orbit.
+    constant_nm : torque constant in body axes, for example from a leak [N m].
+    gravity_gradient : True to include the gravity-gradient torque of the central body.
+    residual_dipole_a_m2 : residual magnetic dipole moment, body axes, which acts in the Earth's field [A m2].
+
+    Returns
+    -------
+    Function of time [s] and the rotation ``R_eci_from_body``: torque (3,) in body axes [N m].
     """
     J, fixed = np.asarray(inertia_kg_m2, float), np.array(constant_nm, float)
     dipole = np.array(residual_dipole_a_m2, float)
@@ -92,14 +98,20 @@ def gravity_gradient_torque(
 
 
 def magnetic_field_t(r_itrs_m: FloatArray, julian_year: float) -> FloatArray:
-    """Return the flux density of the Earth's tilted dipole at an Earth-fixed position (3,), Earth-fixed axes (3,) [T].
+    """Return the magnetic flux density of the Earth's tilted dipole, in Earth-fixed axes (3,) [T].
 
-    Only degree 1: within 30 % of the whole field in low orbit, worst over the South Atlantic.
+    The model is of degree 1. It is within 30 % of the full field in low orbit; the error is largest over the South
+    Atlantic.
+
+    Parameters
+    ----------
+    r_itrs_m : (3,) Earth-fixed position.
+    julian_year : date of the field, for example 2025.5.
 
     References
     ----------
-    IAGA (2024), International Geomagnetic Reference Field, 14th generation: g11, h11, g10 of 2025.0 and their
-    change a year. Wertz (1978), Spacecraft Attitude Determination and Control, eq. H-16.
+    IAGA (2024), International Geomagnetic Reference Field, 14th generation: g11, h11, g10 at 2025.0 and their secular
+    variation. Wertz (1978), Spacecraft Attitude Determination and Control, eq. H-16.
     """
     moment = _DIPOLE_2025_T + _CHANGE_T_YEAR * (julian_year - 2025.0)
     r = float(np.linalg.norm(r_itrs_m))

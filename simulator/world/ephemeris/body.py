@@ -47,9 +47,11 @@ class BodyAir:
         and beyond them. At most `MAX_LAYERS`.
     aerosol_m, aerosol_albedo : extinction of the aerosol at the ground at 550 nm [m-1], and its single-scattering
         albedo.
-    aerosol_exponent : Angstrom exponent. aerosol_g : asymmetry of its phase function.
+    aerosol_exponent : Angstrom exponent.
+    aerosol_g : asymmetry of its phase function.
     ozone_m : absorption [m-1] at the peak, 25 km high, of a layer from 10 to 40 km, by name of the band.
-    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band. airglow_m : lower and
+    airglow_w_m2_sr : radiance of the airglow at the zenith [W m-2 sr-1], by name of the band.
+    airglow_m : lower and
         upper edge [m].
     thickness_m : height of the top [m].
     """
@@ -82,18 +84,24 @@ class Body(ABC):
 
     Parameters
     ----------
-    name : name in lower case. title : name in a sentence. mu_m3_s2 : gravitational parameter.
+    name : name in lower case.
+    title : name in a sentence.
+    mu_m3_s2 : gravitational parameter.
     radius_m, flattening : equatorial radius and flattening of the ellipsoid; altitudes are above the equatorial radius.
     mean_radius_m : radius of a sphere of similar size.
-    j2 : second zonal harmonic of the simple gravity model, with ``radius_m``. turn_rad_s : sidereal rotation rate.
+    j2 : second zonal harmonic of the simple gravity model, with ``radius_m``.
+    turn_rad_s : sidereal rotation rate.
     lowest_m : perigee altitude below which an orbit is probably a mistake.
     reach_m : radius of its sphere of influence, which limits orbits (Vallado 2013, sec. 12.2).
     sun_distance_m : mean distance from the Sun, for metering.
-    albedo : mean reflectance, used without a map. albedo_map : path of an equirectangular grey image of the reflectance
+    albedo : mean reflectance, used without a map.
+    albedo_map : path of an equirectangular grey image of the reflectance
         (full scale: one), north up, 180 degrees west at its left.
-    air : None without atmosphere. surface : render passes; see docs/adr/0025-bodies-are-objects.md.
+    air : None without atmosphere.
+    surface : render passes; see docs/adr/0025-bodies-are-objects.md.
     layer : switch of the environment that shows the body.
-    degrees : allowed values of ``forces.gravity_degree``. acting : other supported keys of [forces].
+    degrees : allowed values of ``forces.gravity_degree``.
+    acting : other supported keys of [forces].
     has_field : True if its magnetic field exerts a torque on a residual dipole.
     """
 

@@ -31,7 +31,8 @@ def sun_fraction_past_bodies(
 
     Parameters
     ----------
-    bodies : states of the bodies. r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
+    bodies : states of the bodies.
+    r_eci_m, r_sun_eci_m : (3,) spacecraft and Sun from the Earth's centre [m].
     """
     r, sun = (np.asarray(x, float) for x in (r_eci_m, r_sun_eci_m))
     return max(float(add_shares([past_body(state, r, sun) for state in bodies])), 0.0)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.world.time.instant import Instant
 
 _STEP_S = 1800.0
-"""Node spacing: cubics hold the Moon to a millimetre and nutation to 1e-15 rad [s]."""
+"""Node spacing [s]; the error of cubic interpolation is then 1 mm for the Moon and 1e-15 rad for nutation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,9 @@ class EphemerisTable:
 
     Parameters
     ----------
-    pieces : (k, 4, 16) coefficients, highest power first, of the matrix GCRS to CIRS (9), the Earth rotation angle
-        minus a uniform rotation (1), the geometric Sun (3) and Moon (3) [m].
-    era_start_rad, era_rate_rad_s : the uniform rotation.
+    pieces : (k, 4, 16) coefficients, highest power first, of the rotation matrix from GCRS to CIRS (9), the Earth
+        rotation angle minus a uniform rotation (1), and the geometric positions of Sun (3) and Moon (3) [m].
+    era_start_rad, era_rate_rad_s : angle at the epoch and rate of the uniform rotation.
     R_itrs_from_tirs : polar motion, constant over the flight.
     """
 

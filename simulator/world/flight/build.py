@@ -43,7 +43,8 @@ class TargetStart:
     Parameters
     ----------
     r_eci_m, v_eci_m_s : (3,) state of the centre of mass from the central body's centre, GCRS axes.
-    attitude : attitude at the start and from then on. inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its
+    attitude : attitude at the start and from then on.
+    inertia_kg_m2 : (3, 3), body axes, unless ``attitude`` has its
         own.
     history : attitude from a file, which replaces the propagation by ``attitude``.
     ephemeris : orbit to follow instead of propagating ``r_eci_m`` and ``v_eci_m_s``.
@@ -72,7 +73,8 @@ def propagate_flight(
 
     Parameters
     ----------
-    target, chaser : the two craft. epoch, duration_s : start and length.
+    target, chaser : the two craft.
+    epoch, duration_s : start and length.
     forces : forces on both craft; by default the plain gravity of the body, a point mass with J2.
     body : central body.
     burns : burns of both craft; the chaser's must be for free flight.

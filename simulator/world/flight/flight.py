@@ -42,11 +42,14 @@ class Flight:
 
     Parameters
     ----------
-    epoch : start of the flight. duration_s : length [s].
+    epoch : start of the flight.
+    duration_s : length [s].
     orbit, attitude : the target's propagated tracks; the orbit is relative to the centre of ``body``.
-    guidance : guidance of the chaser. n_rad_s : the target's mean motion at the start.
+    guidance : guidance of the chaser.
+    n_rad_s : the target's mean motion at the start.
     pointing : attitude of the camera.
-    controlled : the chaser's track if it flies by thrusters. recording : recorded flight to replay instead.
+    controlled : the chaser's track if it flies by thrusters.
+    recording : recorded flight to replay instead.
     burns : burns of both craft, already included in the orbits.
     """
 

@@ -30,7 +30,9 @@ class Event:
 
     Parameters
     ----------
-    t_s : time since the flight's start [s]. kind : kind, one word. what : description in one sentence.
+    t_s : time since the flight's start [s].
+    kind : kind, one word.
+    what : description in one sentence.
     """
 
     t_s: float

@@ -16,7 +16,8 @@ class WorldState(BodyStates):
 
     Parameters
     ----------
-    epoch_utc : this time, ISO 8601 with a trailing Z. t_s : seconds since the flight's start.
+    epoch_utc : this time, ISO 8601 with a trailing Z.
+    t_s : seconds since the flight's start.
     r_target_eci_m, v_target_eci_m_s : state of the target's centre of mass.
     q_eci_from_target_wxyz, omega_target_rad_s : target's attitude and angular velocity relative to ECI, target axes.
     r_chaser_eci_m, v_chaser_eci_m_s : state of the camera (at the chaser's centre of mass).

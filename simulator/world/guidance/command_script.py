@@ -80,8 +80,11 @@ class ScriptedTrack:
 
     Parameters
     ----------
-    orbit : orbit of the target. pointing : pointing of the camera while it tracks. script : script that was flown.
-    times_s, states, commands : values at the start of each step. guarded_s : first time that the guard intervened, or
+    orbit : orbit of the target.
+    pointing : pointing of the camera while it tracks.
+    script : script that was flown.
+    times_s, states, commands : values at the start of each step.
+    guarded_s : first time that the guard intervened, or
         None.
     overruled : True for each step with an intervention.
     """
@@ -108,7 +111,9 @@ def fly_script(orbit: OrbitTrack, script: CommandScript, n_rad_s: float) -> Scri
 
     Parameters
     ----------
-    orbit : orbit of the target. script : start and commands. n_rad_s : mean motion.
+    orbit : orbit of the target.
+    script : start and commands.
+    n_rad_s : mean motion.
     """
     pointing, keep_out = script.pointing, script.keep_out
     p, v = orbit.frame(0.0).to_eci(*script.state_lvlh(0.0, n_rad_s))

@@ -49,7 +49,8 @@ class KeepOut(Section, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command. dt_s : duration of the command.
+        position_lvlh_m, velocity_lvlh_m_s, asked_m_s2 : (3,) state and command.
+        dt_s : duration of the command.
         brake_m_s2 : available deceleration.
         """
         p, v, a = position_lvlh_m, velocity_lvlh_m_s, asked_m_s2

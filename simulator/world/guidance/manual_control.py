@@ -112,8 +112,10 @@ def guarded_command(
 
     Parameters
     ----------
-    state, command, dt_s : step to check. frame : the target's present LVLH frame.
-    keep_out : sphere around the target. brake_m_s2 : available deceleration.
+    state, command, dt_s : step to check.
+    frame : the target's present LVLH frame.
+    keep_out : sphere around the target.
+    brake_m_s2 : available deceleration.
     """
     p, v = frame.from_eci(np.array(state.position_eci_m), np.array(state.velocity_eci_m_s))
     R_lvlh_from_camera = frame.R_eci_from_lvlh.T @ matrix_from_quat(state.q_camera_from_eci_wxyz).T
@@ -134,7 +136,10 @@ def predicted_drift_lvlh_m(
 
     Parameters
     ----------
-    orbit : orbit of the target. chaser : present state. horizon_s : length of the prediction. samples : number of
+    orbit : orbit of the target.
+    chaser : present state.
+    horizon_s : length of the prediction.
+    samples : number of
         points.
     """
     mu = orbit.forces.mu_m3_s2

@@ -1,4 +1,4 @@
-"""A chaser under thrusters: guidance defines the reference, a controller commands impulses, thrusters limit them."""
+"""Trajectory control by thrusters: guidance gives the reference, and a controller commands limited impulses."""
 
 from __future__ import annotations
 
@@ -23,16 +23,18 @@ _PULL_IN_PERIODS = 10.0
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledTrack:
-    """A chaser under control: its state at the start of each period, and the thrust during it.
+    """Trajectory of a controlled chaser: its state at the start of each control period, and the thrust during it.
 
     Parameters
     ----------
-    orbit : the target's track. period_s : control period.
+    orbit : trajectory of the target.
+    period_s : control period.
     position_eci_m, velocity_eci_m_s : (n, 3) chaser minus target along GCRS axes.
     thrust_eci_m_s2 : (n, 3) acceleration held over each period.
     mass_kg : (n,) mass of the chaser.
     abort_s : time of an abort at the keep-out sphere, or None.
-    end_mass_kg : mass after the last period. keep_out : the sphere, or None.
+    end_mass_kg : mass after the last period.
+    keep_out : the keep-out sphere, or None.
     """
 
     orbit: OrbitTrack
@@ -46,7 +48,7 @@ class ControlledTrack:
     keep_out: KeepOut | None = None
 
     def __call__(self, t_s: float) -> tuple[FloatArray, FloatArray]:
-        """Return position [m] and velocity [m s-1] relative to the target at any time, GCRS axes."""
+        """Return position [m] and velocity [m s-1] relative to the target at ``t_s``, GCRS axes."""
         k = min(max(int(t_s // self.period_s), 0), len(self.mass_kg) - 1)
         start = k * self.period_s
         state = self.position_eci_m[k], self.velocity_eci_m_s[k]
@@ -67,14 +69,17 @@ def fly_controlled(
 ) -> ControlledTrack:
     """Simulate the chaser under its guidance to the end of the target's track.
 
-    At the start of each period the Clohessy-Wiltshire equations predict the coasting state; the commanded impulse is
-    the error of its velocity plus a tenth of the correction for its position. A mode with a method ``impulse_lvlh``
-    decides for itself.
+    At the start of each period the Clohessy-Wiltshire equations predict the state at its end without thrust. The
+    commanded impulse removes the predicted velocity error, and a tenth of the position error (see `path_impulse`).
+    Guidance with a method ``impulse_lvlh`` computes the impulse itself.
 
     Parameters
     ----------
-    orbit : the target's track. guidance : path to follow, or a mode that decides impulses itself.
-    n_rad_s : mean motion. thrusters : thrusters of the chaser. keep_out : sphere that it must not enter.
+    orbit : trajectory of the target.
+    guidance : reference path, or guidance that computes impulses itself.
+    n_rad_s : mean motion.
+    thrusters : thrusters of the chaser.
+    keep_out : sphere that the chaser must not enter; if it does, it retreats to the end.
     """
     h = thrusters.period_s
     Phi = transition_matrix(n_rad_s, h)
@@ -120,14 +125,16 @@ def path_impulse(
     transition: FloatArray,
     period_s: float,
 ) -> FloatArray:
-    """Return the velocity change (3,) that brings the chaser to its path, LVLH [m s-1].
+    """Return the velocity change (3,) that steers the chaser towards its reference path, LVLH [m s-1].
 
-    It corrects the velocity to that of the reference, and the position over `_PULL_IN_PERIODS` periods.
+    It removes the predicted velocity error at once, and the position error over `_PULL_IN_PERIODS` periods.
 
     Parameters
     ----------
-    state_lvlh : present position [m] and velocity [m s-1]. aim_lvlh : reference state one period later.
-    transition : (6, 6) Clohessy-Wiltshire matrix of one period. period_s : control period.
+    state_lvlh : present position [m] and velocity [m s-1].
+    aim_lvlh : reference state one period later.
+    transition : (6, 6) Clohessy-Wiltshire transition matrix of one period.
+    period_s : control period.
     """
     coasted = transition @ np.concatenate(state_lvlh)
     aim_p, aim_v = aim_lvlh
@@ -135,7 +142,7 @@ def path_impulse(
 
 
 def retreat_impulse(p: FloatArray, v: FloatArray, keep_out: KeepOut) -> FloatArray:
-    """Return the velocity change of a retreat straight outward, until the chaser is far enough to drift."""
+    """Return the velocity change (3,) of a radial retreat, LVLH [m s-1]; zero beyond twice the sphere's radius."""
     distance = float(np.linalg.norm(p))
     if distance > 2 * keep_out.radius_m:
         return np.zeros(3)

@@ -64,7 +64,8 @@ class AttitudeHistory:
 
     Parameters
     ----------
-    spline : spline over the flight. end_s : end of the requested span, after which the last rate continues.
+    spline : spline over the flight.
+    end_s : end of the requested span, after which the last rate continues.
     """
 
     spline: RotationSpline
@@ -204,8 +205,10 @@ def write_aem(
 
     Parameters
     ----------
-    name : name of the object. body_frame : name of its axes, for example SC_BODY_1.
-    epochs_utc : ISO 8601 with Z, in order. q_eci_from_body_wxyz : (n, 4) attitudes.
+    name : name of the object.
+    body_frame : name of its axes, for example SC_BODY_1.
+    epochs_utc : ISO 8601 with Z, in order.
+    q_eci_from_body_wxyz : (n, 4) attitudes.
     """
     lines = header("AEM", "1.0", epochs_utc[0])
     lines += [

@@ -80,7 +80,9 @@ class Segment:
 
     Parameters
     ----------
-    where : file name in messages. meta : keys of the metadata block. rows : (line number, words) of the data.
+    where : file name in messages.
+    meta : keys of the metadata block.
+    rows : (line number, words) of the data.
     """
 
     where: str

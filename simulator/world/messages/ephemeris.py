@@ -34,10 +34,14 @@ class Piece:
 
     Parameters
     ----------
-    segment : source, for messages. frame : frame of the lines. frozen : time at which a frame of date is frozen, or
+    segment : source, for messages.
+    frame : frame of the lines.
+    frozen : time at which a frame of date is frozen, or
         None.
-    times_s : (n,) times of the lines. states : (n, 6) position [m] and velocity [m s-1].
-    method : HERMITE, LAGRANGE or LINEAR. lines : number of lines per polynomial.
+    times_s : (n,) times of the lines.
+    states : (n, 6) position [m] and velocity [m s-1].
+    method : HERMITE, LAGRANGE or LINEAR.
+    lines : number of lines per polynomial.
     first_s, last_s : span in which the message allows interpolation.
     """
 
@@ -102,7 +106,9 @@ class Ephemeris:
 
     Parameters
     ----------
-    where : file name in messages. epoch : origin of times. pieces : segments in order of their first times.
+    where : file name in messages.
+    epoch : origin of times.
+    pieces : segments in order of their first times.
     """
 
     where: str

@@ -117,7 +117,8 @@ def read_ndm(text: str, where: str) -> tuple[str, list[Segment]]:
 
     Parameters
     ----------
-    text : contents of the file. where : name of the file in error messages.
+    text : contents of the file.
+    where : name of the file in error messages.
 
     Returns
     -------

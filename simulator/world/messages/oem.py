@@ -34,8 +34,11 @@ def read_oem(
 
     Parameters
     ----------
-    text : contents of the file. where : name of the file in error messages. epoch : origin of times.
-    centre : required central body. satellite : name or identifier, if there are several.
+    text : contents of the file.
+    where : name of the file in error messages.
+    epoch : origin of times.
+    centre : required central body.
+    satellite : name or identifier, if there are several.
 
     Raises
     ------
@@ -134,8 +137,11 @@ def write_oem(
 
     Parameters
     ----------
-    name : name of the object. epochs_utc : ISO 8601 with Z, in order.
-    r_eci_m, v_eci_m_s : (n, 3) states from the centre. note : text of the message's comment. centre : central body.
+    name : name of the object.
+    epochs_utc : ISO 8601 with Z, in order.
+    r_eci_m, v_eci_m_s : (n, 3) states from the centre.
+    note : text of the message's comment.
+    centre : central body.
     """
     lines = header("OEM", "2.0", epochs_utc[0])
     lines += [

@@ -114,11 +114,13 @@ class OrbitParameters:
 
     Parameters
     ----------
-    frame : frame of the values. epoch : time of the state.
+    frame : frame of the values.
+    epoch : time of the state.
     state : position [m] and velocity [m s-1], or None if there are only elements.
     elements : SEMI_MAJOR_AXIS [m], ECCENTRICITY, INCLINATION, RA_OF_ASC_NODE, ARG_OF_PERICENTER, anomaly [rad], True if
         it is the mean one, gravitational parameter [m3 s-2]; or None.
-    unused : other contents of the message. frozen : time at which a frame of date is frozen, or the epoch.
+    unused : other contents of the message.
+    frozen : time at which a frame of date is frozen, or the epoch.
     """
 
     frame: str

@@ -53,7 +53,8 @@ def sgp4_state(satellite: Satrec, epoch: Instant, what: str) -> tuple[FloatArray
 
     Parameters
     ----------
-    satellite : mean elements. epoch : time of the state, at most 30 days from the elements'.
+    satellite : mean elements.
+    epoch : time of the state, at most 30 days from the elements'.
     what : their name in messages.
 
     Raises

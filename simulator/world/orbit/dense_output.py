@@ -39,7 +39,7 @@ class DenseOutput:
     Parameters
     ----------
     starts_s : (n,) start of each piece, increasing; at a start the later piece applies, so that a jump is included.
-        lengths_s : (n,) lengths of the pieces.
+    lengths_s : (n,) lengths of the pieces.
     coefficients : (n, 8, width) of powers of the elapsed share of the piece, from zero up.
     """
 
@@ -89,8 +89,11 @@ def integrate(
 
     Parameters
     ----------
-    derivative : function of time [s] and state (width,). start : (width,) initial state. span_s : start and end.
-    rtol, atol : tolerances of the step control. max_step_s : bounds the error of the polynomials.
+    derivative : function of time [s] and state (width,).
+    start : (width,) initial state.
+    span_s : start and end.
+    rtol, atol : tolerances of the step control.
+    max_step_s : bounds the error of the polynomials.
 
     Raises
     ------

@@ -47,7 +47,8 @@ class FollowedCraft:
 
     Parameters
     ----------
-    ephemeris : motion up to ``end_s``. tail : [r, v] after it; None if the ephemeris covers the flight.
+    ephemeris : motion up to ``end_s``.
+    tail : [r, v] after it; None if the ephemeris covers the flight.
     """
 
     ephemeris: Ephemeris
@@ -73,7 +74,8 @@ class CraftPair:
 
     Parameters
     ----------
-    target : [r, v, ...]. chaser : [r, v] from the same centre; or None.
+    target : [r, v, ...].
+    chaser : [r, v] from the same centre; or None.
     apart : [..., rho, rho'] of a chaser in free flight.
     """
 
@@ -142,8 +144,11 @@ def follow(
 
     Parameters
     ----------
-    target : target on its ephemeris. duration_s : span [s]. forces : forces whose difference acts.
-    relative : chaser minus target at t = 0, GCRS axes. burns : burns of the chaser.
+    target : target on its ephemeris.
+    duration_s : span [s].
+    forces : forces whose difference acts.
+    relative : chaser minus target at t = 0, GCRS axes.
+    burns : burns of the chaser.
 
     Raises
     ------

@@ -41,7 +41,8 @@ class MoonForces:
 
     Parameters
     ----------
-    epoch : start of the flight. sky : Sun and Moon over it.
+    epoch : start of the flight.
+    sky : Sun and Moon over it.
     forces : forces beside point-mass gravity; of degree 2 are the Moon's flattening and its bulge towards the Earth.
     """
 

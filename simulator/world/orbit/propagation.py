@@ -34,7 +34,8 @@ class Elements:
 
     Parameters
     ----------
-    semi_major_axis_m : semi-major axis [m]. eccentricity : 0 <= e < 1.
+    semi_major_axis_m : semi-major axis [m].
+    eccentricity : 0 <= e < 1.
     inclination_rad, raan_rad, argument_of_perigee_rad, true_anomaly_rad : [rad].
     """
 

@@ -43,7 +43,8 @@ def relative_step(
 
     Parameters
     ----------
-    orbit : the target's track. t_s, h : start and length of the step [s].
+    orbit : the target's track.
+    t_s, h : start and length of the step [s].
     state : (3,) position [m] and (3,) velocity [m s-1], GCRS axes.
     thrust : the chaser's acceleration along GCRS axes [m s-2], of the time since ``t_s``.
     """

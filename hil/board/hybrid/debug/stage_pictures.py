@@ -1,4 +1,4 @@
-"""One picture for each stage of an estimate, from the gradient to the camera in map coordinates."""
+"""Debug pictures, one for each stage of an estimate: from the image gradient to the camera around the target."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ def write_stage_pictures(
     folder : path
         Folder of the pictures.
     image : (H, W) array
-        The image.
+        Image whose pose was estimated.
     trace : Trace
-        Trace that ``estimate`` filled.
+        Intermediate results that ``estimate`` recorded.
     result : PoseResult
-        Its result.
+        Result of the estimate.
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
-        Intrinsics.
+        Intrinsics of the camera.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def write_stage_pictures(
     names = []
     for k, (name, picture) in enumerate(pictures.items()):
         names.append(f"{k:02d}_{name}.png")
-        # cv2.imwrite does not say why it could not
+        # cv2.imwrite returns False without a reason; write_bytes raises OSError
         _, data = cv2.imencode(".png", picture)
         (Path(folder) / names[-1]).write_bytes(data.tobytes())
     return names
@@ -77,7 +77,7 @@ def write_stage_pictures(
 def stage_pictures(
     image: Array, trace: Trace, result: PoseResult, model: BoardModel, camera: CameraIntrinsics
 ) -> Dict[str, Array]:
-    """Return pictures (HEIGHT, WIDTH, 3), BGR, by stage."""
+    """Return pictures (HEIGHT, WIDTH, 3), BGR, by name of the stage; see `write_stage_pictures` for the parameters."""
     out: Dict[str, Array] = {}
     top = max(float(np.percentile(image, 99.9)), 1.0)
     wge = trace.get("image_gradient") or trace.get("wge")
@@ -133,7 +133,7 @@ def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[s
 
 
 def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # noqa: ANN401 - Regions, or None
-    """Return a picture of the regions, the first one green, ``grown`` of a published method blue."""
+    """Return a picture of the regions: the first one green, and the published method's region ``grown`` blue."""
     canvas = grey(image, top)
     for k, r in enumerate(regions):
         a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
@@ -251,7 +251,7 @@ def _whole(picture: Array, text: str) -> Array:
 
 
 def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 - list of Region
-    """Return corner and scale of a view that holds the first region."""
+    """Return corner and scale of a view that contains the first region."""
     h, w = image.shape
     x0, y0, x1, y1 = (-0.5, -0.5, w - 0.5, h - 0.5)
     if regions:
@@ -260,7 +260,7 @@ def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 
         x0, y0, x1, y1 = r.x0 - m, r.y0 - m, r.x1 + m, r.y1 + m
     scale = min(WIDTH / (x1 - x0), HEIGHT / (y1 - y0))
     centre = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
-    # within the picture, where the view is not larger than it
+    # keep the view within the image, if it is not larger than the image
     size = np.array([WIDTH, HEIGHT]) / scale
     low, high = np.full(2, -0.5), np.array([w, h]) - 0.5 - size
     corner = centre - 0.5 * size

@@ -43,7 +43,7 @@ def learned_proposal_picture(
     noise : float
         Standard deviation of the image noise.
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         Intrinsics.
     size : tuple of int

@@ -1,4 +1,7 @@
-"""Check of axial symmetry: a round target against itself turned a little about its axis; windows and panels decide."""
+"""Roll check of round targets: compares the selected pose with poses rotated a few degrees about the symmetry axis.
+
+The outline of a round target hardly changes with roll, so its windows and panels must decide.
+"""
 
 from __future__ import annotations
 
@@ -19,23 +22,29 @@ from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 Array = np.ndarray
 
-# Iteratively reweighted least squares of the axis: iterations, and least residual [share of the radius].
+# Iteratively reweighted least squares of the axis: iterations, and lower bound of the residuals [share of the radius].
 REWEIGHTED, LITTLE = 10, 0.01
 
-# Most repetitions: a better turn is the start of another check.
+# Most rounds: each that finds a better pose is followed by another from there.
 ROUNDS = 3
 
-# Turns about the axis that are drawn [rad]: an alignment that starts 7 deg off mostly stays there.
+# Rotations about the axis to evaluate [rad]. They are fine because refinement seldom corrects a roll error of 7 deg.
 ROLLS_RAD = tuple(float(np.radians(way * a)) for a in (2.0, 4.0, 6.0, 8.0, 10.0, 13.0) for way in (1, -1))
 
 
 def axis(model: BoardModel) -> Tuple[Array, Array]:
-    """Return a unit vector along a round target's axis, and a point on it [m], from its curved surfaces' normals."""
+    """Estimate the symmetry axis of a round target from the normals of its curved surfaces.
+
+    Returns
+    -------
+    along : (3,) unit vector.
+    through : (3,) point on the axis [m].
+    """
     assert model.outlines is not None  # noqa: S101 - it is round
     gentle = curved(model)
     points, normals = model.outlines.points_m[gentle], model.outlines.normals[gentle]
     along = np.linalg.eigh(normals.T @ normals)[1][:, 0]
-    # each normal's line meets the axis; those of fins and pods do not, and are down-weighted
+    # the line along each normal of a surface of revolution meets the axis; residuals of fins and pods are down-weighted
     side = np.cross(along, normals)
     beside, weight = np.sum(side * points, axis=1), np.ones(len(points))
     for _ in range(REWEIGHTED):
@@ -46,10 +55,10 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
 
 
 def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: Selection) -> Selection:
-    """Compare a selection with its pose turned about the axis of a round target, and return the better one.
+    """Return the selection, or a better one whose pose is rotated about the symmetry axis.
 
-    Windows and panels on a round wall make local minima every few degrees about the axis, too near each other to count
-    as rivals. The right turn explains more of the image even before it is aligned.
+    Windows and panels on a round wall cause local optima a few degrees of roll apart, too close to each other to be
+    treated as ambiguous. The correct roll scores higher even before refinement.
     """
     for _ in range(ROUNDS):
         other = _better_turn(target, frame, selection)
@@ -60,7 +69,7 @@ def check_axial_symmetry(target: PreparedTarget, frame: Observation, selection: 
 
 
 def _better_turn(target: PreparedTarget, frame: Observation, selection: Selection) -> Optional[Selection]:
-    """Return the selection that the best turn about the axis leads to, or None if it is not better."""
+    """Refine the best of the rotated poses and return the new selection, or None if its score is no better."""
     end, patch = selection.best, selection.close
     along, through = axis(target.model)
     middle = quat.matrix(end.q) @ through + end.t

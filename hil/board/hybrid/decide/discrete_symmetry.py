@@ -71,9 +71,9 @@ def check_discrete_symmetry(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     selection : Selection
         The selection to check.
     prior : callable, optional

@@ -46,9 +46,9 @@ def check_near_minima(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     regime : Regime
         Its light.
     selection : Selection

@@ -102,9 +102,9 @@ def select_by_image(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     regime : Regime
         Its light.
     patch : ImagePatch
@@ -152,7 +152,7 @@ def select(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     patch : ImagePatch
         Patch that all were scored on.
     ranked : list of Hypothesis
@@ -212,7 +212,7 @@ def select_by_edges(target: PreparedTarget, found: List[Hypothesis], refined: Li
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     found : list of Hypothesis
         Hypotheses of every region.
     refined : list of Hypothesis

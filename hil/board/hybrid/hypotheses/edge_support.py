@@ -69,7 +69,7 @@ def quick_cost(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     q, t : (B, 4), (B, 3) array
         Poses.
     views : ViewTable
@@ -99,9 +99,9 @@ def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alo
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     q, t : (4,), (3,) array
-        The pose.
+        Pose of the target: quaternion and position [m].
     field : EdgeField
         Edges of the region.
     alone : bool

@@ -38,7 +38,7 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
     seen : (H, W) array
         Faces drawn by ``draw_faces``.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     dark : (H, W) array, optional
         True for drawn pixels in the shadow of another face.
     """
@@ -65,7 +65,7 @@ def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float)
     Parameters
     ----------
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     made : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
         and its mean.

@@ -31,9 +31,9 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     box : tuple of int
         The region: x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
     longest_px : int

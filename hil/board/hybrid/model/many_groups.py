@@ -30,12 +30,13 @@ LITTLE = 2e-4
 
 
 def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
-    """Return the groups of drawn pixels, their levels, and the synthetic view of them.
+    """Estimate the brightness of each group of faces from the image, and render the view with it.
 
     Returns
     -------
-    Groups (H, W), their levels (n,), the view (h, w), groups at pixel centres (h, w), areas (n,), pixels well inside a
-    group (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    Groups (H, W), their brightness levels (n,), the synthetic view (h, w), groups at pixel centres (h, w), areas (n,),
+    mask of pixels well inside a group (h, w), share of background in each pixel (h, w) or an empty array if the
+    background is uniform, and the mean of the background (1,).
     """
     f, (h, w) = patch.fine, patch.gray.shape
     n = faces.groups + 1
@@ -65,7 +66,7 @@ def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) 
     Parameters
     ----------
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     made : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
         and its mean.
@@ -117,7 +118,7 @@ def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int)
     """Return the brightness (n,) of each group, a mean without outliers, and its number of pixels (n,) in ``core``."""
     where = np.flatnonzero(solid | (centre > 0))
     label = centre.ravel().take(where)
-    # group by group: sums over stretches cost less than sums by label
+    # sort by group: sums over contiguous ranges are faster than sums by label
     where = where[np.argsort(label, kind="stable")]
     number = np.bincount(label, minlength=n)
     some = np.flatnonzero(number)
@@ -147,11 +148,11 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
     Parameters
     ----------
     shading : Shading
-        The synthetic view.
+        Synthetic view.
     patch : ImagePatch
-        Its patch.
+        Region of the image that the view covers.
     most : int
-        Number of groups.
+        Largest number of groups.
     blur_px : float
         Standard deviation of the blur.
     rows : (N,) array
@@ -258,7 +259,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     thin : (G + 1,) array
         True for groups that fill no pixel.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     """
     f, (h, w) = patch.fine, patch.gray.shape
     if group.dtype == np.uint8:
@@ -270,7 +271,7 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     if not len(where):
         return
     own = group.ravel()[where]
-    # the remainder operator is ten times slower
+    # the remainder operator would be much slower
     row = where // (w * f)
     cell = (row // f) * w + (where - row * (w * f)) // f
     number = np.bincount(cell, minlength=h * w)

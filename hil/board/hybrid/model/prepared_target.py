@@ -26,7 +26,7 @@ class PreparedTarget:
     Parameters
     ----------
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
         Intrinsics of every image.
     samples : EdgeSamples

@@ -195,7 +195,7 @@ class ShadowMapTable:
         shading : Shading
             View at the pose.
         patch : ImagePatch
-            The image.
+            Reduced region of the image around the target.
         camera : CameraIntrinsics
             A pinhole.
         R, t : (3, 3), (3,) array

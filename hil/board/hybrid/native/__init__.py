@@ -1,5 +1,5 @@
-"""The estimator's inner loops in C: kernels.h declares them, interface.py reads the types, library.py loads them.
+"""Inner loops of the estimator in C, and their Python binding; see docs/hybrid.md, Kernels.
 
-The C lies by subject: raster/, photometric/, images/. Nothing here knows of proposals or decisions
-(docs/hybrid.md, Kernels).
+``kernels.h`` declares the functions, ``interface.py`` derives their argument types from it, and ``library.py`` loads
+the library. The sources are in ``raster/``, ``photometric/`` and ``images/``.
 """

@@ -42,7 +42,7 @@ def library() -> ctypes.CDLL:
     Raises
     ------
     KernelError
-        If none can be used here: one sentence.
+        If none can be used here; the message is one sentence.
     """
     loaded, text = _loaded()
     if loaded is None:

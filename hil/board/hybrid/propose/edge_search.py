@@ -104,11 +104,11 @@ def group_poses(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     figures : Chains
         Triads of the wireframe, see ``model_triads``.
     frame : Observation
-        The image.
+        Image with its noise and background.
     edges : RegionEdges
         Edges of the region.
     """

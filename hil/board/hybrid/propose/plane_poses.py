@@ -1,4 +1,4 @@
-"""Pose from plane figures of four points, in batches, with both solutions of each."""
+"""Pose from four coplanar points (IPPE), in batches, with both solutions of each."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Array = np.ndarray
 
 
 def plane_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
-    """Return both poses of each plane figure: q (N, 2, 4), t (N, 2, 3), valid (N,).
+    """Solve the two poses of each set of four coplanar points: q (N, 2, 4), t (N, 2, 3), valid (N,).
 
-    In nearly symmetric views the second solution is as likely as the first.
+    Both are returned because under weak perspective the second fits the image as well as the first.
 
     Parameters
     ----------

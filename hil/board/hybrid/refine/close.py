@@ -40,9 +40,9 @@ def refine_close_up(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     leaders : list of Hypothesis
         Hypotheses of ``refine_coarsely``, the best first, at least one.
     thorough : bool
@@ -107,9 +107,9 @@ def refine_symmetries(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     held : Hypothesis
         The pose.
     listed : bool

@@ -50,9 +50,9 @@ def refine_coarsely(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     regime : Regime
         Its light.
     found : list of Hypothesis

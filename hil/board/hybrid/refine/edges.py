@@ -1,4 +1,4 @@
-"""Alignment of poses on the edges of the image: robust Gauss-Newton on distances across model edges."""
+"""Pose refinement on image edges: robust Gauss-Newton on distances normal to the projected model edges."""
 
 from __future__ import annotations
 
@@ -31,22 +31,27 @@ def align_to_field(
     reach_px: Tuple[float, ...],
     every: int = 1,
 ) -> Tuple[Array, Array]:
-    """Iterate the closest-edge alignment of a batch of poses.
+    """Align a batch of poses with their closest image edges, one Gauss-Newton step per entry of ``reach_px``.
 
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with the samples of its edges.
     q, t : (B, 4), (B, 3) array
-        Poses.
+        Initial poses: quaternions and positions [m].
     views : ViewTable
-        Its views, which list the visible samples.
+        Visible samples by viewing direction.
     field : EdgeField
-        Edges of the region.
+        Image edges of the region.
     reach_px : tuple of float
         Distance beyond which edges are ignored, per iteration [field px].
     every : int
-        Use each ``every``-th sample only.
+        Use every ``every``-th sample only.
+
+    Returns
+    -------
+    q, t : (B, 4), (B, 3) array
+        Aligned poses.
     """
     camera, radius_m = target.camera, target.radius_m
     idx = weight = np.zeros(0)
@@ -73,7 +78,7 @@ def align_to_field(
 
 
 def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
-    """Limit one step (6,) as ``limit_step`` does, ten times faster than by arrays."""
+    """Limit one step (6,) as `limit_step` does, in scalar arithmetic, which is faster than NumPy for six numbers."""
     a, b, c, x, y, z = step.tolist()
     over = max(
         math.sqrt(a * a + b * b + c * c) / 0.25,
@@ -88,7 +93,10 @@ def limit_one_step(step: Array, t: Array, radius_m: float) -> Array:
 
 
 def limit_step(step: Array, t: Array, radius_m: float) -> Array:
-    """Scale steps (B, 6) down so that none turns by more than 0.25 rad or changes the range by more than a fifth."""
+    """Scale down steps (B, 6) that leave the region where the linearisation holds.
+
+    A step rotates by at most 0.25 rad, changes the range by at most a fifth, and shifts sideways by at most the radius.
+    """
     depth = np.maximum(t[:, 2], radius_m)
     over = np.maximum(
         np.linalg.norm(step[:, :3], axis=1) / 0.25,
@@ -100,16 +108,16 @@ def limit_step(step: Array, t: Array, radius_m: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Gradients:
-    """Gradient of a region at nearly full resolution, for the sub-pixel search.
+    """Image gradient of a region at nearly full resolution, for the sub-pixel edge search.
 
     Parameters
     ----------
     gx, gy : (h, w) array
-        Components, float32.
+        Gradient components, float32.
     sigma : float
-        Noise of one component.
+        Standard deviation of the noise of one component.
     x0, y0, factor : float
-        See `EdgeField`.
+        Origin and pixel size of the region, as in `EdgeField`.
     empty : bool
         True if the background is empty space.
     """
@@ -128,21 +136,28 @@ def fine_align(
 ) -> Tuple[PoseFit, EdgeFit]:
     """Align a pose by one-dimensional searches along the normals of visible samples, with sub-pixel accuracy.
 
-    Polarity is ignored except for outlines before empty space. There the craft is the brighter side, which
-    distinguishes the outer edge of a bright frame from its inner one.
+    Edge polarity is ignored except on the silhouette in front of empty space. There the craft is the brighter side,
+    which distinguishes the outer edge of a bright frame from its inner one.
 
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with the samples of its edges.
     q, t : (4,), (3,) array
-        The pose.
+        Initial pose: quaternion and position [m].
     idx : (M,) array
         Indices of the visible samples.
     gradients : Gradients
         Gradient of the region.
     reach_px : tuple of int
         Half length of the search, per iteration [field px].
+
+    Returns
+    -------
+    PoseFit
+        Aligned pose with its residual and covariance.
+    EdgeFit
+        Share and accuracy of the samples that found an edge.
 
     References
     ----------
@@ -184,9 +199,16 @@ def fine_align(
 def search_normals(
     gradients: Gradients, uv: Array, n: Array, inward: Array, reach: int
 ) -> Tuple[Array, Array]:
-    """Return the offset of the best edge along each normal [field px], and its strength in units of the noise.
+    """Search the best edge along each normal.
 
-    Among local maxima the nearest strong one wins: the score falls with distance.
+    The best edge is the local maximum of gradient strength, weighted to favour those near the start.
+
+    Returns
+    -------
+    offset : (M,) array
+        Sub-pixel offset along the normal [field px]; 0 without an edge.
+    strength : (M,) array
+        Gradient in units of its noise; 0 without an edge.
     """
     k = np.arange(-reach, reach + 1, dtype=np.float32)
     x = uv[:, :1] + n[:, :1] * k
@@ -199,7 +221,7 @@ def search_normals(
     peak = np.zeros_like(g)
     mid = g[:, 1:-1]
     is_peak = (mid >= g[:, :-2]) & (mid > g[:, 2:])
-    # strength saturates: a far strong edge must not beat a near fair one
+    # clip the strength: a distant strong edge must not win over a near moderate one
     weight = np.minimum(mid, 30.0) * (1 - 0.6 * np.abs(k[1:-1]) / (reach + 1e-6))
     peak[:, 1:-1] = np.where(is_peak, weight, 0.0)
     best = np.argmax(peak, axis=1)

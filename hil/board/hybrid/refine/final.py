@@ -43,9 +43,9 @@ def refine_to_end(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     close : ImagePatch
         Patch that refined poses are scored on.
     start : Hypothesis

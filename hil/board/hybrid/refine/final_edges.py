@@ -34,9 +34,9 @@ def refine_on_edges(target: PreparedTarget, frame: Observation, found: List[Hypo
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     found : list of Hypothesis
         Hypotheses of every region, the best first, at least one.
     """

@@ -107,9 +107,9 @@ def refine_in_parallel(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     hypotheses : list of Hypothesis
         The drawn hypotheses.
     blurs : tuple of float

@@ -78,7 +78,7 @@ def photo_draw(
     faces : Faces
         Faces of the target.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     camera : CameraIntrinsics
         A pinhole (see ``ImagePatch.rays``).
     sun : ShadowMap, optional
@@ -125,7 +125,7 @@ def photo_step(
     faces : Faces
         Faces of the target.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     camera : CameraIntrinsics
         A pinhole.
     radius_m : float
@@ -182,7 +182,7 @@ def _gram(
     faces : Faces
         Faces of the target.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     camera : CameraIntrinsics
         A pinhole.
     R, t : (3, 3), (3,) array
@@ -291,7 +291,7 @@ def _unexplained(
     shading : Shading
         The synthetic view.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     noise : float
         Noise of the blurred patch.
     none : (h, w) array

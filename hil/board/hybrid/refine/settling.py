@@ -37,9 +37,9 @@ def settle(target: PreparedTarget, frame: Observation, close: ImagePatch, end: H
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     close : ImagePatch
         Patch that refined poses were scored on.
     end : Hypothesis

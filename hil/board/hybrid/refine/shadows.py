@@ -1,4 +1,4 @@
-"""Search of the Sun by the shadows that the target casts on itself."""
+"""Search of the Sun's direction whose cast shadows on the target best explain the image."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Directions of the Sun that are drawn, pixels that they are chosen by, and side of the shadow map [px], before and
-# after convergence; the coarse map would leave poses 0.6 deg off.
+# Number of Sun directions to render, number of pixels by which they are selected, and side of the shadow map [px]:
+# before and after convergence. The coarse map would leave attitude errors of 0.6 deg.
 COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
-# Steps of the refinement of the Sun's direction [rad], whose candidates lie 13 deg apart, and score that its shadows
-# must add first.
+# Steps by which the Sun's direction is refined [rad] (candidates are 13 deg apart), and least gain of the score by
+# shadows that makes refinement worth its time.
 STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
@@ -35,11 +35,11 @@ class LitView:
     Parameters
     ----------
     shading : Shading
-        The view.
+        Rendered target.
     score : float
-        Its score.
+        See `explained`: how much better it explains the image than the background alone, 0 to 1.
     sun : ShadowMap, optional
-        Source of the shadows; None if no shadows improve the score.
+        Shadow map of the Sun's direction; None if no shadows improve the score.
     """
 
     shading: Shading
@@ -57,24 +57,25 @@ def search_sun(
     seen: Optional[Array] = None,
     coarse: bool = False,
 ) -> LitView:
-    """Return the view of the target with the shadows that explain the image best, or with those of the given Sun.
+    """Return the view of the target with the shadows that explain the image best.
 
-    Shadows raise the score of the right pose; those on a wrong pose do not lie where the image is dark.
+    If the patch knows the Sun's direction, only that one is rendered. Shadows raise the score of a correct pose; with a
+    wrong pose they do not coincide with the dark areas of the image.
 
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     patch : ImagePatch
-        The image.
+        Reduced region of the image around the target.
     q, t : (4,), (3,) array
-        The pose.
+        Pose of the target: quaternion and position [m].
     plain : Shading, optional
-        View without shadows, if there is one.
+        View without shadows at this pose, to save rendering it.
     seen : (H, W) array, optional
-        Faces drawn at the pose, used if there is no such view.
+        Face indices rendered at this pose, from which to shade that view.
     coarse : bool
-        Try fewer directions on fewer pixels, without refinement, at the loss of a third of the gain.
+        Try fewer directions on fewer pixels, without refinement; this achieves about two thirds of the gain.
     """
     faces, camera = faces_of(target), target.camera.pinhole
     if plain is None and seen is not None:
@@ -91,7 +92,7 @@ def search_sun(
         return LitView(shading, explained(shading, patch), sun)
 
     if patch.sun is not None:
-        # none in eclipse
+        # the view without shadows wins in eclipse
         return max(best, tried(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
     least = best.score + WORTH
     for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
@@ -110,7 +111,7 @@ def search_sun(
                     key=_score,
                 )
                 if best.sun is not sun:
-                    # the other side cannot be better as well
+                    # a step this way was better, so the opposite step cannot be
                     break
     return best
 
@@ -118,9 +119,9 @@ def search_sun(
 def sharpen_shadows(
     target: PreparedTarget, patch: ImagePatch, q: Array, t: Array, drawn: LitView, side: int
 ) -> LitView:
-    """Return the view with the shadows of a map of ``side`` pixels, if these explain more.
+    """Return the view with shadows from a map of ``side`` pixels, if its score is higher.
 
-    Thin parts cast no shadow on a coarse map: the edge of a solar array is a third of its pixel.
+    A coarse shadow map misses thin parts: a solar array seen edge-on is a third of a texel wide.
     """
     if drawn.sun is None:
         return drawn
@@ -135,5 +136,5 @@ def _score(drawn: LitView) -> float:
 
 
 def _beside(sun: ShadowMap, angle_rad: float, side: Array) -> Array:
-    """Return the direction (3,) turned from the Sun's towards a unit vector ``side`` (3,) perpendicular to it."""
+    """Rotate the Sun's direction (3,) by an angle towards ``side`` (3,), a unit vector perpendicular to it."""
     return np.asarray(np.cos(angle_rad) * sun.direction + np.sin(angle_rad) * side)

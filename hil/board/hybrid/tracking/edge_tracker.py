@@ -96,7 +96,7 @@ def track_edges(
     Parameters
     ----------
     target : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     image : (H, W) array
         Uint8 or uint16.
     noise : float

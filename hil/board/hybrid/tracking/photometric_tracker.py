@@ -73,9 +73,9 @@ def align_photometrically(
     Parameters
     ----------
     craft : PreparedTarget
-        The target.
+        Target with its precomputed tables.
     frame : Observation
-        The image.
+        Image with its noise and background.
     poses : tuple of pose
         Candidates, the most likely first: locked on wrong edges, alignment leaves a good prediction; and after a
         change of rates the prediction is wrong.

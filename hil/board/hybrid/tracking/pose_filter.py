@@ -44,7 +44,7 @@ def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
     Parameters
     ----------
     q, t : (4,), (3,) array
-        The pose.
+        Pose of the target: quaternion and position [m].
     covariance : (6, 6) array
         Its covariance.
     """

@@ -67,7 +67,9 @@ def not_drawn(place: str, value: object, read: str) -> UserError:
 
     Parameters
     ----------
-    place : file and key. value : value of the key. read : names of the models that are read.
+    place : file and key.
+    value : value of the key.
+    read : names of the models that are read.
     """
     return UserError(
         f"{place} is {str(value)[:60]!r}, a lens that is not drawn (read are {read}); {_RECALIBRATE}"

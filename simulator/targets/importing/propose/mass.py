@@ -11,7 +11,7 @@ from flyaround.simulator.targets.model import MassProperties
 
 DENSITY_KG_M3 = 250.0
 """Default density: spacecraft have 150 to 1300 kg per cubic metre of body (Envisat 190, a CubeSat up to 1330)."""
-SHELL_KG_M2 = 10.0
+SHELL_KG_M2 = 10.0  # default mass per area of a mesh without volume
 SHEET_RATIO = 1e-3
 """Volume over area to the 3/2 below which a mesh consists of sheets, not bodies (a sphere has 0.094)."""
 
@@ -19,9 +19,19 @@ SHEET_RATIO = 1e-3
 def mass_properties_of(
     bodies: list[MeshBody], mass_kg: float | None, density_kg_m3: float | None
 ) -> tuple[MassProperties, str]:
-    """Return mass, centre of mass and inertia, and one line on their derivation.
+    """Return mass, centre of mass and inertia, and one line of text on their derivation.
 
-    Integrals over the tetrahedra between the origin and each face (Tonon 2004); for sheets, over the surface.
+    The moments are integrals over the tetrahedra between the origin and each face; for sheets, over the surface.
+
+    Parameters
+    ----------
+    bodies : meshes of the craft.
+    mass_kg : total mass; None to derive it from the density.
+    density_kg_m3 : density of a solid; None for `DENSITY_KG_M3`.
+
+    References
+    ----------
+    Tonon (2004), Explicit exact formulas for the 3-D tetrahedron inertia tensor, J. Math. Stat. 1(1).
     """
     corners = np.concatenate([b.positions_m[b.triangles] for b in bodies])
     area = np.linalg.norm(face_vectors(corners), axis=1) / 2

@@ -16,7 +16,8 @@ class SurfacePoints:
 
     Parameters
     ----------
-    points_m, normals : (N, 3) positions and unit normals. material : (N,) material indices.
+    points_m, normals : (N, 3) positions and unit normals.
+    material : (N,) material indices.
     piece : (N,) number of the connected piece.
     pieces : number of connected pieces.
     """

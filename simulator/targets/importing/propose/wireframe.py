@@ -1,6 +1,6 @@
-"""Wireframe proposed from creases: sharp and open edges, chained into straight segments.
+"""Proposal of a wireframe from a mesh: sharp and open edges, chained into straight segments.
 
-Segments carry the mean normals of the faces on their sides. The most visible ones are kept.
+A segment stores the mean normals of its adjacent faces. Segments are ranked by visibility and the best are kept.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Material
 
-CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # cosine of the least angle between two faces at a crease
+CREASE_COS = float(np.cos(np.deg2rad(30.0)))  # cosine of the least angle between the normals at a sharp edge
 BEND_COS = float(np.cos(np.deg2rad(35.0)))
-"""Cosine of the largest bend within a chain, which follows rims of twelve or more sides."""
+"""Cosine of the largest bend within a chain: rims with at least twelve sides are followed."""
 MAX_DEVIATION = 0.004  # largest deviation of a segment from its straight line, as a share of the craft
 MIN_LENGTH = 0.03  # least length of a segment, as a share of the craft
 BEVEL = 0.006
@@ -40,9 +40,9 @@ FEWEST_SEEN = 0.04
 MIN_CONTRAST = 0.1
 """Least mean brightness step across an edge, relative to the brightest surface."""
 VISIBILITY_SHARE = 0.97
-"""Share of the total visibility (length times contrast times frequency) after which further edges are dropped."""
+"""Share of the total rank (length times contrast times visibility) after which further edges are dropped."""
 MAX_GAP = 0.06
-"""Largest gap between collinear segments that are joined, as a share of the craft, as by fittings."""
+"""Largest gap between collinear segments to be joined, as a share of the craft. Fittings cause such gaps."""
 PARALLEL = float(np.cos(np.deg2rad(1.0)))  # cosine between edges that count as parallel
 
 
@@ -56,9 +56,19 @@ class _Stretch:
 def propose_wireframe(
     bodies: list[MeshBody], extent: float, materials: Sequence[Material]
 ) -> tuple[tuple[Edge, ...], int]:
-    """Propose edges, the most visible first; return them and the number of dropped ones.
+    """Propose edges in descending order of length times contrast times visibility.
 
-    Ranked by length times contrast times visibility; slender round pieces become rods.
+    Slender round pieces of the mesh become rods.
+
+    Parameters
+    ----------
+    bodies : welded meshes of the craft, model frame.
+    extent : size of the craft [m].
+    materials : materials of the bodies, for the contrast.
+
+    Returns
+    -------
+    The proposed edges, and the number of edges that were dropped.
     """
     rods = [r for b in bodies for r in rods_of(b, extent)]
     stretches = [s for b in bodies for s in _stretches(with_separate_components(b), extent)]
@@ -66,7 +76,7 @@ def propose_wireframe(
     if stretches:
         on_rod = along_rods(rods, np.array([s.a for s in stretches]), np.array([s.b for s in stretches]))
         stretches = [s for s, c in zip(stretches, on_rod, strict=True) if not c]
-    # longest first; rounded, so that equal lengths keep the order of the file
+    # longest first; rounded, because rounding errors must not change the order of equal lengths
     stretches.sort(key=lambda s: -round(float(np.linalg.norm(s.b - s.a)) / extent, 5))
     stretches = _one_line(_distinct(stretches[: 2 * MAX_LOOKED_AT], extent), extent)[:MAX_LOOKED_AT]
     ends = np.array([(s.a, s.b) for s in stretches] + [(r.a_m, r.b_m) for r in rods]).reshape(-1, 2, 3)
@@ -74,7 +84,7 @@ def propose_wireframe(
         return (), 0
     skin = np.array([0.0] * len(stretches) + [r.radius_m for r in rods])
     step, visibility = contrast_of(bodies, materials, ends[:, 0], ends[:, 1], skin)
-    # brightness does not change at a rod's axis: both its sides contrast with the background
+    # a rod's axis is no brightness edge of its own: its two outlines contrast with the background
     step = np.where(skin > 0, np.maximum(step, 0.3), step)
     shows = np.round(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * step * visibility / extent, 6)
     good = np.flatnonzero((visibility >= FEWEST_SEEN) & (step >= MIN_CONTRAST))
@@ -93,7 +103,7 @@ def propose_wireframe(
 
 
 def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """Join collinear stretches with a small gap and the same faces next to them."""
+    """Join collinear segments that are separated by a small gap and have adjacent faces of similar orientation."""
     out: list[_Stretch] = []
     a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))
     for s in stretches:
@@ -113,14 +123,14 @@ def _one_line(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
         t = out[twin]
         ends = np.array([t.a, t.b, s.a, s.b])
         along = (ends - t.a) @ (t.b - t.a)
-        # the longer one's faces represent both
+        # keep the normals of the longer segment, which comes first
         merged = _Stretch(ends[int(np.argmin(along))], ends[int(np.argmax(along))], t.normals)
         out[twin], a[twin], b[twin] = merged, merged.a, merged.b
     return out
 
 
 def _in_line(a: FloatArray, b: FloatArray, s: _Stretch, extent: float) -> BoolArray:
-    """Return (K,) True where a segment from ``a`` to ``b`` (K, 3) continues ``s``, except for a small gap."""
+    """Return (K,) True where the segment ``a`` to ``b`` (K, 3) is collinear with ``s``, with at most a small gap."""
     chord, other = b - a, s.b - s.a
     length = np.linalg.norm(chord, axis=1)
     direction = chord / length[:, None]
@@ -170,7 +180,7 @@ def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
     follow = _followers(p, ends, left, right)
     is_used = np.zeros(len(ends), bool)
     out: list[_Stretch] = []
-    # open chains first, so that only closed rings start anywhere
+    # start at the ends of open chains first; the remaining edges form closed rings, which may start at any edge
     order = [k for k in range(len(ends)) if follow[k, 0] < 0 or follow[k, 1] < 0]
     for seed in [*order, *range(len(ends))]:
         if is_used[seed]:
@@ -182,7 +192,10 @@ def _stretches(body: MeshBody, extent: float) -> list[_Stretch]:
 
 
 def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArray) -> IntArray:
-    """Return (C, 2) the edge that continues each edge at its two ends, -1 for none: straightest, mutual."""
+    """Return (C, 2) indices of the edges that continue each edge at its two ends, -1 for none.
+
+    At a vertex, edges are paired greedily, the straightest pair first.
+    """
     direction = p[ends[:, 1]] - p[ends[:, 0]]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     at: dict[int, list[tuple[int, int]]] = {}
@@ -194,7 +207,7 @@ def _followers(p: FloatArray, ends: IntArray, left: FloatArray, right: FloatArra
         pairs = []
         for i, (e, s) in enumerate(here):
             for f, r in here[i + 1 :]:
-                # pointing away from the vertex: opposite directions form a straight line
+                # both directions point away from the vertex, so they are opposite if the edges form a straight line
                 away = direction[e] * (1 - 2 * s), direction[f] * (1 - 2 * r)
                 cosine = -float(away[0] @ away[1])
                 if cosine > BEND_COS and _same_faces(e, s, f, r, left, right):
@@ -221,7 +234,7 @@ def _same_faces(e: int, s: int, f: int, r: int, left: FloatArray, right: FloatAr
 def _walk(
     seed: int, side: int, ends: IntArray, follow: IntArray, visited: np.ndarray
 ) -> list[tuple[int, bool]]:
-    """Return the edges of a chain in order, each with a flag if it is reversed."""
+    """Return the edges of a chain in order, each with True if it is traversed backwards."""
     chain, edge, out = [], seed, side
     while edge >= 0 and not visited[edge]:
         visited[edge] = True
@@ -277,9 +290,10 @@ def _mean_normals(
 
 
 def _distinct(stretches: list[_Stretch], extent: float) -> list[_Stretch]:
-    """Keep the longest of segments that run side by side within a bevel's width; it takes the outermost normals.
+    """Merge segments that run side by side within a bevel's width.
 
-    Touching bodies duplicate common edges, and a bevelled edge is two lines that no camera separates.
+    The longest is kept, with the two normals that differ most. Touching bodies duplicate common edges, and a bevelled
+    edge consists of two lines that no camera separates.
     """
     distinct: list[_Stretch] = []
     a, b = np.empty((len(stretches), 3)), np.empty((len(stretches), 3))

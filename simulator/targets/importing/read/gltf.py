@@ -85,7 +85,7 @@ def read_gltf(path: Path, data: bytes) -> RawModel:
 
 
 class _Reader:
-    """Converts one document to parts."""
+    """Converter of one glTF document to parts."""
 
     def __init__(
         self, path: Path, document: dict[str, Any], blob: bytes, lost: list[str], notes: list[str]

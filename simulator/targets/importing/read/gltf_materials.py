@@ -32,7 +32,8 @@ class GltfMaterials:
 
     Parameters
     ----------
-    document : parsed JSON. reader : reader of images.
+    document : parsed JSON.
+    reader : reader of images.
     image_bytes : function that returns the bytes of an embedded image; None for a separate file.
     lost : set to which properties are added that are not carried over.
     """

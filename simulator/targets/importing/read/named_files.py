@@ -1,4 +1,4 @@
-"""Files that a model names (textures, material libraries): read from the model's folder, or reported as missing."""
+"""Files that a model refers to (textures, material libraries), searched in the model's folder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CONTINUED = re.compile(r"\\[ \t]*\n")
 
 
 class NotReadError(Exception):
-    """A file next to the model is missing or unreadable; the message says which and why, without a path."""
+    """A file that the model refers to is missing or unreadable; the message names it and the reason, without a path."""
 
 
 def text_lines(data: bytes) -> list[str]:
@@ -41,17 +41,19 @@ def unquoted(name: str) -> str:
 
 
 def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) -> tuple[Path, bytes]:
-    """Find and read a file that ``owner`` names.
+    """Find and read a file to which ``owner`` refers.
 
-    An absolute path, as exporters write for their own machine, means the file of that name beside ``owner``; case is
-    ignored if necessary.
+    Exporters often write absolute paths of their own machine: if there is no such file, the one of the same name beside
+    ``owner`` is read. Upper and lower case are treated as equal if necessary.
 
     Parameters
     ----------
-    model : path of the model, whose folder is not left.
-    owner : path of the file that holds the name.
+    model : Path
+        Path of the model. Files outside its folder are not read.
+    owner : Path
+        Path of the file that contains the reference.
     name : str
-        The name as written there.
+        Name as written in ``owner``.
     what : str
         Kind of file, for the message.
     most_bytes : int
@@ -60,7 +62,7 @@ def read_named(model: Path, owner: Path, name: str, what: str, most_bytes: int) 
     Raises
     ------
     NotReadError
-        If it is missing, outside the model's folder, not a regular file, or too long.
+        If the file is missing, outside the model's folder, not a regular file, or too large.
     """
     first: UserError | None = None
     for candidate in dict.fromkeys((name, PureWindowsPath(name).name)):

@@ -78,7 +78,8 @@ class MaterialLibraries:
 
     Parameters
     ----------
-    path : path of the model. libraries : texts after ``mtllib`` in each of its lines.
+    path : path of the model.
+    libraries : texts after ``mtllib`` in each of its lines.
 
     Raises
     ------

@@ -45,7 +45,9 @@ class FaceTable:
 
     Parameters
     ----------
-    corners_m : (F, 3, 3). outward : (F, 3) unit normals, outwards on closed pieces. closed : (F,) True on a closed
+    corners_m : (F, 3, 3).
+    outward : (F, 3) unit normals, outwards on closed pieces.
+    closed : (F,) True on a closed
         piece.
     body, piece, material : (F,) indices.
     """
@@ -112,7 +114,9 @@ def coincident_pairs(
 
     Parameters
     ----------
-    corners_m : (F, 3, 3). extent_m : size of the craft. within_m : (F,) largest distance of a face from its partner, by
+    corners_m : (F, 3, 3).
+    extent_m : size of the craft.
+    within_m : (F,) largest distance of a face from its partner, by
         default `NEAREST` of the craft; the larger of both counts.
     required : (F,) faces, of which a pair must contain one.
     """

@@ -1,7 +1,7 @@
-"""Holes of a surface, capped if the result is a solid.
+"""Capping of holes in a surface, where the result is a solid.
 
-A piece is capped as a whole or not at all: its openings must be simple rings, the closed piece must enclose a volume,
-and no cap may lie on other faces. Windows and cells of a frame stay open, because their glass is another part.
+A connected piece is capped as a whole or not at all. All its openings must be simple rings, the closed piece must
+enclose a volume, and no cap may coincide with other faces: window frames stay open, because the glass is another part.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BEFORE_GLASS = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Capped:
-    """Bodies after capping: ``filled`` openings were capped, ``left`` were not."""
+    """Bodies after capping, with the number of openings that were capped (``filled``) and that were not (``left``)."""
 
     bodies: list[MeshBody]
     filled: int
@@ -147,7 +147,7 @@ def _clashing(faces: FaceTable, caps: list[_Cap], extent_m: float) -> set[int]:
     a, b = pairs.T
     pairs = pairs[ring[a] != ring[b]]
     a, b = pairs.T
-    # where bodies that become solids touch, faces look at each other and neither is visible
+    # where two solids touch, the coincident faces have opposite normals and neither is visible: no clash
     to_be_closed = np.isin(piece, list({c.piece for c in caps})) | np.append(
         faces.closed, np.ones(sum(lengths), bool)
     )

@@ -22,7 +22,8 @@ class ImageCrop:
 
     Parameters
     ----------
-    direction : (3,) unit vector, camera axes. diameter_px : of the target's sphere were it on the boresight,
+    direction : (3,) unit vector, camera axes.
+    diameter_px : of the target's sphere were it on the boresight,
         which is its focal length times twice the tangent of its half angle.
     """
 
@@ -119,7 +120,7 @@ def network_inputs(
     noise : float
         Standard deviation of its noise.
     camera : CameraIntrinsics
-        The camera.
+        Intrinsics of the camera.
     crops : sequence of ImageCrop
         Where to look.
     reduced : (h, w) array, optional

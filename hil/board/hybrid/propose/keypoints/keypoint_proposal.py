@@ -103,7 +103,7 @@ class LearnedProposer:
     network : KeypointNetwork
         Trunk and head.
     camera : CameraIntrinsics
-        The camera.
+        Intrinsics of the camera.
     centre_m : (3,) array
         Centre of the craft's bounding sphere, target frame [m].
     radius_m : float
