@@ -175,7 +175,7 @@ def scaled_covariance(e: Evidence, pose: PoseFit) -> Array:
 
 
 def doubtful(e: Evidence) -> bool:
-    """Whether a pose that may be accepted is to be held against its near minima first."""
+    """Return True if a pose that may be accepted is to be held against its near minima first."""
     return confidence(e) < SURE
 
 
@@ -187,7 +187,7 @@ def least_margin(e: Evidence) -> float:
 
 
 def decide(e: Evidence, accept_at: float = ACCEPT_AT) -> str:
-    """Empty when the pose is to be accepted, else the reason it is not."""
+    """Return the reason a pose is declined; empty if it is accepted."""
     if e.edges < LEAST_EDGES:
         return "too few edges found"
     if e.size_px < SMALLEST_PX:
