@@ -121,7 +121,8 @@ class BoardAgent:
     ----------
     url : the host.
     model_path : board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
-    make_estimator : any estimator, made anew for each session once the camera is known.
+    make_estimator : called for each session with the host's camera, a dict (``fx_px``, ``cx_px``, ...); returns the
+        estimator.
     connect_timeout_s : time-out for reaching the host, and then for its first message.
     window : frames held at once, the one in work included.
     key : key shared with the host, which must prove that it has it; None without authentication.
