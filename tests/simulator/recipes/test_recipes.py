@@ -12,7 +12,7 @@ from flyaround.simulator.recipes.plan import plan_recipe
 from flyaround.simulator.recipes.poses import draw_pose
 from flyaround.simulator.scenario.load import list_recipes, load_recipe
 from flyaround.simulator.scenario.recipe import UniformRange
-from flyaround.simulator.targets.library import list_targets, load_target
+from flyaround.simulator.targets.library import built_in_targets, load_target
 from flyaround.simulator.world.constants import EARTH_RADIUS_M
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
@@ -111,7 +111,7 @@ def test_thesis_recipe_flies_the_thesis_geometry_with_its_noise():
 
 
 def test_every_target_has_its_recipe_by_name_and_by_option():
-    for name in list_targets():
+    for name in built_in_targets():
         by_name = plan_recipe(f"eval-black-{name}", 3, seed=4)
         by_option = plan_recipe("eval-black", 3, seed=4, target=name)
         assert by_name.scene(2) == by_option.scene(2)
@@ -131,7 +131,7 @@ def half_diagonal_m(target):
     return np.linalg.norm(np.ptp(points, axis=0)) / 2
 
 
-@pytest.mark.parametrize("name", list_targets())
+@pytest.mark.parametrize("name", built_in_targets())
 def test_every_target_is_as_large_in_the_image_as_tango(name):
     plan = plan_recipe(f"eval-black-{name}", 60, seed=2)
     tango = half_diagonal_m(load_target("tango"))
