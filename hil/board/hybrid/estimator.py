@@ -62,8 +62,8 @@ ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
 # Logit of a craft being there from which only its region is searched by edges.
 SURE = 2.0
 
-# Log-likelihood by which the network must prefer another pose for one to be dropped: right ones are at most 2.7 behind
-# the likeliest (dev-lightbox, dev-sunlamp: 130 frames).
+# Log-likelihood by which a pose may be behind another one before it is dropped: of right answers in 159 frames of
+# `lightbox` and `sunlamp` none was more than 2.7 behind (docs/lab/2026-11-keypoint-network.md).
 DENIED = 5.0
 
 # Most regions searched by edges before a texture and before empty space.

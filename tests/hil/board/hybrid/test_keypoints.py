@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -153,11 +154,25 @@ def head_bytes(**changed: object) -> bytes:
 NAN = np.full(SHAPES["maps_bias"], np.nan, np.float16)
 
 
+def with_long_header() -> bytes:
+    """A head whose array of biases claims to be larger than any memory."""
+    header = b"{'descr': '<f4', 'fortran_order': False, 'shape': (9000000000000,), }"
+    member = b"\x93NUMPY\x01\x00" + len(header + b"\n").to_bytes(2, "little") + header + b"\n"
+    data = io.BytesIO(head_bytes())
+    with zipfile.ZipFile(data) as whole:
+        members = {name: whole.read(name) for name in whole.namelist()} | {"maps_bias.npy": member}
+    changed = io.BytesIO()
+    with zipfile.ZipFile(changed, "w") as file:
+        for name, content in members.items():
+            file.writestr(name, content)
+    return changed.getvalue()
+
+
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (b"", "not a zip file"),
-        (b"PK\x03\x04 nothing", "not a zip file"),
+        (b"", "no .npz file"),
+        (b"PK\x03\x04 nothing", "no .npz file"),
         (head_bytes(bins=None), "lacks"),
         (head_bytes(sheet=np.frombuffer(b"{}", np.uint8)), "not flyaround.keypoint_head"),
         (head_bytes(sheet=np.frombuffer(b"[1]", np.uint8)), "cannot be used"),
@@ -165,6 +180,7 @@ NAN = np.full(SHAPES["maps_bias"], np.nan, np.float16)
         (head_bytes(maps_bias=NAN), "not finite"),
         (head_bytes(maps=np.zeros((2_000_000,), np.float32)), "unpacks to more"),
         (head_bytes(whole=np.array([None, "x"], object)), "pickle"),
+        (with_long_header(), "damaged"),
     ],
 )
 def test_a_file_that_is_no_head_is_refused_in_one_sentence(data: bytes, reason: str) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import dataclass
 from typing import Dict, Tuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flyaround.hil.board.errors import BoardModelError
+from flyaround.hil.board.files import unpack_arrays
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KEYPOINTS
 
 Array = np.ndarray
@@ -101,12 +101,9 @@ class KeypointHead:
             If it is no head, of another version, or holds something that is no number.
         """
         try:
-            with zipfile.ZipFile(io.BytesIO(data)) as members:
-                if sum(m.file_size for m in members.infolist()) > MOST_BYTES:
-                    raise ValueError(f"it unpacks to more than {MOST_BYTES} bytes")
-            with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-                sheet = json.loads(bytes(arrays["sheet"]).decode("utf-8"))
-                weights = {key: np.asarray(arrays[key], np.float32) for key in SHAPES}
+            arrays = unpack_arrays(data, MOST_BYTES)
+            sheet = json.loads(bytes(arrays["sheet"]).decode("utf-8"))
+            weights = {key: np.asarray(arrays[key], np.float32) for key in SHAPES}
             if sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
                 raise ValueError(f"its sheet is not {SCHEMA} version {VERSION}")
             for key, shape in SHAPES.items():
@@ -120,17 +117,7 @@ class KeypointHead:
                 np.asarray(weights.pop("keypoints_m"), float),
                 weights,
             )
-        except (
-            ValueError,
-            KeyError,
-            TypeError,
-            AttributeError,
-            OSError,
-            EOFError,
-            RecursionError,
-            NotImplementedError,
-            zipfile.BadZipFile,
-        ) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise BoardModelError(
                 f"keypoint network {name} cannot be used: {reason}; name a file that flyaround train wrote"
