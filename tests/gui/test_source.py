@@ -35,9 +35,20 @@ def next_picture(source: FrameProducer[Frame]) -> Frame:
     pytest.fail("no picture came")
 
 
-def kill(source: FrameProducer[Frame]) -> None:
+def stop(source: FrameProducer[Frame]) -> int:
+    """Stop the drawing process where it is, so that it answers nothing more."""
     (pid,) = source.pids
     assert pid is not None
+    os.kill(pid, signal.SIGSTOP)
+    # one of its threads takes the signal, when it gets a processor
+    os.waitid(os.P_PID, pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+    return pid
+
+
+def lose_a_picture(source: FrameProducer[Frame], request: FrameRequest) -> None:
+    """Ask for a picture of a process that is killed before it can draw it."""
+    pid = stop(source)
+    assert source.submit(request)
     os.kill(pid, signal.SIGKILL)
 
 
@@ -47,8 +58,7 @@ def test_pictures_go_on_when_the_process_is_killed() -> None:
         assert source.submit(request)
         first = next_picture(source)
         dead = source.pids
-        assert source.submit(request)
-        kill(source)
+        lose_a_picture(source, request)
         with pytest.raises(JobsLostError, match=r"died \(exit code -9\) and is started again"):
             next_picture(source)
         assert source.pids != dead
@@ -61,11 +71,7 @@ def test_pictures_go_on_when_the_process_hangs() -> None:
     with open_frames(Frame.without_radiance, processes=1, restarts=True, answer_within_s=5.0) as source:
         assert source.submit(request)
         first = next_picture(source)
-        (dead,) = source.pids
-        assert dead is not None
-        os.kill(dead, signal.SIGSTOP)
-        # one of its threads takes the signal, when it gets a processor
-        os.waitid(os.P_PID, dead, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+        dead = stop(source)
         assert source.submit(request)
         began = time.monotonic()
         with pytest.raises(JobsLostError, match="has done nothing for 5 s and is started again"):
@@ -80,8 +86,7 @@ def test_a_process_that_dies_again_and_again_is_given_up() -> None:
     request = small_request()
     with open_frames(Frame.without_radiance, processes=1, restarts=True) as source:
         for death in range(MOST_DEATHS):
-            assert source.submit(request)
-            kill(source)
+            lose_a_picture(source, request)
             expected = ProcessDiedError if death == MOST_DEATHS - 1 else JobsLostError
             with pytest.raises(expected):
                 next_picture(source)
