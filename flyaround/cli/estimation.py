@@ -16,7 +16,8 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics, Estimator
 from flyaround.hil.board.hybrid.debug.stage_pictures import write_stage_pictures
 from flyaround.hil.board.hybrid.native.library import describe_library
-from flyaround.hil.board.method_names import HYBRID
+from flyaround.hil.board.hybrid.propose.keypoints.network import network_for
+from flyaround.hil.board.method_names import HYBRID, HYBRID_TRACK
 from flyaround.hil.board.methods import PUBLISHED
 from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_method
 from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
@@ -46,9 +47,11 @@ def estimate(
     """Estimate the pose of a target in images."""
     check_method(run.method)
     intrinsics = load_camera(run.camera)
+    model = board_model(load_target(run.target))
     try:
+        network = _network_craft(run.method, model)
         estimator = any_estimator(
-            board_model(load_target(run.target)),
+            model,
             CameraIntrinsics.from_dict(msgspec.to_builtins(intrinsics)),
             _choice(run.method, run.published),
         )
@@ -60,11 +63,33 @@ def estimate(
     rows = []
     for k, image in enumerate(run.images):
         place = debug if debug is None or len(run.images) == 1 else debug / f"{k:03d}_{Path(image).stem}"
-        rows.append(_estimated(estimator, Path(image), intrinsics, place))
+        rows.append({**_estimated(estimator, Path(image), intrinsics, place), "network": network})
     if as_json:
         typer.echo(json.dumps(rows if len(rows) > 1 else rows[0], indent=1))
     else:
         _tell_estimates(rows)
+        _tell_network(run.method, model, network)
+
+
+def _network_craft(method: str, model: BoardModel) -> str | None:
+    """Return the craft whose keypoint network a method uses, None if it uses none.
+
+    Raises
+    ------
+    BoardModelError
+        If the model carries a network that cannot be used.
+    """
+    network = network_for(model) if method in (HYBRID, HYBRID_TRACK) else None
+    return None if network is None else network.head.craft
+
+
+def _tell_network(method: str, model: BoardModel, network: str | None) -> None:
+    """Print that a target has no keypoint network, if the method would use one."""
+    if network is None and method in (HYBRID, HYBRID_TRACK):
+        say(
+            f"{model.name} has no keypoint network, so that few poses are accepted: "
+            f"train one with flyaround train --craft {model.name}"
+        )
 
 
 def _choice(method: str, published: Published) -> MethodChoice:
@@ -135,12 +160,14 @@ def evaluate(
     choices = _choices(run)
     try:
         given = None if run.model is None else BoardModel.read(run.model)
-        read_card(folder)  # check before a report is written
+        card = read_card(folder)  # check before a report is written
         write_run(empty_folder(output, resume=run.resume), run)
         with progress_bar("evaluate", quiet=as_json) as progress:
             metrics = evaluate_dataset(
                 folder, output, methods=choices, model=given, workers=run.workers, progress=progress
             )
+        model = board_model(load_target(card.target.name)) if given is None else given
+        networks = [_network_craft(choice.method, model) for choice in choices]
     except BoardModelError as error:
         raise UserError(str(error)) from error
     if as_json:
@@ -154,6 +181,8 @@ def evaluate(
     terminal().print(table)
     say(f"pictures: {metrics.pictures}")
     say(about_mean_predictor(metrics.mean_predictor))
+    for choice, network in zip(choices, networks, strict=True):
+        _tell_network(choice.method, model, network)
     say(f"page: {output / 'index.html'}")
 
 

@@ -82,6 +82,23 @@ def test_estimate_reports_its_fields(tmp_path, capsys):
     answer = json.loads(capsys.readouterr().out)
     assert set(CONTRACT["estimate"]) <= set(answer)
     assert answer["accepted"] is False
+    assert answer["network"] is None
+
+
+def test_estimate_tells_of_a_craft_without_a_network(tmp_path, capsys):
+    picture, camera = tmp_path / "dark.png", tmp_path / "camera.json"
+    camera.write_text(
+        json.dumps(
+            {"width_px": 96, "height_px": 64, "fx_px": 90.0, "fy_px": 90.0, "cx_px": 47.5, "cy_px": 31.5}
+        )
+    )
+    cv2.imwrite(str(picture), np.zeros((64, 96), np.uint8))
+    arguments = ["estimate", str(picture), "--camera", str(camera), "--target"]
+    assert run([*arguments, "cubesat-1u"]) == CONTRACT["exit_codes"]["success"]
+    assert "train --craft cubesat-1u" in " ".join("".join(capsys.readouterr()).split())
+    # the mock-up has the shape of Tango
+    assert run([*arguments, "tango-mockup", "--json"]) == CONTRACT["exit_codes"]["success"]
+    assert json.loads(capsys.readouterr().out)["network"] == "tango"
 
 
 def test_exit_codes(tmp_path):
