@@ -20,20 +20,15 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.decide.axial_symmetry import check_axial_symmetry
 from flyaround.hil.board.hybrid.decide.confidence import (
     ACCEPT_AT,
-    TRIED,
+    CALIBRATED_CRAFT,
     Evidence,
-    confidence,
-    decide,
     decided,
-    doubtful,
     scaled_covariance,
 )
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
-from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
-from flyaround.hil.board.hybrid.decide.selection import Selection, select_by_edges, select_by_image
+from flyaround.hil.board.hybrid.decide.selection import select_by_edges, select_by_image
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.native.library import library
 from flyaround.hil.board.hybrid.prepare import prepare
@@ -53,33 +48,30 @@ from flyaround.hil.board.hybrid.search_states import Choice, PreparedImage, Prop
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.wireframe_groups import model_triads
 
-# Confidences between which a pose in the light of lamps is compared with tilts of it.
-LIKELY, CLEAR = 0.1, 0.99
+# Most regions given to the network, and most places that it returns before a texture and before empty space.
+NETWORK_REGIONS, TEXTURED_PLACES, EMPTY_PLACES = 5, 2, 1
 
-# Most regions that the network sees, and places that it proposes before a texture and before empty space.
-ASKED, PLACES, EMPTY_PLACES = 5, 2, 1
+# Logit of the presence score from which only the network's first region is searched by edges.
+PRESENT_LOGIT = 2.0
 
-# Logit of a craft being there from which only its region is searched by edges.
-SURE = 2.0
-
-# Log-likelihood by which a pose may be behind another one before it is dropped: of right answers in 159 frames of
-# `lightbox` and `sunlamp` none was more than 2.7 behind (docs/lab/2026-11-keypoint-network.md).
-DENIED = 5.0
+# Largest deficit of a pose's log-likelihood by the network before the pose is dropped. Right poses had at most 2.7
+# (docs/lab/2026-11-keypoint-network.md).
+MAX_NETWORK_DEFICIT = 5.0
 
 # Most regions searched by edges before a texture and before empty space.
-REGIONS, EMPTY_REGIONS = 2, 3
+TEXTURED_REGIONS, EMPTY_REGIONS = 2, 3
 
 
 # --- propose
 
 
 def propose_learned(image: PreparedImage) -> Proposals:
-    """Propose poses of the most likely places, by the pose proposal network (Sharma & D'Amico 2019)."""
+    """Propose poses of the most likely places, by the keypoint network (Park, Sharma & D'Amico 2019)."""
     frame, places = image.frame, []
     if image.setup.learned is not None:
-        keep = PLACES if frame.background < 0 else EMPTY_PLACES
+        keep = TEXTURED_PLACES if frame.background < 0 else EMPTY_PLACES
         places = image.setup.learned.propose(
-            frame.image, frame.noise, image.regions[:ASKED], keep, image.reduced, frame.black
+            frame.image, frame.noise, image.regions[:NETWORK_REGIONS], keep, image.reduced, frame.black
         )
     hypotheses = [h for place in places for h in learned_hypotheses(image.setup.target, frame, place)]
     frame.keep("learned_proposals", places)
@@ -88,7 +80,7 @@ def propose_learned(image: PreparedImage) -> Proposals:
 
 
 def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
-    """Propose poses of the places of the first round from more looks of the network, and keep the first ones."""
+    """Propose poses from further inferences on the places of the first round, and keep those of the first round."""
     image, target, frame = first.image, first.image.setup.target, first.image.frame
     places = [
         learned.look_again(frame.image, frame.noise, place, image.reduced, frame.black)
@@ -102,9 +94,9 @@ def propose_again(first: Proposals, learned: LearnedProposer) -> Proposals:
 def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) -> Proposals:
     """Propose poses of perceptual groups and of viewpoint templates, aligned on the edges of each region."""
     target, frame = image.setup.target, image.frame
-    # where the network is sure of a craft, edges may still find attitudes that it does not propose
-    sure = [place.source for place in places if place.craft > SURE]
-    regions = sure[:1] or image.regions[: REGIONS if frame.background < 0 else EMPTY_REGIONS]
+    # where the network detects the craft, edges may still find attitudes that it does not propose
+    detected = [place.source for place in places if place.craft > PRESENT_LOGIT]
+    regions = detected[:1] or image.regions[: TEXTURED_REGIONS if frame.background < 0 else EMPTY_REGIONS]
     frame.count("searched", 1)
     searched = []
     for region in regions:
@@ -121,7 +113,7 @@ def propose_by_edges(image: PreparedImage, places: Sequence[LearnedProposal]) ->
     return Proposals(image, hypotheses, list(places), thorough=True)
 
 
-def ranked(proposals: Proposals) -> Proposals:
+def rank(proposals: Proposals) -> Proposals:
     """Return the hypotheses in the order of their scores."""
     hypotheses = sorted(proposals.hypotheses, key=lambda h: -h.score)
     proposals.image.frame.keep("found", hypotheses)
@@ -151,12 +143,12 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     prior = _prior(proposals)
     # the best of each region on a small patch of it
     aligned = refine_coarsely(target, frame, regime, proposals.hypotheses, thorough=thorough)
-    aligned = without_denied(aligned, prior)
+    aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "coarse_alignment", aligned)
     frame.mark("coarse_alignment")
     # the leaders, the winner's near-symmetries and its tilts on one patch of the target
     patch, aligned = refine_close_up(target, frame, aligned, thorough=thorough)
-    aligned = without_denied(aligned, prior)
+    aligned = without_unlikely(aligned, prior)
     _keep_poses(frame, "close_alignment", aligned)
     frame.mark("close_alignment")
     # those refined to their ends on the whole image
@@ -166,15 +158,15 @@ def _choose_by_image(proposals: Proposals) -> Choice:
     return Choice(proposals, selection)
 
 
-def without_denied(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
-    """Return the hypotheses without those that the keypoint network holds for far less likely than another.
+def without_unlikely(hypotheses: List[Hypothesis], prior: Optional[Prior]) -> List[Hypothesis]:
+    """Return the hypotheses without those that are far less likely by the keypoint network than another.
 
-    In the light of lamps a drawing explains a picture from a wrong side nearly as well as from the right one.
+    In the light of lamps a view of the wrong side explains an image nearly as well as one of the right side.
     """
     if prior is None or len(hypotheses) < 2:
         return hypotheses
     log_likely = np.array([prior(h.q, h.t) for h in hypotheses])
-    return [hypotheses[k] for k in np.flatnonzero(log_likely >= log_likely.max() - DENIED)]
+    return [hypotheses[k] for k in np.flatnonzero(log_likely >= log_likely.max() - MAX_NETWORK_DEFICIT)]
 
 
 def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]) -> None:
@@ -185,63 +177,33 @@ def _keep_poses(frame: Observation, stage: str, hypotheses: Sequence[Hypothesis]
 
 
 def check(choice: Choice) -> Choice:
-    """Hold the selected pose against its symmetries and near minima, as far as the target and the doubt ask for it."""
+    """Compare the selected pose with its symmetries, where confidence was not fitted on the target."""
     setup, frame = choice.image.setup, choice.image.frame
-    if setup.has_faces and not setup.tried and setup.target.round:
+    if setup.has_faces and not setup.calibrated and setup.target.round:
         choice = replace(choice, selection=check_axial_symmetry(setup.target, frame, choice.selection))
         frame.mark("axial_symmetry")
-    if setup.has_faces and not setup.tried and setup.has_symmetries:
-        # of a round target a few small parts tell them apart
+    if setup.has_faces and not setup.calibrated and setup.has_symmetries:
+        # a few small parts distinguish the half turns of a round target
         selection = check_discrete_symmetry(setup.target, frame, choice.selection, _prior(choice.proposals))
         choice = replace(choice, selection=selection)
         frame.mark("discrete_symmetry")
-    if _accepted_in_doubt(choice):
-        frame.count("checked", 1)
-        choice = replace(choice, selection=_tilted(choice))
-        frame.mark("near_minima")
     return choice
 
 
-def _tilted(choice: Choice) -> Selection:
-    """Return the selection after near minima; of a target not tried before its near-symmetries have the last word."""
-    image, before = choice.image, choice.selection
-    setup, frame, regime = image.setup, image.frame, image.regime
-    if setup.tried:
-        return check_near_minima(setup.target, frame, regime, before)
-    after = check_near_minima(setup.target, frame, regime, before, symmetries=False)
-    if after.best is before.best:
-        # the near-symmetries are named still
-        return replace(after.no_clearer(before.evidence), alternatives=before.alternatives)
-    evidence = after.evidence
-    if setup.has_symmetries:
-        after = check_discrete_symmetry(setup.target, frame, after, _prior(choice.proposals))
-    return after.no_clearer(evidence)
-
-
-def _accepted_in_doubt(choice: Choice) -> bool:
-    """Return True if a first round would accept the pose in doubt; in the light of lamps, also if it nearly would."""
-    if not choice.image.setup.has_faces or choice.proposals.thorough:
-        return False
-    evidence = _evidence(choice)
-    if evidence.regime is Regime.LAMPS:
-        return LIKELY < confidence(evidence) < CLEAR
-    return not decide(evidence, choice.image.setup.accept_at) and doubtful(evidence)
-
-
 def _prior(proposals: Proposals) -> Optional[Prior]:
-    """Return the keypoint network's log-likelihood of a pose, None where it has not looked."""
+    """Return the keypoint network's log-likelihood as a function of the pose; None if it did not run."""
     learned, places = proposals.image.setup.learned, proposals.places
     return None if learned is None or not places else partial(learned.log_likelihood, places)
 
 
 def _evidence(choice: Choice) -> Evidence:
-    """Return the evidence with the network's part, and whether confidence was fitted on the target."""
+    """Return the evidence of the selection with the terms of the network and of the target's calibration."""
     image, best = choice.image, choice.selection.best
     learned, places = image.setup.learned, choice.proposals.places
     return replace(
         choice.selection.evidence,
-        tried=image.setup.tried,
-        looked=learned is not None,
+        calibrated=image.setup.calibrated,
+        has_network=learned is not None,
         regime=image.regime,
         network=learned.log_likelihood(places, best.q, best.t) if learned is not None and places else 0.0,
         craft=max((place.craft for place in places), default=0.0),
@@ -252,7 +214,7 @@ def _evidence(choice: Choice) -> Evidence:
 
 
 def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
-    """Settle the selected pose and decide on it; the surest answer of all rounds stands.
+    """Polish the selected pose and decide on it; return the most confident answer of all rounds.
 
     Parameters
     ----------
@@ -262,7 +224,7 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     setup, frame, selection = choice.image.setup, choice.image.frame, choice.selection
     pose = selection.best.pose
     if setup.has_faces:
-        # the last steps change the pose, not the evidence by which it was selected
+        # the last steps change the pose but not the evidence for it
         pose = settle(setup.target, frame, selection.close, selection.best)
         frame.mark("settling")
     evidence = _evidence(choice)
@@ -273,12 +235,12 @@ def answer(choice: Choice, first: Optional[PoseResult]) -> PoseResult:
     if evidence.score is not None:
         pose = replace(pose, covariance=scaled_covariance(evidence, pose))
     result = decided(frame, pose, evidence, selection.alternatives, setup.accept_at)
-    # not by their scores: the rounds were scored on different patches of the image
+    # scores are not comparable because the rounds use different patches of the image
     return result if first is None or result.confidence > first.confidence else first
 
 
 class PoseEstimator(Estimator):
-    """Estimator of the target's pose from single images; keeps nothing between them.
+    """Estimator of a target's pose from single images, without state between them.
 
     Parameters
     ----------
@@ -299,7 +261,7 @@ class PoseEstimator(Estimator):
     takes_sun = True
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, accept_at: float = ACCEPT_AT) -> None:
-        # loaded here, not while a frame waits
+        # loaded now, so that the first frame does not wait
         library()
         super().__init__(model, camera)
         self.target = PreparedTarget.prepare(model, camera)
@@ -308,7 +270,7 @@ class PoseEstimator(Estimator):
             self.target,
             model_triads(self.target.model),
             learned,
-            learned is not None and model.name in TRIED,
+            learned is not None and model.name in CALIBRATED_CRAFT,
             accept_at,
         )
 
@@ -316,10 +278,10 @@ class PoseEstimator(Estimator):
         return self.initialise(Observation.of(frame))
 
     def initialise(self, frame: Observation) -> PoseResult:
-        """Return the pose in one image, without knowing any other."""
+        """Return the pose in one image, without a prior."""
         image = prepare(self.setup, frame)
         first, result = _round(propose_learned(image), None)
-        # edges as well would double the time for hardly more right poses
+        # a search by edges would double the time for hardly more right poses
         if image.setup.learned is not None and result is not None and not result.accepted:
             _, result = _round(propose_again(first, image.setup.learned), result)
         if result is None:
@@ -327,14 +289,14 @@ class PoseEstimator(Estimator):
         if result is None:
             return self._declined(frame, "no target found")
         if frame.shows_all and first.places and image.regions:
-            # the stages that were not needed, for the pictures of all
+            # run the stages that were not needed, for the debug images
             propose_by_edges(replace(image, regions=image.regions[:1]), [])
         return replace(result, method=self.method)
 
 
 def _round(proposals: Proposals, before: Optional[PoseResult]) -> Tuple[Proposals, Optional[PoseResult]]:
-    """Return the ranked proposals, and the answer of all rounds; the one before if nothing is proposed."""
+    """Return the ranked proposals and the answer of all rounds, which is the earlier one if there are no proposals."""
     if not proposals.hypotheses:
         return proposals, before
-    proposals = ranked(proposals)
+    proposals = rank(proposals)
     return proposals, answer(check(choose(proposals)), before)

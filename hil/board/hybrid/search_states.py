@@ -34,7 +34,7 @@ class SearchSetup:
         Triads of its wireframe.
     learned : LearnedProposer, optional
         Its keypoint network.
-    tried : bool
+    calibrated : bool
         True if confidence was fitted on this target.
     accept_at : float
         Confidence at which a pose is accepted.
@@ -43,7 +43,7 @@ class SearchSetup:
     target: PreparedTarget
     figures: Chains
     learned: Optional[LearnedProposer]
-    tried: bool
+    calibrated: bool
     accept_at: float
 
     @property

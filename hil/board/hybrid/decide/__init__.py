@@ -1,1 +1,1 @@
-"""Selection between refined hypotheses, checks of symmetries and near minima, confidence and the acceptance test."""
+"""Selection between refined hypotheses, checks of symmetries, confidence and the acceptance test."""

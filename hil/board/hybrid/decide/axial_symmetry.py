@@ -17,15 +17,15 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.model.view_tables import curved
-from flyaround.hil.board.hybrid.refine.final import NO_WORSE, refine_to_end
+from flyaround.hil.board.hybrid.refine.final import SCORE_TOLERANCE, refine_to_end
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 Array = np.ndarray
 
 # Iteratively reweighted least squares of the axis: iterations, and lower bound of the residuals [share of the radius].
-REWEIGHTED, LITTLE = 10, 0.01
+IRLS_ITERATIONS, MIN_RESIDUAL = 10, 0.01
 
-# Most rounds: each that finds a better pose is followed by another from there.
+# Most rounds. A round that finds a better pose is followed by another round from there.
 ROUNDS = 3
 
 # Rotations about the axis to evaluate [rad]. They are fine because refinement seldom corrects a roll error of 7 deg.
@@ -47,10 +47,10 @@ def axis(model: BoardModel) -> Tuple[Array, Array]:
     # the line along each normal of a surface of revolution meets the axis; residuals of fins and pods are down-weighted
     side = np.cross(along, normals)
     beside, weight = np.sum(side * points, axis=1), np.ones(len(points))
-    for _ in range(REWEIGHTED):
+    for _ in range(IRLS_ITERATIONS):
         root = np.sqrt(weight)
         through = np.linalg.lstsq(side * root[:, None], beside * root, rcond=None)[0]
-        weight = 1.0 / np.maximum(np.abs(side @ through - beside), LITTLE * model.radius_m)
+        weight = 1.0 / np.maximum(np.abs(side @ through - beside), MIN_RESIDUAL * model.radius_m)
     return along, through
 
 
@@ -86,6 +86,6 @@ def _better_turn(target: PreparedTarget, frame: Observation, selection: Selectio
         return None
     start = Hypothesis(replace(end.pose, q=q, t=t), end.source, score, end.support)
     led = refine_to_end(target, frame, patch, start)
-    if not led.score > end.score + NO_WORSE:
+    if not led.score > end.score + SCORE_TOLERANCE:
         return None
     return select(target, patch, list(selection.ranked), [*selection.ends, led])

@@ -24,14 +24,14 @@ from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun, sharp
 Array = np.ndarray
 
 # Longest side of the patch that they are compared on [px], and side of the shadow map [px].
-TWINS_PX, SUN_PX = 350, 480
+PATCH_PX, SHADOW_MAP_PX = 350, 480
 
-# Least difference of two drawings at a pixel that counts [sigma]; error of a drawing [share of the light]; blurs [px].
-DIFFERENT, WRONG_BY, BLURS = 3.0, 0.3, (1.0, 2.0)
+# Least difference of two drawings at a pixel [sigma], error of a drawing as a share of its brightness, and blurs [px].
+MIN_CONTRAST, MODEL_ERROR, BLURS = 3.0, 0.3, (1.0, 2.0)
 
 # Log-likelihood ratio of two poses per unit of score, of preference and of the network's log-likelihood, which counts
 # at most this much. A logistic fit on pairs of poses of Soyuz, Tianzhou and Chang'e-6 (seed 9310).
-SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, SUREST_PRIOR = 12.0, 2.5, 1.4, 4.0
+SCORE_WEIGHT, PREFERENCE_WEIGHT, PRIOR_WEIGHT, MAX_PRIOR = 12.0, 2.5, 1.4, 4.0
 
 # Score margin per unit of log-likelihood ratio: acceptance needs a ratio of 2.5 (held-out half of the same pairs).
 MARGIN_OF_LIKELIHOOD = 1.0 / 25.0
@@ -64,9 +64,8 @@ def check_discrete_symmetry(
 ) -> Selection:
     """Compare a selection with its pose turned by each near-symmetry, all refined, and return the most likely one.
 
-    The evidence is the score of each pose; the pixels of a finer patch in which the drawings differ, which show a dish
-    or a few sensors that make up a hundredth of the score; and the network, which was trained on such parts in any
-    light.
+    The evidence is the score of each pose, the pixels of a finer patch in which the drawings differ (an antenna or
+    sensors make up a hundredth of the score), and the log-likelihood of the network.
 
     Parameters
     ----------
@@ -86,12 +85,12 @@ def check_discrete_symmetry(
         q = quat.normalise(quat.multiply(end.q, s))
         start = Hypothesis(replace(end.pose, q=q), end.source, end.score, end.support)
         ends.append(refine_to_end(target, frame, patch, start))
-    finer = replace(cut_patch(target, frame, _box(target, ends), TWINS_PX), clipped=frame.clipped, exact=True)
+    finer = replace(cut_patch(target, frame, _box(target, ends), PATCH_PX), clipped=frame.clipped, exact=True)
     twins = [_drawn(target, finer, e, prior) for e in ends]
     leads = _leads(twins, finer)
     k = int(leads.argmax())
     best, clear = twins[k].end, float(leads[k])
-    # near-symmetries of the best were compared here
+    # its near-symmetries were compared here and are no rivals
     turned = [quat.multiply(best.q, s) for s in symmetries]
     others = [h for h in selection.ranked if all(quat.angle_rad(h.q, w) > DISTINCT_RAD for w in turned)]
     new = select(target, patch, others, [best])
@@ -111,9 +110,7 @@ def check_discrete_symmetry(
 def _leads(twins: List[TurnedEnd], patch: ImagePatch) -> Array:
     """Return the log-likelihood ratio (N,) of each pose to the most likely other one, of at least two."""
     most = max([1e-6, *(w.end.score for w in twins)])
-    alone = [
-        SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -SUREST_PRIOR) for w in twins
-    ]
+    alone = [SCORE_WEIGHT * w.end.score / most + PRIOR_WEIGHT * max(w.log_prior, -MAX_PRIOR) for w in twins]
     leads = np.full((len(twins), len(twins)), np.inf)
     for i, a in enumerate(twins):
         for j, b in enumerate(twins[:i]):
@@ -134,10 +131,10 @@ def preference(best: LitView, other: LitView, patch: ImagePatch) -> float:
         gray, drawn_a, drawn_b = (blurred(p, blur) for p in (patch.gray, a, b))
         noise = patch.sigma / (2 * np.sqrt(np.pi) * blur)
         apart = drawn_a - drawn_b
-        speaks = np.abs(apart) > DIFFERENT * noise
-        weight = 1.0 / (noise**2 + (WRONG_BY * np.maximum(drawn_a, drawn_b)) ** 2)
-        along = float(np.sum(((gray - 0.5 * (drawn_a + drawn_b)) * apart * weight)[speaks]))
-        out.append(np.clip(2 * along / max(float(np.sum((apart**2 * weight)[speaks])), 1e-9), -1.0, 1.0))
+        differs = np.abs(apart) > MIN_CONTRAST * noise
+        weight = 1.0 / (noise**2 + (MODEL_ERROR * np.maximum(drawn_a, drawn_b)) ** 2)
+        along = float(np.sum(((gray - 0.5 * (drawn_a + drawn_b)) * apart * weight)[differs]))
+        out.append(np.clip(2 * along / max(float(np.sum((apart**2 * weight)[differs])), 1e-9), -1.0, 1.0))
     return float(np.mean(out))
 
 
@@ -151,5 +148,5 @@ def _box(target: PreparedTarget, ends: List[Hypothesis]) -> Box:
 def _drawn(target: PreparedTarget, patch: ImagePatch, end: Hypothesis, prior: Optional[Prior]) -> TurnedEnd:
     """Return a pose drawn on a finer patch with sharp shadows."""
     q, t = end.q, end.t
-    view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SUN_PX)
+    view = sharpen_shadows(target, patch, q, t, search_sun(target, patch, q, t), SHADOW_MAP_PX)
     return TurnedEnd(end, view, 0.0 if prior is None else prior(q, t))

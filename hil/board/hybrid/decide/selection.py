@@ -8,7 +8,7 @@ from typing import List, Optional, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.result import Alternative, alternatives, differs
-from flyaround.hil.board.hybrid.decide.confidence import Evidence, least_margin
+from flyaround.hil.board.hybrid.decide.confidence import Evidence, min_margin
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import (
@@ -22,25 +22,25 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, faces_of
-from flyaround.hil.board.hybrid.refine.final import ROUNDS, refine_to_end
+from flyaround.hil.board.hybrid.refine.final import MAX_ROUNDS, refine_to_end
 from flyaround.hil.board.hybrid.refine.photometric import burnt_share, likeness, photo_draw
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
 # Most hypotheses that are refined, and their least share of the best score; the same in a second round.
-FINALS, FINAL_LEAD = 2, 0.85
-ALL_FINALS, ALL_FINAL_LEAD = 3, 0.75
+MAX_ENDS, END_SHARE = 2, 0.85
+THOROUGH_ENDS, THOROUGH_SHARE = 3, 0.75
 
-# Rounds of refinement in the light of lamps, where tilts are compared afterwards.
+# Rounds of refinement in the light of lamps.
 LAMPS_ROUNDS = 3
 
 # Most rivals that are refined as well because they seem to explain as much as the winner.
-TIES = 2
+MAX_TIES = 2
 
-# Score from which no other near pose is refined.
-SURE_SCORE = 0.27
+# Score from which no other pose near the best one is refined.
+CLEAR_SCORE = 0.27
 
 # A rival behind by this share of the best score is not searched for a better Sun.
-FAR_BEHIND = 0.5
+MAX_DEFICIT = 0.5
 
 # Weight of a sharp sub-pixel fit against the total support, among near poses.
 TIGHT_WEIGHT = 0.5
@@ -82,11 +82,6 @@ class Selection:
         assert self.patch is not None  # noqa: S101 - a selection by edges has no such checks
         return self.patch
 
-    def no_clearer(self, than: Evidence) -> Selection:
-        """Return the selection with a margin no larger than that of other evidence."""
-        margin = min(self.evidence.margin, than.margin)
-        return replace(self, evidence=replace(self.evidence, margin=margin))
-
 
 def select_by_image(
     target: PreparedTarget,
@@ -114,23 +109,23 @@ def select_by_image(
     thorough : bool
         Refine more of them.
     """
-    # the order of poses that have not converged is random: refinement decides
+    # scores of poses that have not converged do not rank them: refinement decides
     ends: List[Hypothesis] = []
-    rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else ROUNDS
-    most, lead = (ALL_FINALS, ALL_FINAL_LEAD) if thorough else (FINALS, FINAL_LEAD)
+    rounds = LAMPS_ROUNDS if regime is Regime.LAMPS else MAX_ROUNDS
+    most, lead = (THOROUGH_ENDS, THOROUGH_SHARE) if thorough else (MAX_ENDS, END_SHARE)
     for h in ranked[:most]:
         if h.score <= lead * ranked[0].score and h is not ranked[0]:
             continue
         # near poses converge to one: refine both only if a small gain decides about acceptance
         starts = [e.origin for e in ends]
-        if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > SURE_SCORE:
+        if ends and len(without_duplicates([*starts, h])) == len(ends) and ends[0].score > CLEAR_SCORE:
             continue
         ends.append(refine_to_end(target, frame, patch, h, rounds))
     selection = select(target, patch, ranked, ends, thorough=thorough)
     # a rival that has not converged may converge to the winner, or fall behind
-    for _ in range(TIES):
+    for _ in range(MAX_TIES):
         rival = selection.rival
-        if rival is None or selection.evidence.margin >= least_margin(selection.evidence):
+        if rival is None or selection.evidence.margin >= min_margin(selection.evidence):
             break
         if was_refined(rival, ends):
             break
@@ -176,7 +171,7 @@ def select(
     if rival is not None:
         explains = rival.score
         # with the shadows of a better Sun it explains more; searched only if that may matter
-        if here - explains < FAR_BEHIND * here:
+        if here - explains < MAX_DEFICIT * here:
             explains = search_sun(target, patch, rival.q, rival.t, seen=rival.seen).score
         margin -= max(explains, 0.0)
     # two refined poses need not be far apart to be two answers

@@ -16,7 +16,7 @@ from flyaround.hil.board.svd.region_of_interest import Region
 Array = np.ndarray
 
 # Support of hypotheses whose edges were not compared.
-UNASKED = Support(0.0, 0.0, 0.0, 0.0, np.zeros(0, int))
+NO_SUPPORT = Support(0.0, 0.0, 0.0, 0.0, np.zeros(0, int))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Hypothesis:
     score : float
         Its support by edges or, once the target was drawn there, the share of the image that the drawing explains.
     support : Support
-        Evidence of the edges; ``UNASKED`` of the network's hypotheses.
+        Evidence of the edges; ``NO_SUPPORT`` of the network's hypotheses.
     edge_fit : EdgeFit, optional
         Evidence of sub-pixel edges, if these were searched.
     view : Shading, optional
@@ -104,7 +104,7 @@ class Hypothesis:
     pose: PoseFit
     source: Source
     score: float = 0.0
-    support: Support = UNASKED
+    support: Support = NO_SUPPORT
     edge_fit: Optional[EdgeFit] = None
     view: Optional[Shading] = None
     seen: Optional[Array] = None

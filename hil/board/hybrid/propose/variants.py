@@ -59,7 +59,7 @@ def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypo
     return out
 
 
-def tilts(target: PreparedTarget, h: Hypothesis, lean_rad: float = TILT_RAD) -> List[Hypothesis]:
+def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
     """Return a pose tilted to every side, about axes perpendicular to the line of sight; the centre keeps its place."""
     centre = quat.matrix(h.q) @ target.centre_m + h.t
     sight = centre / np.linalg.norm(centre)
@@ -68,7 +68,7 @@ def tilts(target: PreparedTarget, h: Hypothesis, lean_rad: float = TILT_RAD) -> 
     out = []
     for angle in 2 * np.pi * np.arange(TILTS) / TILTS:
         axis = np.cos(angle) * across + np.sin(angle) * np.cross(sight, across)
-        q = quat.normalise(quat.multiply(quat.from_rotvec(lean_rad * axis), h.q))
+        q = quat.normalise(quat.multiply(quat.from_rotvec(TILT_RAD * axis), h.q))
         out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))
     return out
 

@@ -1,4 +1,4 @@
-"""Close alignment: the best hypotheses, the winner's near-symmetries and its tilts, scored on one patch."""
+"""Close alignment: the best hypotheses, and near-symmetries and tilts of the best one, scored on one patch."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from typing import List, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
-from flyaround.hil.board.estimation.result import DISTINCT_RAD
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.hypotheses.ambiguity import SPREAD_RAD, without_duplicates
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.image_patch import Box, cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
-from flyaround.hil.board.hybrid.propose.variants import TILT_RAD, near_symmetries, over_its_image, tilts
+from flyaround.hil.board.hybrid.propose.variants import near_symmetries, over_its_image, tilts
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
-# Most hypotheses that are compared with the winner; the same in a second round.
-RIVALS, ALL_RIVALS = 3, 7
+# Most hypotheses that are compared with the best one, in the first round and in the second.
+MAX_RIVALS, THOROUGH_RIVALS = 3, 7
 
-# Least share of the winner's score at which a near-symmetry is aligned, and least overlap of poses at the same place.
-TWIN_SHARE, SAME_PLACE = 0.6, 0.5
+# Least share of the best score at which a near-symmetry is aligned, and least overlap of boxes at the same place.
+SYMMETRY_SHARE, MIN_OVERLAP = 0.6, 0.5
 
 # Longest side of the patch [px], blur and pruning of each step (see ``coarse.COARSE_PRUNINGS``).
 CLOSE_PX, CLOSE_BLURS = 120, (1.2, 0.6)
 CLOSE_PRUNINGS = (Pruning(0.65, 0.07), Pruning(0.85, 0.07))
 
-# Tilts start far off: a nearly flat target has near minima of its tilt.
+# The same for tilts, which start far from their minima.
 TILT_BLURS = (2.0, 2.0, 2.0, 1.2, 0.6)
 TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *CLOSE_PRUNINGS)
 
@@ -35,7 +34,7 @@ TILT_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(-9.0, 0.03), Pruning(-9.0, 0.05), *
 def refine_close_up(
     target: PreparedTarget, frame: Observation, leaders: List[Hypothesis], *, thorough: bool = False
 ) -> Tuple[ImagePatch, List[Hypothesis]]:
-    """Return the patch that holds the winner, and the hypotheses and its near-symmetries aligned there, the best first.
+    """Return the patch around the best hypothesis, and hypotheses and near-symmetries aligned on it, the best first.
 
     Parameters
     ----------
@@ -46,22 +45,24 @@ def refine_close_up(
     leaders : list of Hypothesis
         Hypotheses of ``refine_coarsely``, the best first, at least one.
     thorough : bool
-        Align more of them, every near-symmetry, and tilts of the winner, all with their shadows, because the first
-        round may have ended in a near minimum.
+        Align more of them, every near-symmetry, and tilts of the best one, all with their shadows, because the first
+        round may have ended in a local minimum.
     """
     first = leaders[0].at(leaders[0].q, leaders[0].t)
     box = target_box(target, first.q, first.t)
     others = [h.at(h.q, h.t) for h in without_duplicates(leaders) if h is not leaders[0]]
     if thorough:
-        others = [o for o in others if _overlap(box, target_box(target, o.q, o.t)) > SAME_PLACE][:ALL_RIVALS]
+        others = [o for o in others if _overlap(box, target_box(target, o.q, o.t)) > MIN_OVERLAP][
+            :THOROUGH_RIVALS
+        ]
         boxes = np.array([box, *(target_box(target, o.q, o.t) for o in others)])
         (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
         box = int(x0), int(y0), int(x1), int(y1)
     else:
-        others = [o for o in others if o.source.region == first.source.region][:RIVALS]
+        others = [o for o in others if o.source.region == first.source.region][:MAX_RIVALS]
     patch = cut_patch(target, frame, box, CLOSE_PX)
     drawn = [draw(target, patch, h) for h in (first, *others)]
-    # near-symmetries of the first that are among the others need no second alignment
+    # near-symmetries that are hypotheses already need no second alignment
     twins = [
         draw(target, patch, twin)
         for twin in over_its_image(target, patch, near_symmetries(target, [first]), first)
@@ -69,7 +70,7 @@ def refine_close_up(
     ]
     # before a texture a few degrees cost most of the score: every near-symmetry is aligned
     every = thorough or frame.background < 0
-    drawn += [twin for twin in twins if every or twin.score > TWIN_SHARE * drawn[0].score]
+    drawn += [twin for twin in twins if every or twin.score > SYMMETRY_SHARE * drawn[0].score]
     drawn = [draw_shadows(target, patch, h) for h in drawn]
     ranked = refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
     judged = len(ranked)
@@ -90,35 +91,19 @@ def refine_tilts(
     held: Hypothesis,
     blurs: Tuple[float, ...],
     prunings: Tuple[Pruning, ...],
-    lean_rad: float = TILT_RAD,
 ) -> List[Hypothesis]:
     """Return tilts of a pose, aligned with their shadows, the best first."""
-    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held, lean_rad)]
+    about = [draw_shadows(target, patch, draw(target, patch, h)) for h in tilts(target, held)]
     return refine_in_parallel(target, patch, about, blurs, prunings)
 
 
-def refine_symmetries(
-    target: PreparedTarget, patch: ImagePatch, held: Hypothesis, *, listed: bool = True
-) -> List[Hypothesis]:
+def refine_symmetries(target: PreparedTarget, patch: ImagePatch, held: Hypothesis) -> List[Hypothesis]:
     """Return near-symmetries of a nearly converged pose, aligned with their shadows, the best first.
 
-    Those of a pose that has not converged are a few degrees off, which before a texture costs most of the score.
-
-    Parameters
-    ----------
-    target : PreparedTarget
-        Target with its precomputed tables.
-    patch : ImagePatch
-        Reduced region of the image around the target.
-    held : Hypothesis
-        The pose.
-    listed : bool
-        Include those of the model's list.
+    Near-symmetries of a pose that has not converged are a few degrees off, which before a texture costs most of the
+    score.
     """
     variants = over_its_image(target, patch, near_symmetries(target, [held]), held)
-    if not listed:
-        turned = [quat.multiply(held.q, s) for s in target.model.symmetry_wxyz]
-        variants = [h for h in variants if all(quat.angle_rad(h.q, q) > DISTINCT_RAD for q in turned)]
     drawn = [draw_shadows(target, patch, draw(target, patch, h)) for h in variants]
     return refine_in_parallel(target, patch, drawn, CLOSE_BLURS, CLOSE_PRUNINGS)
 

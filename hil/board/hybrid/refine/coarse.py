@@ -13,14 +13,15 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.edge_search import MARGIN
 from flyaround.hil.board.hybrid.refine.parallel import Pruning, draw, draw_shadows, refine_in_parallel
 
-# Hypotheses of a region that are scored: before empty space, before a texture, and in a second round; those refined.
-ASKED, TEXTURED_ASKED, ALL_ASKED, LEADERS = 8, 16, 32, 4
+# Most hypotheses of a region that are scored before empty space, before a texture and in a second round, and most that
+# are refined.
+EMPTY_SCORED, TEXTURED_SCORED, THOROUGH_SCORED, LEADERS = 8, 16, 32, 4
 
-# Those refined in the light of lamps, where the network is less sure and the model less accurate.
+# Most that are refined in the light of lamps, where the network is less certain and the model less accurate.
 LAMPS_LEADERS = 7
 
-# Hypotheses of a region that are drawn with shadows, and of those that its edges propose, all that are drawn.
-LIT, LIT_OF_EDGES = 8, 8
+# Most hypotheses of a region that are drawn with shadows, and most that are scored of those proposed by edges.
+SHADOWED, EDGES_SCORED = 8, 8
 
 # Weight of the network's log-likelihood against the score.
 PRIOR_WEIGHT = 0.01
@@ -33,8 +34,8 @@ TEXTURED_PX, TEXTURED_BLURS = 120, (2.0, 1.2, 1.2, 0.8)
 # Pruning of each step: least share of the best score, and least angle to a better pose [rad] (128 development frames).
 COARSE_PRUNINGS = (Pruning(-9.0, 0.0), Pruning(0.75, 0.05), Pruning(0.8, 0.1), Pruning(0.85, 0.1))
 
-# Margin round a place of the network, which holds all of the target.
-PLACE_MARGIN = 0.1
+# Margin around a place of the network, which encloses the target.
+NETWORK_MARGIN = 0.1
 
 
 def refine_coarsely(
@@ -65,23 +66,25 @@ def refine_coarsely(
     for region in dict.fromkeys(h.source.region for h in found):
         learned = region.source == "learned"
         own = [h for h in found if h.source.region == region]
-        margin = PLACE_MARGIN if learned else MARGIN
+        margin = NETWORK_MARGIN if learned else MARGIN
         height, width = frame.image.shape
         textured = learned and frame.background < 0
         lamps = learned and regime is Regime.LAMPS
-        first = TEXTURED_ASKED if textured or lamps else ASKED
-        own = own[: LIT_OF_EDGES if not learned else ALL_ASKED if thorough else first]
+        first = TEXTURED_SCORED if textured or lamps else EMPTY_SCORED
+        own = own[: EDGES_SCORED if not learned else THOROUGH_SCORED if thorough else first]
         longest, blurs = (TEXTURED_PX, TEXTURED_BLURS) if textured else (COARSE_PX, COARSE_BLURS)
         box = pinhole_box(target.camera, region.grown(margin, width, height))
         patch = cut_patch(target, frame, box, longest)
         # a second round begins with hypotheses of the first: these are not drawn again
         drawings = frame.drawn.pop((box, longest), {}) if learned else None
         if drawings is not None and not thorough:
-            # there is no third round: drawings of the second are not kept
+            # a second round is the last: only drawings of the first are kept
             frame.drawn[box, longest] = drawings
         drawn = sorted((draw(target, patch, h, drawings) for h in own), key=_with_prior)
         if thorough:
-            drawn = sorted((draw_shadows(target, patch, h, drawings) for h in drawn[:LIT]), key=_with_prior)
+            drawn = sorted(
+                (draw_shadows(target, patch, h, drawings) for h in drawn[:SHADOWED]), key=_with_prior
+            )
         drawn = spread_in_attitude(drawn, LAMPS_LEADERS if lamps else LEADERS)
         if not thorough:
             drawn = [draw_shadows(target, patch, h, drawings) for h in drawn]

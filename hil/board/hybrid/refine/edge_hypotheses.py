@@ -28,13 +28,13 @@ DUPLICATE_RAD, DUPLICATE_SHARE = 0.07, 0.03
 
 # Reach of the edge search in each step [field px], and poses kept afterwards, coarse to fine.
 COARSE_REACH, COARSE_KEEP = ((14.0, 11.0), (9.0, 7.0, 6.0)), (130, 50)
-FINE_REACH, TWIN_REACH, TWINS_KEEP = (10.0, 8.0, 6.0, 5.0), (10.0, 8.0, 6.0, 5.0, 4.0), 18
+FINE_REACH, SYMMETRY_REACH, SYMMETRIES_KEEP = (10.0, 8.0, 6.0, 5.0), (10.0, 8.0, 6.0, 5.0, 4.0), 18
 
 # Distance beyond which an edge costs no more [field px], and stride of the samples in the first steps.
-CAPS_PX, EVERY = (8.0, 6.0), 2
+CAPS_PX, STRIDE = (8.0, 6.0), 2
 
 # Number of the best whose near-symmetries and whose neighbours are aligned if edges decide.
-TURNED, MOVED = 3, 4
+SYMMETRIES_OF, NEIGHBOURS_OF = 3, 4
 
 
 def refine_by_edges(
@@ -44,9 +44,9 @@ def refine_by_edges(
     coarse, fine = edges.coarse, edges.fine
     if not len(q):
         return []
-    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[0], EVERY)
-    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[0], EVERY), COARSE_KEEP[0])
-    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[1], EVERY)
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[0], STRIDE)
+    q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[0], STRIDE), COARSE_KEEP[0])
+    q, t = align_to_field(target, q, t, edges.views, coarse, COARSE_REACH[1], STRIDE)
     q, t = distinct(q, t, quick_cost(target, q, t, edges.views, coarse, CAPS_PX[1]), COARSE_KEEP[1])
     q, t = align_to_field(target, q, t, edges.views, fine, FINE_REACH)
     keep = EDGES_DECIDE if target.model.faces is None else IMAGE_DECIDES
@@ -56,11 +56,11 @@ def refine_by_edges(
     frame.mark("edge_support")
     if target.model.faces is None:
         # with faces, near-symmetries are compared on the whole image later
-        about = near_symmetries(target, out[:TURNED]) + neighbours(target, out[:MOVED])
+        about = near_symmetries(target, out[:SYMMETRIES_OF]) + neighbours(target, out[:NEIGHBOURS_OF])
         if about:
             q, t = np.array([h.q for h in about]), np.array([h.t for h in about])
-            q, t = align_to_field(target, q, t, edges.views, fine, TWIN_REACH)
-            q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), TWINS_KEEP)
+            q, t = align_to_field(target, q, t, edges.views, fine, SYMMETRY_REACH)
+            q, t = distinct(q, t, quick_cost(target, q, t, edges.views, fine, CAPS_PX[1]), SYMMETRIES_KEEP)
             out += _judge(target, q, t, edges)
             out.sort(key=lambda h: -h.support.total)
         frame.mark("edge_alignment")

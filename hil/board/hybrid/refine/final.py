@@ -17,26 +17,28 @@ from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap
 from flyaround.hil.board.hybrid.refine.photometric import JOINT_AT_END, explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# A pose that moved by more is aligned again [rad], at most ROUNDS times. A score lower by more than the third is
-# worse; by more than the fourth, the alignment diverges.
-MOVED_RAD, ROUNDS, NO_WORSE, ASTRAY = float(np.radians(0.5)), 6, 0.003, 0.02
+# Change of attitude below which an alignment has converged [rad], and most alignments.
+CONVERGED_RAD, MAX_ROUNDS = float(np.radians(0.5)), 6
+
+# Decrease of the score from which a pose is worse, and from which the alignment diverges.
+SCORE_TOLERANCE, DIVERGED = 0.003, 0.02
 
 # Longest side of the patch for the final alignment [px], and the last blurs.
 FINAL_PX, LAST_BLURS = 230, (0.3, 0.0)
 
-# Blurs before them: share of that size, blurs at first and after a large move, and after a small one. Before empty
-# space a smaller patch keeps all that such blurs leave.
+# Blurs before them: size of their patch as a share of that one, blurs at first and after a large move, and blurs after
+# a small move. Before empty space a smaller patch loses nothing under these blurs.
 EMPTY_WIDE, TEXTURED_WIDE = (0.65, (0.8, 0.5), (0.5,)), (1.0, (1.2, 0.8), (0.8,))
 
-# The same of a round target, of which small parts alone show the turn about the axis.
+# Longest side for a round target, whose rotation about the axis shows in small parts alone.
 ROUND_FINAL_PX = 400
 
-# A move by more is large [rad], and these wider blurs come first.
+# Change of attitude from which a move is large [rad], and the wider blurs that come first after it.
 FAR_RAD, FAR_BLURS = float(np.radians(1.0)), (2.0, 1.3)
 
 
 def refine_to_end(
-    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = ROUNDS
+    target: PreparedTarget, frame: Observation, close: ImagePatch, start: Hypothesis, rounds: int = MAX_ROUNDS
 ) -> Hypothesis:
     """Align a hypothesis until it converges; the ``start`` of the result has its score with fine shadows.
 
@@ -57,25 +59,25 @@ def refine_to_end(
     share, at_first, near_by = TEXTURED_WIDE if frame.background < 0 else EMPTY_WIDE
     sharp = cut_patch(target, frame, box, longest)
     wide = cut_patch(target, frame, box, round(share * longest)) if share < 1 else sharp
-    # thin parts get their true area only at the end: from afar a thin bright part attracts more without
+    # thin parts get their true area only at the end, because a thin bright part drawn too wide attracts from afar
     exact = replace(sharp, clipped=frame.clipped, exact=True)
     faces, camera = faces_of(target), target.camera.pinhole
     best: Optional[Hypothesis] = None
     blurs: Tuple[float, ...] = at_first
     before = start.pose
     here = search_sun(target, close, before.q, before.t, seen=start.seen)
-    began, sun = start.without_view(here.score), here.sun
+    origin, sun = start.without_view(here.score), here.sun
     for _ in range(rounds):
         near = _stepped(target, wide, before, sun, blurs)
         pose = _stepped(target, exact, near, sun, LAST_BLURS)
         view = photo_draw(pose.q, pose.t, faces, close, camera, sun)
         score = explained(view, close)
-        if best is None or score > best.score - NO_WORSE:
-            best = Hypothesis(pose, start.source, score, start.support, view=view, sun=sun, start=began)
-        elif score < best.score - ASTRAY:
+        if best is None or score > best.score - SCORE_TOLERANCE:
+            best = Hypothesis(pose, start.source, score, start.support, view=view, sun=sun, start=origin)
+        elif score < best.score - DIVERGED:
             break
         moved = quat.angle_rad(before.q, pose.q)
-        if moved < MOVED_RAD:
+        if moved < CONVERGED_RAD:
             break
         before = pose
         blurs = near_by
@@ -83,7 +85,7 @@ def refine_to_end(
             # after a large move the shadows have moved; after a small one the same Sun is still right
             sun = search_sun(target, close, before.q, before.t, seen=view.seen).sun
             blurs = (*FAR_BLURS, *at_first)
-    assert best is not None  # noqa: S101 - the first round always ends somewhere
+    assert best is not None  # noqa: S101 - there is at least one round
     return best
 
 
@@ -94,7 +96,7 @@ def _stepped(
     sun: Optional[ShadowMap],
     blurs: Tuple[float, ...],
 ) -> PoseFit:
-    """Return the pose after some steps, each with the brightness of many groups."""
+    """Return the pose after a Gauss-Newton step for each blur."""
     faces, camera = faces_of(target), target.camera.pinhole
     for blur in blurs:
         view = photo_draw(pose.q, pose.t, faces, patch, camera, sun)

@@ -1,6 +1,6 @@
 """Parallel refinement of several hypotheses on one image patch.
 
-Those whose score falls behind are dropped, and those that converge to a better one.
+Hypotheses are dropped if their scores fall behind or if they converge to a better one.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget, fac
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw, photo_step
 from flyaround.hil.board.hybrid.refine.shadows import search_sun
 
-# Largest change of the logarithm of the range in an alignment; beyond it the alignment has diverged.
-ASTRAY = 0.3
+# Largest change of the logarithm of the range; beyond it an alignment has diverged.
+MAX_LOG_RANGE_CHANGE = 0.3
 
 # Noise of a score.
-SLACK = 0.02
+SCORE_NOISE = 0.02
 
 # Cache of the hypotheses that were drawn on one patch, by pose and operation.
 Drawings = Dict[Tuple[Any, ...], Hypothesis]
@@ -30,7 +30,7 @@ Drawings = Dict[Tuple[Any, ...], Hypothesis]
 
 @dataclass(frozen=True)
 class Pruning:
-    """Criteria by which hypotheses go on to the next step.
+    """Selection of the hypotheses that are refined further.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class Pruning:
     most: int = 1000
 
     def split(self, hypotheses: List[Hypothesis]) -> Tuple[List[Hypothesis], List[Hypothesis]]:
-        """Return those that go on, the best first, and those that keep their score; near-duplicates are dropped."""
+        """Return hypotheses to refine, the best first, and those to leave as they are; duplicates are in neither."""
         going: List[Hypothesis] = []
         stay: List[Hypothesis] = []
         for h in sorted(hypotheses, key=lambda h: -h.score):
-            if going and (h.score < self.share * going[0].score - SLACK or len(going) >= self.most):
+            if going and (h.score < self.share * going[0].score - SCORE_NOISE or len(going) >= self.most):
                 stay.append(h)
             elif all(converges_elsewhere(h.pose, o.pose, self.apart_rad) for o in going):
                 going.append(h)
@@ -115,7 +115,7 @@ def refine_in_parallel(
     blurs : tuple of float
         Blur of each step [patch px].
     prunings : tuple of Pruning
-        Pruning before each step; those that do not go on keep their pose and score.
+        Pruning before each step; pruned hypotheses keep their pose and score.
     drawings : dict, optional
         Cache of drawings on the same patch.
     """
@@ -131,8 +131,8 @@ def refine_in_parallel(
             (hypotheses if moved else done).append(on)
     out = []
     for h in (*hypotheses, *done):
-        astray = abs(np.log(max(h.t[2], 1e-3) / max(h.origin.t[2], 1e-3))) > ASTRAY
-        out.append(h.without_view(0.5 * h.score if astray else h.score))
+        diverged = abs(np.log(max(h.t[2], 1e-3) / max(h.origin.t[2], 1e-3))) > MAX_LOG_RANGE_CHANGE
+        out.append(h.without_view(0.5 * h.score if diverged else h.score))
     return sorted(out, key=lambda h: -h.score)
 
 

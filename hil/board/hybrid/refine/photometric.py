@@ -1,4 +1,4 @@
-"""Alignment of the synthetic view on the image: every pixel that the pose changes counts."""
+"""Photometric alignment: Gauss-Newton steps on every pixel that depends on the pose."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ Array = np.ndarray
 TUKEY = 4.0
 
 # Expected distance of an edge from where it is drawn: at the end, and per pixel of blur [patch px].
-FLOOR_PX, SLACK = 0.2, 0.6
+FLOOR_PX, BLUR_SLACK = 0.2, 0.6
 
-# Over-relaxation of steps on blurred images, which fall short because the levels follow the error of the pose.
-RELAX = 1.5
+# Over-relaxation of steps on blurred images, which fall short because the brightnesses absorb part of the error.
+OVER_RELAXATION = 1.5
 
-# Variance over that of the normal equations, because errors of the model outweigh the noise: errors on development
-# frames have the median of chi-square (eval-black and eval-earth, seeds 6001 and 6002).
-INFLATION = 150.0
+# Factor on the covariance of the normal equations, because errors of the model outweigh the noise. With it, errors on
+# development frames have the median of chi-square.
+COVARIANCE_INFLATION = 150.0
 
 # Groups of faces whose brightness is estimated with the pose; the same at the end.
 JOINT, JOINT_AT_END = 16, 40
@@ -48,17 +48,17 @@ JOINT, JOINT_AT_END = 16, 40
 # Blur of the score [patch px], and bound of its residuals [noise].
 SCORE_BLUR_PX, BOUND = 0.8, 6.0
 
-# Least share of full scale of a saturated pixel, with noise.
-BURNT_OUT = 0.94
+# Share of full scale from which a noisy pixel counts as saturated.
+SATURATED = 0.94
 
-# Least coverage of a pixel that counts before a texture.
-COVERED = 0.05
+# Least coverage at which a pixel counts before a texture.
+MIN_COVERAGE = 0.05
 
-# Most groups with a brightness of their own (coverage.h), and size of a matrix for them.
-MOST, ROOM = 63, (63 + 7) ** 2
+# Most groups with a brightness of their own (coverage.h), and number of elements of their normal matrix.
+MAX_GROUPS, MATRIX_SIZE = 63, (63 + 7) ** 2
 
-# The library returns two counts in one number, the second times this.
-PACK = 1000
+# The library returns two counts as first + COUNT_BASE * second.
+COUNT_BASE = 1000
 
 
 def photo_draw(
@@ -111,7 +111,7 @@ def photo_step(
     camera: CameraIntrinsics,
     radius_m: float,
     blur: float,
-    relax: float = RELAX,
+    relax: float = OVER_RELAXATION,
     joint: int = JOINT,
 ) -> Optional[PoseFit]:
     """Return the pose after one Gauss-Newton step; None if the image has no information.
@@ -140,7 +140,7 @@ def photo_step(
     R, t = quat.matrix(fit.q), fit.t
     noise = patch.sigma / max(1.0, 2 * np.sqrt(np.pi) * blur)
     blurs = OPTICS_PX / patch.factor, blur, float(np.hypot(blur, OPTICS_PX / patch.factor))
-    slack = (FLOOR_PX + SLACK * blur) ** 2
+    slack = (FLOOR_PX + BLUR_SLACK * blur) ** 2
     G, total, rows = _gram(shading, faces, patch, camera, R, t, blurs, noise, slack, TUKEY**2, joint)
     if rows < 30:
         return None
@@ -149,7 +149,7 @@ def photo_step(
     step = relax * damped_step(H, g, scale, 1e-5)
     step = limit_one_step(step, t, radius_m)
     cost = float(np.sqrt(cost / max(total, 1e-12))) / noise
-    return PoseFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, INFLATION * _inverse(H))
+    return PoseFit(quat.turned(fit.q, step[:3]), t + step[3:], cost, COVARIANCE_INFLATION * _inverse(H))
 
 
 def _inverse(H: Array) -> Array:
@@ -201,7 +201,7 @@ def _gram(
     if shading.group.dtype != np.uint8:
         return many_groups.gram(shading, faces, patch, camera, R, t, blurs_px, noise, slack, tukey, joint)
     (h, w), f = patch.gray.shape, patch.fine
-    out, total = np.empty(ROOM), np.zeros(1)
+    out, total = np.empty(MATRIX_SIZE), np.zeros(1)
     packed = library().fly_normal_equations(
         pose_motion(shading, faces, patch, camera, R, t),
         contiguous(shading.group, "uint8", (h * f, w * f)),
@@ -216,13 +216,13 @@ def _gram(
         noise,
         slack,
         tukey,
-        min(joint, MOST - 1),
+        min(joint, MAX_GROUPS - 1),
         out,
         total,
     )
     if packed < 0:
         raise MemoryError("no memory for a step's normal equations")
-    k, rows = packed % PACK + 7, packed // PACK
+    k, rows = packed % COUNT_BASE + 7, packed // COUNT_BASE
     return out[: k * k].reshape(k, k), float(total[0]), int(rows)
 
 
@@ -257,13 +257,13 @@ def _loaded(A: Array, share: float, least: float) -> Array:
 
 
 def explained(shading: Shading, patch: ImagePatch) -> float:
-    """Return how much better the drawn craft explains the picture than the background alone, 0..1.
+    """Return the share of the image explained by the drawn craft: 1 less the ratio of residuals with and without it.
 
-    Residuals are bounded: a shadow that is not drawn costs its area, not its depth.
+    Residuals are bounded, so that a missing shadow costs its area and not its depth.
     """
     noise, none, least = _without_craft(patch)
     blurs = OPTICS_PX / patch.factor, SCORE_BLUR_PX, 1.0
-    residual = _unexplained(shading, patch, noise, none, blurs, BOUND**2, COVERED)
+    residual = _unexplained(shading, patch, noise, none, blurs, BOUND**2, MIN_COVERAGE)
     return 1.0 - residual / max(least, 1e-9)
 
 
@@ -338,7 +338,7 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
     picture = shading.picture
     h, w = patch.gray.shape
     cover = cv2.resize((shading.seen > 0).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-    on = blurred(cover, 1.0) > COVERED
+    on = blurred(cover, 1.0) > MIN_COVERAGE
     drawn = blurred(picture, float(np.hypot(SCORE_BLUR_PX, OPTICS_PX / patch.factor)))
     drawn = patch.response.of(drawn)[0][on].astype(float)
     gray = patch.blurred(SCORE_BLUR_PX)
@@ -354,4 +354,4 @@ def likeness(shading: Shading, patch: ImagePatch) -> Tuple[float, float]:
 def burnt_share(shading: Shading, patch: ImagePatch) -> float:
     """Return the share of the pixels that the synthetic view covers that are saturated."""
     on = shading.centre > 0
-    return float((patch.gray[on] > BURNT_OUT * patch.full).mean()) if on.any() else 0.0
+    return float((patch.gray[on] > SATURATED * patch.full).mean()) if on.any() else 0.0

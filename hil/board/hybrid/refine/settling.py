@@ -1,4 +1,4 @@
-"""Last steps of the selected pose, which remove the dependence on where its alignment started."""
+"""Last steps of the selected pose, which remove its dependence on the start of the alignment."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from flyaround.hil.board.hybrid.refine.photometric import (
     photo_step,
 )
 
-# Least score that shadows must add, and side of their map [px]. With less, rounding decides between directions of the
-# Sun that lie far apart, and each biases the pose.
-WORTH, SIDE_PX = 0.03, 384
+# Least gain of the score by shadows, and side of their map [px]. With a smaller gain, rounding decides between distant
+# directions of the Sun, and each biases the pose.
+MIN_SHADOW_GAIN, SHADOW_MAP_PX = 0.03, 384
 
-# Steps on the sharp image; the answer is their mean, because the pixels of the drawing make single steps jump.
+# Steps on the sharp image. The answer is their mean, because the pixels of the drawing make single steps jump.
 STEPS = 2
 
 
@@ -70,11 +70,11 @@ def _worthwhile(target: PreparedTarget, close: ImagePatch, end: Hypothesis) -> O
         return None
     faces, camera = faces_of(target), target.camera.pinhole
     seen = photo_draw(end.q, end.t, faces, close, camera).seen if end.view is None else end.view.seen
-    sun = ShadowMap.of(faces, end.sun.direction, SIDE_PX)
+    sun = ShadowMap.of(faces, end.sun.direction, SHADOW_MAP_PX)
     plain, lit = (
         explained(photo_shade(seen, end.q, end.t, faces, close, camera, s), close) for s in (None, sun)
     )
-    return sun if lit > plain + WORTH else None
+    return sun if lit > plain + MIN_SHADOW_GAIN else None
 
 
 def _mean(poses: List[PoseFit]) -> PoseFit:

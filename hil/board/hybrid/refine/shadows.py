@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-# Number of Sun directions to render, number of pixels by which they are selected, and side of the shadow map [px]:
-# before and after convergence. The coarse map would leave attitude errors of 0.6 deg.
+# Number of Sun directions that are rendered, number of pixels by which they are selected, and side of the shadow map
+# [px], before and after convergence. The coarse map would leave attitude errors of 0.6 deg.
 COARSE, FINE = (1, 240, 96), (4, 500, 160)
 
 # Steps by which the Sun's direction is refined [rad] (candidates are 13 deg apart), and least gain of the score by
 # shadows that makes refinement worth its time.
-STEPS_RAD, WORTH = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
+STEPS_RAD, MIN_GAIN = (float(np.radians(4.0)), float(np.radians(2.0))), 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,16 +87,16 @@ def search_sun(
 
     number, pixels, side = COARSE if coarse else FINE
 
-    def tried(sun: ShadowMap) -> LitView:
+    def lit_by(sun: ShadowMap) -> LitView:
         shading = photo_shade(plain.seen, q, t, faces, patch, camera, sun)
         return LitView(shading, explained(shading, patch), sun)
 
     if patch.sun is not None:
         # the view without shadows wins in eclipse
-        return max(best, tried(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
-    least = best.score + WORTH
+        return max(best, lit_by(ShadowMap.of(faces, quat.matrix(q).T @ patch.sun, side)), key=_score)
+    least = best.score + MIN_GAIN
     for k in target.suns.find(faces, plain, patch, camera, quat.matrix(q), t, number, pixels):
-        best = max(best, tried(target.suns.sunlight(faces, k, side)), key=_score)
+        best = max(best, lit_by(target.suns.sunlight(faces, k, side)), key=_score)
     if coarse or best.score < least:
         return best
     for step in STEPS_RAD:
@@ -107,7 +107,7 @@ def search_sun(
                     continue
                 best = max(
                     best,
-                    tried(ShadowMap.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
+                    lit_by(ShadowMap.of(faces, _beside(sun, step, way * sun.axes[axis]), side)),
                     key=_score,
                 )
                 if best.sun is not sun:

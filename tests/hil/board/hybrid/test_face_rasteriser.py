@@ -30,7 +30,13 @@ from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, fill_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
-from flyaround.hil.board.hybrid.refine.photometric import RELAX, explained, likeness, photo_draw, photo_step
+from flyaround.hil.board.hybrid.refine.photometric import (
+    OVER_RELAXATION,
+    explained,
+    likeness,
+    photo_draw,
+    photo_step,
+)
 from flyaround.hil.board.hybrid.refine.shadows import LitView, search_sun
 from flyaround.hil.board_model.write import make_faces
 from tests.harness.boxes import closed_box
@@ -78,7 +84,7 @@ def aligned(
     c: ImagePatch,
     radius_m: float,
     blurs_px: tuple[float, ...],
-    relax: float = RELAX,
+    relax: float = OVER_RELAXATION,
 ) -> PoseFit:
     """A pose after one step for each blur, those on blurred pictures made longer."""
     fit = PoseFit(q, t, 9.9, np.eye(6))
@@ -179,7 +185,7 @@ def test_the_derivative_lies_where_the_border_is(faces: Faces, box: tuple[int, i
 
 
 # longer steps reach farther, and leave one seed at another small minimum of the noise, 0.8 degrees off
-@pytest.mark.parametrize(("relax", "turn_deg", "share"), [(1.0, 0.6, 0.005), (RELAX, 1.0, 0.006)])
+@pytest.mark.parametrize(("relax", "turn_deg", "share"), [(1.0, 0.6, 0.005), (OVER_RELAXATION, 1.0, 0.006)])
 @pytest.mark.parametrize("seed", range(3))
 def test_alignment_comes_back_and_the_true_pose_scores_best(
     faces: Faces, seed: int, relax: float, turn_deg: float, share: float
@@ -374,10 +380,10 @@ def test_what_speaks_against_a_pose_lowers_its_confidence():
     assert decide(replace(told, likeness=0.8, covered=0.2, drawn=0.1, network=-10.0)) != ""
     assert "ambiguous" in decide(replace(told, margin=0.004))
     # of a craft whose near-symmetries the score alone does not tell apart a narrow margin is none
-    other = replace(told, tried=False)
+    other = replace(told, calibrated=False)
     assert confidence(other) < confidence(told)
     assert "ambiguous" in decide(replace(other, margin=0.019))
-    assert confidence(replace(other, looked=False)) < confidence(other)
+    assert confidence(replace(other, has_network=False)) < confidence(other)
     # neither the picture's scale nor the craft's size is evidence
     assert confidence(replace(told, size_px=900.0, edges=400)) == confidence(told)
 

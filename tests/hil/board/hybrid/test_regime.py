@@ -13,7 +13,7 @@ from lamp_lit import lamp_lit
 from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.decide.confidence import Evidence
-from flyaround.hil.board.hybrid.estimator import PoseEstimator, check, choose, propose_learned, ranked
+from flyaround.hil.board.hybrid.estimator import PoseEstimator, check, choose, propose_learned, rank
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.prepare import prepare
@@ -99,7 +99,7 @@ def test_the_search_asks_the_regime_and_not_the_black_level(
 
     def judged(black: float | None) -> tuple[int, bytes]:
         prepared = prepare(estimator.setup, Observation(image))
-        proposals = ranked(propose_learned(prepared))
+        proposals = rank(propose_learned(prepared))
         if black is not None:
             prepared.frame.black = black
         best = check(choose(proposals)).selection.best

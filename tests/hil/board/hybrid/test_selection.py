@@ -1,4 +1,4 @@
-"""Poses held by a near minimum of their tilt: what leans about them is asked, and the better end wins."""
+"""Selection among refined poses: rivals, margins, and near-symmetries compared on a finer patch."""
 
 from __future__ import annotations
 
@@ -11,16 +11,13 @@ from lamp_lit import lamp_lit
 from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.hybrid.decide.discrete_symmetry import Prior, check_discrete_symmetry
-from flyaround.hil.board.hybrid.decide.near_minima import check_near_minima
 from flyaround.hil.board.hybrid.decide.selection import Selection, image_evidence, select
 from flyaround.hil.board.hybrid.hypotheses.edge_support import support
 from flyaround.hil.board.hybrid.hypotheses.hypothesis import Hypothesis, PoseFit, Source
 from flyaround.hil.board.hybrid.image.edge_field import edge_field
 from flyaround.hil.board.hybrid.image.observation import Observation
-from flyaround.hil.board.hybrid.image.regime import Regime
 from flyaround.hil.board.hybrid.model.image_patch import cut_patch, target_box
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
-from flyaround.hil.board.hybrid.propose.variants import tilts
 from flyaround.hil.board.hybrid.refine.close import CLOSE_PX
 from flyaround.hil.board.hybrid.refine.photometric import explained, photo_draw
 from flyaround.hil.board.svd.region_of_interest import Region
@@ -60,32 +57,6 @@ def choice_of(craft: PreparedTarget, frame: Observation, q: np.ndarray, t: np.nd
     return Selection(end, image_evidence(craft, end, s, score), (), close, (start,), (end,))
 
 
-def test_a_tilt_that_holds_is_left_for_the_better_one_beside_it(
-    craft: PreparedTarget, frame: Observation
-) -> None:
-    field = choice_of(craft, frame, Q, T_M).best
-    wrong = tilts(craft, field)[0]
-    before = choice_of(craft, frame, wrong.q, wrong.t)
-    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
-    assert np.degrees(quat.angle_rad(wrong.q, Q)) > 10
-    assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
-    assert np.linalg.norm(after.best.t - T_M) < 0.02
-    # the one it was is a rival now
-    assert after.evidence.margin <= after.best.score - before.best.score
-    assert len(after.ends) == 2
-
-
-def test_a_right_pose_stays_and_what_leant_comes_back_to_it(
-    craft: PreparedTarget, frame: Observation
-) -> None:
-    before = choice_of(craft, frame, Q, T_M)
-    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
-    assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
-    assert after.best.score >= before.best.score
-    # nor do those that are on their way make it look doubtful
-    assert after.evidence.margin >= before.evidence.margin
-
-
 def test_a_start_that_led_to_the_winner_is_no_rival_of_it(craft: PreparedTarget, frame: Observation) -> None:
     right = choice_of(craft, frame, Q, T_M)
     start, end = right.best.origin, right.best
@@ -112,15 +83,6 @@ def test_an_end_at_another_place_is_a_rival_though_its_attitude_is_the_winners(
     led_there = replace(end, pose=farther, score=0.97 * end.score, start=beyond)
     both = select(craft, right.close, [start, beyond], [end, led_there])
     assert both.evidence.margin == pytest.approx(0.03 * end.score)
-
-
-def test_a_half_turn_is_won_back_from_its_end(craft: PreparedTarget, frame: Observation) -> None:
-    turned = quat.normalise(quat.multiply(Q, np.array([0.0, 0.0, 0.0, 1.0])))
-    before = choice_of(craft, frame, turned, T_M)
-    after = check_near_minima(craft, frame, Regime.SUNLIGHT, before)
-    assert np.degrees(quat.angle_rad(after.best.q, Q)) < 0.5
-    assert np.linalg.norm(after.best.t - T_M) < 0.02
-    assert after.best.score > before.best.score + 0.02
 
 
 def test_half_a_turn_is_told_by_the_finer_picture(craft: PreparedTarget, frame: Observation) -> None:
