@@ -37,8 +37,10 @@ def align_to_field(
     ----------
     target : PreparedTarget
         Target with the samples of its edges.
-    q, t : (B, 4), (B, 3) array
-        Initial poses: quaternions and positions [m].
+    q : (B, 4) array
+        Initial attitudes, camera from target.
+    t : (B, 3) array
+        Initial positions of the target, camera axes [m].
     views : ViewTable
         Visible samples by viewing direction.
     field : EdgeField
@@ -50,8 +52,10 @@ def align_to_field(
 
     Returns
     -------
-    q, t : (B, 4), (B, 3) array
-        Aligned poses.
+    q : (B, 4) array
+        Aligned attitudes, camera from target.
+    t : (B, 3) array
+        Aligned positions of the target, camera axes [m].
     """
     camera, radius_m = target.camera, target.radius_m
     idx = weight = np.zeros(0)
@@ -112,8 +116,10 @@ class Gradients:
 
     Parameters
     ----------
-    gx, gy : (h, w) array
-        Gradient components, float32.
+    gx : (h, w) array
+        Gradient along the columns, float32.
+    gy : (h, w) array
+        Gradient along the rows, float32.
     sigma : float
         Standard deviation of the noise of one component.
     x0, y0, factor : float
@@ -143,8 +149,10 @@ def fine_align(
     ----------
     target : PreparedTarget
         Target with the samples of its edges.
-    q, t : (4,), (3,) array
-        Initial pose: quaternion and position [m].
+    q : (4,) array
+        Attitude, camera from target.
+    t : (3,) array
+        Position of the target, camera axes [m].
     idx : (M,) array
         Indices of the visible samples.
     gradients : Gradients

@@ -32,8 +32,10 @@ def motion_images(
         Its patch.
     camera : CameraIntrinsics
         A pinhole (see ``ImagePatch.rays``).
-    R, t : (3, 3), (3,) array
-        The pose, camera from target.
+    R : (3, 3) array
+        Attitude, camera from target.
+    t : (3,) array
+        Position of the target, camera axes [m].
     """
     if shading.group.dtype != np.uint8:
         return many_groups.motion_images(shading, faces, patch, camera, R, t)

@@ -73,8 +73,10 @@ def photo_draw(
 
     Parameters
     ----------
-    q, t : (4,), (3,) array
-        The pose, camera from target.
+    q : (4,) array
+        Attitude, camera from target.
+    t : (3,) array
+        Position of the target, camera axes [m].
     faces : Faces
         Faces of the target.
     patch : ImagePatch
@@ -185,8 +187,10 @@ def _gram(
         Reduced region of the image around the target.
     camera : CameraIntrinsics
         A pinhole.
-    R, t : (3, 3), (3,) array
-        The pose, camera from target.
+    R : (3, 3) array
+        Attitude, camera from target.
+    t : (3,) array
+        Position of the target, camera axes [m].
     blurs_px : tuple of float
         Blur of the optics, of this step, and of both.
     noise : float

@@ -68,8 +68,10 @@ def search_sun(
         Target with its precomputed tables.
     patch : ImagePatch
         Reduced region of the image around the target.
-    q, t : (4,), (3,) array
-        Pose of the target: quaternion and position [m].
+    q : (4,) array
+        Attitude, camera from target.
+    t : (3,) array
+        Position of the target, camera axes [m].
     plain : Shading, optional
         View without shadows at this pose, to save rendering it.
     seen : (H, W) array, optional
