@@ -31,8 +31,10 @@ class CornerCode:
 
     Parameters
     ----------
-    frame_id : number of the frame, below 2**32.
-    time_ns : nanoseconds since 1970-01-01 UTC, below 2**64.
+    frame_id : int
+        Number of the frame, below 2**32.
+    time_ns : int
+        Nanoseconds since 1970-01-01 UTC, below 2**64.
     """
 
     frame_id: int
@@ -45,8 +47,10 @@ class CodePlace:
 
     Parameters
     ----------
-    left_px, top_px : first column and row of the block.
-    cell_px : width and height of a cell.
+    left_px, top_px : int, optional
+        First column and row of the block.
+    cell_px : int, optional
+        Width and height of a cell.
     """
 
     left_px: int = 0
@@ -83,8 +87,10 @@ def draw_code(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) digital numbers.
-    white_dn : the number for white; black is 0.
+    image : (H, W) array
+        Or (H, W, 3) digital numbers.
+    white_dn : int
+        The number for white; black is 0.
 
     Raises
     ------

@@ -59,7 +59,12 @@ def measure(name: str, seconds: float, extra: list[str]) -> dict[str, float]:
 
     Parameters
     ----------
-    name : built-in scenario. seconds : duration after the first image. extra : options for ``flyaround sim``.
+    name : str
+        Built-in scenario.
+    seconds : float
+        Duration after the first image.
+    extra : list of str
+        Options for ``flyaround sim``.
     """
     with tempfile.TemporaryDirectory() as folder, virtual_screen() as display:
         write_scenario(name, Path(folder) / "rates.toml")

@@ -41,8 +41,16 @@ class Step:
 
     Parameters
     ----------
-    command : arguments after the program. seconds : its duration. processor_s : processor time of all processes.
-    cache_bytes : size of the cache after it. problem : reason of its failure, or empty.
+    command : str
+        Arguments after the program.
+    seconds : float
+        Its duration.
+    processor_s : float
+        Processor time of all processes.
+    cache_bytes : int
+        Size of the cache after it.
+    problem : str
+        Reason of its failure, or empty.
     """
 
     command: str

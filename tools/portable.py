@@ -66,9 +66,16 @@ class Factor:
 
     Parameters
     ----------
-    name : name on the command line. environment : variables that set it. shown : program that fails unless they have an
-        effect.
-    tests : files of tests to run. needs : flags that /proc/cpuinfo must list.
+    name : str
+        Name on the command line.
+    environment : dict of str to str
+        Variables that set it.
+    shown : str
+        Program that fails unless they have an effect.
+    tests : tuple of str, optional
+        Files of tests to run.
+    needs : tuple of str, optional
+        Flags that /proc/cpuinfo must list.
     """
 
     name: str

@@ -27,7 +27,8 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
 
     Parameters
     ----------
-    kind : type of the run; by default the argument's annotation.
+    kind : type, optional
+        Type of the run; by default the argument's annotation.
     """
     signature = inspect.signature(command, eval_str=True)
     own = [p.replace(kind=p.KEYWORD_ONLY) for p in signature.parameters.values() if p.name != "run"]

@@ -33,9 +33,12 @@ class Only(NamedTuple):
 
     Parameters
     ----------
-    field, other : keys, such as ``pictures.n``.
-    values : allowed values of the other field; None for any but its default.
-    sentence : error message; ``{value}`` is replaced by the field's value.
+    field, other : str
+        Keys, such as ``pictures.n``.
+    values : tuple of object or None
+        Allowed values of the other field; None for any but its default.
+    sentence : str
+        Error message; ``{value}`` is replaced by the field's value.
     """
 
     field: str
@@ -56,10 +59,14 @@ class RunField(NamedTuple):
 
     Parameters
     ----------
-    key : key in the document, such as ``line.listen``.
-    section : type of its table.
-    declared : help and names on the command line.
-    recorded : False for a field marked ``NOT_RECORDED``.
+    key : str
+        Key in the document, such as ``line.listen``.
+    section : type
+        Type of its table.
+    declared : OptionInfo or ArgumentInfo
+        Help and names on the command line.
+    recorded : bool
+        False for a field marked ``NOT_RECORDED``.
     """
 
     key: str

@@ -78,7 +78,8 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
 
     Parameters
     ----------
-    compiled : True if its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
+    compiled : bool
+        True if its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
@@ -119,16 +120,24 @@ class BoardAgent:
 
     Parameters
     ----------
-    url : the host.
-    model_path : board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
-    make_estimator : called for each session with the host's camera, a dict (``fx_px``, ``cx_px``, ...); returns the
-        estimator.
-    connect_timeout_s : time-out for reaching the host, and then for its first message.
-    window : frames held at once, the one in work included.
-    key : key shared with the host, which must prove that it has it; None without authentication.
-    watchdog_s : an estimator that takes longer for a frame ends the session; infinite: it may take any time.
-    silence_s : time without messages after which the host is considered gone.
-    takes_colour : True if ``make_estimator``'s takes (H, W, 3) images as well.
+    url : str
+        The host.
+    model_path : str or Path, optional
+        Board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
+    make_estimator : EstimatorFactory, optional
+        Called for each session with the host's camera, a dict (``fx_px``, ``cx_px``, ...); returns the estimator.
+    connect_timeout_s : float, optional
+        Time-out for reaching the host, and then for its first message.
+    window : int, optional
+        Frames held at once, the one in work included.
+    key : bytes, optional
+        Key shared with the host, which must prove that it has it; None without authentication.
+    watchdog_s : float, optional
+        An estimator that takes longer for a frame ends the session; infinite: it may take any time.
+    silence_s : float, optional
+        Time without messages after which the host is considered gone.
+    takes_colour : bool, optional
+        True if ``make_estimator``'s takes (H, W, 3) images as well.
 
     Raises
     ------
@@ -220,8 +229,10 @@ class BoardAgent:
 
         Parameters
         ----------
-        tell : given a sentence on the end of each session, and on each reason why none could begin once.
-        pause : waits for this many seconds: twice as many from try to try, up to a bound; few again after a session.
+        tell : callable, optional
+            Given a sentence on the end of each session, and on each reason why none could begin once.
+        pause : callable, optional
+            Waits for this many seconds: twice as many from try to try, up to a bound; few again after a session.
 
         Returns
         -------
@@ -266,7 +277,14 @@ def run_board(
 
     Parameters
     ----------
-    url, model_path, method, options : see `BoardAgent`.
+    url : str
+        See `BoardAgent`.
+    model_path : str or Path, optional
+        See `BoardAgent`.
+    method : str, optional
+        See `BoardAgent`.
+    options : object
+        See `BoardAgent`.
 
     Raises
     ------

@@ -55,10 +55,14 @@ class BoardSummary:
 
     Parameters
     ----------
-    goodbye : True if the host ended the session in order.
-    ended : one sentence saying how it ended.
-    hung : True if the watchdog ended it: the estimator did not come back from a frame.
-    busy : True if the estimator is still at work on a frame of this session, whose answer nobody will get.
+    goodbye : bool
+        True if the host ended the session in order.
+    ended : str
+        One sentence saying how it ended.
+    hung : bool, optional
+        True if the watchdog ended it: the estimator did not come back from a frame.
+    busy : bool, optional
+        True if the estimator is still at work on a frame of this session, whose answer nobody will get.
     """
 
     frames: int
@@ -83,10 +87,14 @@ class FrameServer:
 
     Parameters
     ----------
-    link : after the handshake, which settled ``terms``.
-    window : whole frames that this board said it can hold.
-    watchdog_s : an estimator that takes longer ends the session; infinite for as long as it likes.
-    silence_s : a host that says nothing for this long, not even on the board's clock requests, is gone.
+    link : Link
+        After the handshake, which settled ``terms``.
+    window : int
+        Whole frames that this board said it can hold.
+    watchdog_s : float, optional
+        An estimator that takes longer ends the session; infinite for as long as it likes.
+    silence_s : float, optional
+        A host that says nothing for this long, not even on the board's clock requests, is gone.
     """
 
     def __init__(

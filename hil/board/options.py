@@ -20,11 +20,16 @@ class AgentOption(NamedTuple):
 
     Parameters
     ----------
-    flag : option as typed.
-    kind : str, int, float, or bool for one without a value.
-    default : None if it has none.
-    text : help text.
-    unit : placeholder of the value in help.
+    flag : str
+        Option as typed.
+    kind : type
+        Str, int, float, or bool for one without a value.
+    default : object
+        None if it has none.
+    text : str
+        Help text.
+    unit : str, optional
+        Placeholder of the value in help.
     """
 
     flag: str
@@ -91,10 +96,14 @@ def make_agent(
 
     Parameters
     ----------
-    url : the host's.
-    model_path : board model file, or a bundled one's name.
-    given : values by `AgentOption.name`.
-    own : another estimator than those of the board by name: its factory, and name and hash of its model.
+    url : str
+        The host's.
+    model_path : str
+        Board model file, or a bundled one's name.
+    given : dict of str to object
+        Values by `AgentOption.name`.
+    own : tuple of EstimatorFactory and str, optional
+        Another estimator than those of the board by name: its factory, and name and hash of its model.
 
     Raises
     ------

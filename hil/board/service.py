@@ -74,9 +74,12 @@ def systemd_unit(program: str, arguments: List[str], url: str) -> str:
 
     Parameters
     ----------
-    program : path of the bundle.
-    arguments : command line.
-    url : address of the host, which determines the rights.
+    program : str
+        Path of the bundle.
+    arguments : list of str
+        Command line.
+    url : str
+        Address of the host, which determines the rights.
     """
     serial = url.startswith("serial")
     device = url[len("serial://") :].split("?", maxsplit=1)[0]

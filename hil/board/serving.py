@@ -24,7 +24,8 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
 
     Parameters
     ----------
-    start : words that start this program once more, after the interpreter's name.
+    start : list of str
+        Words that start this program once more, after the interpreter's name.
 
     Raises
     ------

@@ -27,9 +27,16 @@ class FaceTree:
 
     Parameters
     ----------
-    corners_m : (4, 3) of each face. source : index of the polygon before large ones were cut.
-    plane : (nx, ny, nz, d) of each node, zero at leaves. children : nodes in front of it and behind, -1 for none.
-    members : faces of each node.
+    corners_m : list of (4, 3) array, optional
+        Of each face.
+    source : list of int, optional
+        Index of the polygon before large ones were cut.
+    plane : list of tuple of float, optional
+        (nx, ny, nz, d) of each node, zero at leaves.
+    children : list of tuple of int, optional
+        Nodes in front of it and behind, -1 for none.
+    members : list of list of int, optional
+        Faces of each node.
     """
 
     corners_m: list[FloatArray] = field(default_factory=list)
@@ -44,7 +51,8 @@ def build_tree(faces_m: FloatArray, large: BoolArray) -> FaceTree:
 
     Parameters
     ----------
-    large : (F,) which planes divide space.
+    large : BoolArray
+        (F,) which planes divide space.
     """
     tree = FaceTree()
     index = np.arange(len(faces_m))

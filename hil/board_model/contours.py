@@ -46,11 +46,18 @@ class OccludingContours:
 
     Parameters
     ----------
-    center_m : (3,) centre of the craft. range_m : distance of the camera from it.
-    directions : (V, 3) unit vectors from the middle to the camera, model frame.
-    points_m : (V, N, 3) evenly spaced along the outline.
-    normals : (V, N, 3) unit, outward, across the line of sight.
-    radius_m : (V, N) of curvature along the line of sight; 0 at sharp edges.
+    center_m : (3,) array
+        Centre of the craft.
+    range_m : float
+        Distance of the camera from it.
+    directions : (V, 3) array
+        Unit vectors from the middle to the camera, model frame.
+    points_m : (V, N, 3) array
+        Evenly spaced along the outline.
+    normals : (V, N, 3) array
+        Unit, outward, across the line of sight.
+    radius_m : (V, N) array
+        Of curvature along the line of sight; 0 at sharp edges.
     """
 
     center_m: FloatArray

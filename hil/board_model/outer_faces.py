@@ -90,8 +90,9 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
 
     Parameters
     ----------
-    levels : parts of the craft's levels of detail, the coarsest first. Of the finer ones only those parts are
-        taken that the coarser leave out and that show enough of themselves.
+    levels : sequence of sequence of Part
+        Parts of the craft's levels of detail, the coarsest first. Of the finer ones only those parts are taken that
+        the coarser leave out and that show enough of themselves.
     """
     parts = list(levels[0])
     have = {p.name for p in parts}
@@ -154,8 +155,14 @@ def _distinctiveness(
 
     Parameters
     ----------
-    owner : part of each triangle. surface : (T,) which triangles are the surface. asked : numbers of the others.
-    within_m : nearer than this and of the same material they show nothing.
+    owner : IntArray
+        Part of each triangle.
+    surface : BoolArray
+        (T,) which triangles are the surface.
+    asked : IntArray
+        Numbers of the others.
+    within_m : float
+        Nearer than this and of the same material they show nothing.
     """
     names = sorted({p.material for p in parts})
     material = np.array([names.index(p.material) for p in parts])[owner]

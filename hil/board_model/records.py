@@ -41,10 +41,17 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Parameters
     ----------
-    corners : base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's
-        frame, the corners in order seen from outside, the last twice for a triangle.
-    material : index of each face's material. plane : nx, ny, nz, d of each node of the tree, zeros at a leaf.
-    children : nodes in front of the plane and behind it, -1 for none. members : faces of each node.
+    corners : str
+        Base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's frame, the
+        corners in order seen from outside, the last twice for a triangle.
+    material : tuple of int
+        Index of each face's material.
+    plane : tuple of tuple of float
+        Nx, ny, nz, d of each node of the tree, zeros at a leaf.
+    children : tuple of tuple of int
+        Nodes in front of the plane and behind it, -1 for none.
+    members : tuple of tuple of int
+        Faces of each node.
     """
 
     step_m: Positive

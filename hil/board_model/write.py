@@ -130,7 +130,8 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
     Parameters
     ----------
-    levels : parts at each level of detail, the coarsest first.
+    levels : sequence of sequence of Part
+        Parts at each level of detail, the coarsest first.
     """
     triangles, material = outer_triangles(levels)
     if not len(triangles):

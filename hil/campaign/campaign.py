@@ -106,12 +106,18 @@ def run_campaign(
 
     Parameters
     ----------
-    path : campaign file.
-    folder : new, empty, or of the same campaign.
-    board_command : starts a board; URL, target and method are appended.
-    workers : runs at a time.
-    command : the words on the command line, for the record.
-    say : called with the runs to repeat, and the reason.
+    path : Path
+        Campaign file.
+    folder : Path
+        New, empty, or of the same campaign.
+    board_command : tuple of str
+        Starts a board; URL, target and method are appended.
+    workers : int, optional
+        Runs at a time.
+    command : tuple of str, optional
+        The words on the command line, for the record.
+    say : callable, optional
+        Called with the runs to repeat, and the reason.
 
     Raises
     ------

@@ -62,8 +62,10 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     Attributes
     ----------
-    model_sha256 : hash of the target's model.
-    board : description of a board that is started here; empty for others.
+    model_sha256 : str, optional
+        Hash of the target's model.
+    board : str, optional
+        Description of a board that is started here; empty for others.
     """
 
     flyaround: str = ""
@@ -76,12 +78,18 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     Attributes
     ----------
-    inputs : SHA-256 of the inputs, which identifies the run.
-    flown_by : versions; empty in results older than this field.
-    board : board that answered, by its HELLO.
-    gl_renderer : driver that rendered.
-    failure : cause of a failed run.
-    values : value of each quantity that it has.
+    inputs : str
+        SHA-256 of the inputs, which identifies the run.
+    flown_by : FlownBy, optional
+        Versions; empty in results older than this field.
+    board : Board, optional
+        Board that answered, by its HELLO.
+    gl_renderer : str, optional
+        Driver that rendered.
+    failure : str, optional
+        Cause of a failed run.
+    values : dict of str to float or str
+        Value of each quantity that it has.
     """
 
     inputs: str
@@ -98,9 +106,12 @@ class RunTask:
 
     Parameters
     ----------
-    folder : output.
-    board_command : command that starts a board; URL, target and method are appended.
-    command : command line, for the record.
+    folder : Path
+        Output.
+    board_command : tuple of str
+        Command that starts a board; URL, target and method are appended.
+    command : tuple of str, optional
+        Command line, for the record.
     """
 
     ready: ReadyCase

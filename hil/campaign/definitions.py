@@ -45,8 +45,10 @@ class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     Attributes
     ----------
-    listen : an address for a board of its own, started by hand; without it each run starts a board on this machine.
-    key : file with the key for an address that other machines reach, next to the campaign file.
+    listen : str, optional
+        An address for a board of its own, started by hand; without it each run starts a board on this machine.
+    key : str, optional
+        File with the key for an address that other machines reach, next to the campaign file.
     """
 
     listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
@@ -62,12 +64,27 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     Attributes
     ----------
-    scenario : built-in name, or a TOML file next to the campaign file.
-    closed_loop, pose : fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
-    method : estimator of a board that is started here.
-    mode, frames, every_s, latency_s, deadline_s : options of ``hil host`` of these names.
-    faults : a faults file next to the campaign file, or its contents; default the scenario's own. Each run's seed
-        replaces theirs.
+    scenario : str
+        Built-in name, or a TOML file next to the campaign file.
+    closed_loop : bool, optional
+        Fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
+    pose : {'board', 'truth', 'noisy'}, optional
+        Fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
+    method : str, optional
+        Estimator of a board that is started here.
+    mode : {'lockstep', 'realtime'}, optional
+        Options of ``hil host`` of these names.
+    frames : int, optional
+        Options of ``hil host`` of these names.
+    every_s : Seconds, optional
+        Options of ``hil host`` of these names.
+    latency_s : float, optional
+        Options of ``hil host`` of these names.
+    deadline_s : Seconds, optional
+        Options of ``hil host`` of these names.
+    faults : Faults or str, optional
+        A faults file next to the campaign file, or its contents; default the scenario's own. Each run's seed replaces
+        theirs.
     """
 
     name: Name
@@ -105,7 +122,8 @@ class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     Attributes
     ----------
-    cases : names of cases, with ``*`` for any letters.
+    cases : tuple of str, optional
+        Names of cases, with ``*`` for any letters.
     """
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=120)]
@@ -136,8 +154,10 @@ class ReadyCase:
 
     Parameters
     ----------
-    source : the scenario's file.
-    key : file of the link's key, found.
+    source : bytes
+        The scenario's file.
+    key : Path or None
+        File of the link's key, found.
     """
 
     case: Case

@@ -62,11 +62,14 @@ def map_delays(
 
     Parameters
     ----------
-    settings : `settings_for` has checked them.
-    folder : new, empty, or of the same settings.
-    board_command : starts a board, for the cells that are checked.
-    progress : called with the name of the flights, the
-        number done and the total.
+    settings : MapSettings
+        `settings_for` has checked them.
+    folder : Path
+        New, empty, or of the same settings.
+    board_command : tuple of str
+        Starts a board, for the cells that are checked.
+    progress : callable, optional
+        Called with the name of the flights, the number done and the total.
 
     Raises
     ------

@@ -30,7 +30,8 @@ def junit_xml(
 
     Parameters
     ----------
-    durations_s : durations of the flights, by case and seed.
+    durations_s : mapping of tuple of str and int to float
+        Durations of the flights, by case and seed.
     """
     root = ET.Element("testsuites")
     for number, ready in enumerate(cases):

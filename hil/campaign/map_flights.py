@@ -66,8 +66,10 @@ class MapFlight:
 
     Parameters
     ----------
-    every_s : between images; None: the thrusters' period.
-    board_command : starts a board: the flight is drawn, and on its poses. None: on noisy poses.
+    every_s : float, optional
+        Between images; None: the thrusters' period.
+    board_command : tuple of str, optional
+        Starts a board: the flight is drawn, and on its poses. None: on noisy poses.
     """
 
     scenario: str

@@ -20,9 +20,12 @@ class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     Attributes
     ----------
-    inputs : SHA-256 of the scenario.
-    flights : flights of each cell, with the seeds from ``first_seed`` on.
-    check, check_flights : cells flown again, drawn and with a board, and flights of each.
+    inputs : str
+        SHA-256 of the scenario.
+    flights : int
+        Flights of each cell, with the seeds from ``first_seed`` on.
+    check, check_flights : int
+        Cells flown again, drawn and with a board, and flights of each.
     """
 
     schema: Literal["flyaround.delay_map_settings"] = "flyaround.delay_map_settings"
@@ -122,8 +125,10 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    half : result for each jitter and share of drops.
-    extended : latencies beyond those requested, because success was
+    half : tuple of HalfLatency
+        Result for each jitter and share of drops.
+    extended : tuple of float
+        Latencies beyond those requested, because success was.
     not yet
         rare there. refined : cells between two latencies, for the first jitter and the first share of drops alone.
     """

@@ -28,8 +28,10 @@ def run_with_own_board(
 
     Parameters
     ----------
-    command, options : command line of a board, before and after the host's address.
-    log : file for the output of a board that failed.
+    command, options : tuple of str
+        Command line of a board, before and after the host's address.
+    log : Path, optional
+        File for the output of a board that failed.
     """
     with contextlib.ExitStack() as stack:
 

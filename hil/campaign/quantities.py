@@ -31,7 +31,8 @@ class RunRecord:
 
     Parameters
     ----------
-    steps : columns of ``closed_loop.csv`` by name, empty where there is none.
+    steps : dict of str to list of str
+        Columns of ``closed_loop.csv`` by name, empty where there is none.
     """
 
     summary: LedgerSummary

@@ -32,8 +32,10 @@ class Verdict:
 
     Parameters
     ----------
-    value : value of the quantity; None if the run has none, which fails.
-    margin : distance of a number from the limit, negative on the wrong side.
+    value : Value
+        Value of the quantity; None if the run has none, which fails.
+    margin : float or None
+        Distance of a number from the limit, negative on the wrong side.
     """
 
     requirement: Requirement
@@ -76,7 +78,8 @@ class RunVerdict:
 
     Parameters
     ----------
-    failure : why the run came to nothing, or to no good end; then nothing is passed.
+    failure : str
+        Why the run came to nothing, or to no good end; then nothing is passed.
     """
 
     case: str

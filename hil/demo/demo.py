@@ -59,10 +59,14 @@ def run_demo(
 
     Parameters
     ----------
-    board_command : starts a board; URL and target are appended.
-    overwrite : replace the folder if it holds an earlier demo, and nothing but one.
-    say : takes a line for the person who waits.
-    progress_bar : opens a bar of that name; yields ``update(done, total)``.
+    board_command : sequence of str
+        Starts a board; URL and target are appended.
+    overwrite : bool
+        Replace the folder if it holds an earlier demo, and nothing but one.
+    say : callable
+        Takes a line for the person who waits.
+    progress_bar : ProgressBar
+        Opens a bar of that name; yields ``update(done, total)``.
 
     Raises
     ------

@@ -38,15 +38,24 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    screen_px, camera_px : width and height.
-    homography : 3 x 3, row by row, from screen pixels to camera pixels; pixel (0, 0) is the centre of the first.
-    bend : Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
-    shading : Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
-    response : light of each of ``levels``, from 0 at level 0 to 1 at 255.
-    black_dn : digital number of the camera at level 0.
-    white_dn : digital number of white after shading correction.
-    code_left_px, code_top_px, code_cell_px : upper left corner and cell size of the frame code in the camera's image.
-    geometry_rms_px : RMS distance of the measured points from the fitted map.
+    screen_px, camera_px : tuple of int
+        Width and height.
+    homography : list of float
+        3 x 3, row by row, from screen pixels to camera pixels; pixel (0, 0) is the centre of the first.
+    bend : list of list of list of float
+        Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
+    shading : list of list of float
+        Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
+    response : list of float
+        Light of each of ``levels``, from 0 at level 0 to 1 at 255.
+    black_dn : float
+        Digital number of the camera at level 0.
+    white_dn : float
+        Digital number of white after shading correction.
+    code_left_px, code_top_px, code_cell_px : int
+        Upper left corner and cell size of the frame code in the camera's image.
+    geometry_rms_px : float
+        RMS distance of the measured points from the fitted map.
     """
 
     screen_px: tuple[int, int]
@@ -122,8 +131,10 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 
     Parameters
     ----------
-    grabs : digital numbers (H, W) of a camera without gamma by name of the pattern, averaged over repeated images.
-    screen_px : width and height of the screen.
+    grabs : mapping of str to array
+        Digital numbers (H, W) of a camera without gamma by name of the pattern, averaged over repeated images.
+    screen_px : tuple of int
+        Width and height of the screen.
 
     Raises
     ------

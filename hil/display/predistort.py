@@ -21,7 +21,8 @@ class Predistorter:
 
     Parameters
     ----------
-    calibration : calibration of the screen and the camera that looks at it.
+    calibration : DisplayCalibration
+        Calibration of the screen and the camera that looks at it.
     """
 
     def __init__(self, calibration: DisplayCalibration) -> None:
@@ -41,8 +42,10 @@ class Predistorter:
 
         Parameters
         ----------
-        image : (H, W) numbers of the camera's size, linear in light.
-        white : the number that is shown as white.
+        image : (H, W) array
+            Numbers of the camera's size, linear in light.
+        white : float
+            The number that is shown as white.
 
         Raises
         ------

@@ -43,8 +43,10 @@ class ScreenSink:
 
     Parameters
     ----------
-    screen : window on the screen.
-    predistorter : by a calibration; `None` shows frames as they are, in the screen's
+    screen : Screen
+        Window on the screen.
+    predistorter : Predistorter or None
+        By a calibration; `None` shows frames as they are, in the screen's.
     middle. code : draw the code of frame number and time. hold_s : least time that each frame stays [s].
     """
 

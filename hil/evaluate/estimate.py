@@ -47,13 +47,18 @@ def estimate(
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
-    camera : camera of the image: a camera, the name of a built-in one, or a file.
-    target : the craft in it: a target, a name of `list_targets`, or a target file.
-    method : ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``;
-        ``net:FILE`` is a network of `flyaround train`.
-    sun_camera : unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record; None if it
-        is not known. ``hybrid`` searches it then; the other methods have no use for it.
+    image : (H, W) array, str or Path
+        Or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
+    camera : Camera, str or Path
+        Camera of the image: a camera, the name of a built-in one, or a file.
+    target : Target, str or Path, optional
+        The craft in it: a target, a name of `list_targets`, or a target file.
+    method : str, optional
+        ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``; ``net:FILE`` is a network of
+        `flyaround train`.
+    sun_camera : sequence of float, optional
+        Unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record; None if it is not
+        known. ``hybrid`` searches it then; the other methods have no use for it.
 
     Returns
     -------

@@ -75,12 +75,18 @@ def write_page(
 
     Parameters
     ----------
-    report : existing folder of the report.
-    folder : data set, from which the images of failures are cropped.
-    card : card of the data set.
-    model : target model that the methods used.
-    metrics : metrics of each method.
-    rows : one per frame and method.
+    report : Path
+        Existing folder of the report.
+    folder : Path
+        Data set, from which the images of failures are cropped.
+    card : DatasetCard
+        Card of the data set.
+    model : BoardModel
+        Target model that the methods used.
+    metrics : Metrics
+        Metrics of each method.
+    rows : sequence of EvaluatedFrame
+        One per frame and method.
     """
     labels = list(metrics.by_method)
     page = Page("Pose estimation", "Pose estimation beside the truth", style=STYLE)

@@ -55,8 +55,8 @@ def failure_kind(
     ----------
     image : (H, W) array
         The image.
-    box_px : tuple of float, optional
-        x0, y0, x1, y1 of the visible mask.
+    box_px : tuple of float or None
+        Tuple of float, optional x0, y0, x1, y1 of the visible mask.
     q_true, t_true : sequence of float
         The true pose.
     result : PoseResult

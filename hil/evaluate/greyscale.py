@@ -25,8 +25,10 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
 
     Parameters
     ----------
-    image : (H, W) or (H, W, 3), whole numbers.
-    encoding : transfer function of its numbers.
+    image : (H, W) array
+        Or (H, W, 3), whole numbers.
+    encoding : str, optional
+        Transfer function of its numbers.
 
     Returns
     -------

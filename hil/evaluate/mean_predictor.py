@@ -18,9 +18,12 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    n : frames.
-    t_m : mean position.
-    q_wxyz : mean attitude (Markley et al. 2007).
+    n : int
+        Frames.
+    t_m : tuple of float
+        Mean position.
+    q_wxyz : tuple of float
+        Mean attitude (Markley et al. 2007).
     """
 
     n: int

@@ -47,19 +47,26 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    n, n_feasible : frames, and feasible ones among them.
-    coarse_success, fine_success : share of feasible frames whose best pose, accepted or not, is within
-        the bounds.
-    coarse_accepted : share of feasible frames that are accepted and coarse.
-    availability : accepted feasible frames over feasible ones.
-    false_accept : accepted but not coarse over accepted, infeasible frames included.
+    n, n_feasible : int
+        Frames, and feasible ones among them.
+    coarse_success, fine_success : float or None
+        Share of feasible frames whose best pose, accepted or not, is within the bounds.
+    coarse_accepted : float or None
+        Share of feasible frames that are accepted and coarse.
+    availability : float or None
+        Accepted feasible frames over feasible ones.
+    false_accept : float or None
+        Accepted but not coarse over accepted, infeasible frames included.
     *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
     *_wilson : 95 % interval of the share of that name.
     *_bootstrap : 95 % interval of the median or mean of that name.
-    speed_score : mean of E_R [rad] + e_t over every feasible frame with a pose; speed_plus_score :
-        the same with errors below SPEED+'s label accuracy counted as none.
-    median_nees, nees_inside_95 : NEES of accepted frames: the median (5.35 where covariances are right), and the share
-        within the 95 % of chi-square with six degrees of freedom.
+    speed_score : float or None
+        Mean of E_R [rad] + e_t over every feasible frame with a pose;.
+    speed_plus_score : float or None
+        The same with errors below SPEED+'s label accuracy counted as none.
+    median_nees, nees_inside_95 : float, optional
+        NEES of accepted frames: the median (5.35 where covariances are right), and the share within the 95 % of
+        chi-square with six degrees of freedom.
     """
 
     n: int
@@ -113,11 +120,16 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    failures : feasible frames that are not coarse, by the stage that failed.
-    bias_m, spread_m : mean and standard deviation of the position error of accepted frames along camera x, y, z.
-    turn_bias_deg, turn_spread_deg : the same for the attitude error about these axes.
-    time_ms_p50, time_ms_p95 : time of one frame on the machine of the evaluation.
-    spread : spread of accepted poses' errors, for a navigation filter; None for too few.
+    failures : dict of str to int, optional
+        Feasible frames that are not coarse, by the stage that failed.
+    bias_m, spread_m : tuple of float, optional
+        Mean and standard deviation of the position error of accepted frames along camera x, y, z.
+    turn_bias_deg, turn_spread_deg : tuple of float, optional
+        The same for the attitude error about these axes.
+    time_ms_p50, time_ms_p95 : float, optional
+        Time of one frame on the machine of the evaluation.
+    spread : PoseSpread, optional
+        Spread of accepted poses' errors, for a navigation filter; None for too few.
     """
 
     method: str = ""
@@ -138,10 +150,14 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    kernels : implementation of the inner loops: ``native`` and the library's file, or ``none`` and the reason.
-    pictures : description of the images.
-    grey_from_colour : True if colour images were converted to grey.
-    mean_predictor : errors of the mean pose as the answer to every feasible frame; None if there is none.
+    kernels : str, optional
+        Implementation of the inner loops: ``native`` and the library's file, or ``none`` and the reason.
+    pictures : str, optional
+        Description of the images.
+    grey_from_colour : bool, optional
+        True if colour images were converted to grey.
+    mean_predictor : MeanPredictor, optional
+        Errors of the mean pose as the answer to every feasible frame; None if there is none.
     """
 
     schema: str = SCHEMA
@@ -199,8 +215,10 @@ def summarise(
 
     Parameters
     ----------
-    failures : the stage that failed, one entry for each feasible frame that is not coarse.
-    times_ms : time of each frame.
+    failures : sequence of str, optional
+        The stage that failed, one entry for each feasible frame that is not coarse.
+    times_ms : sequence of float, optional
+        Time of each frame.
     """
     frames = list(records)
     bins = []
@@ -240,8 +258,14 @@ def compose(
 
     Parameters
     ----------
-    kernels : implementation of the estimators' kernels.
-    pictures, grey_from_colour, mean_predictor : as of `Metrics`.
+    kernels : str, optional
+        Implementation of the estimators' kernels.
+    pictures : str, optional
+        As of `Metrics`.
+    grey_from_colour : bool, optional
+        As of `Metrics`.
+    mean_predictor : MeanPredictor, optional
+        As of `Metrics`.
 
     Raises
     ------

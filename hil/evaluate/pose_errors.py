@@ -28,16 +28,23 @@ class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    range_m : true distance of the target's origin from the camera [m].
-    E_T_m, e_t, E_R_deg : errors of the best pose returned; None when none was.
-    accepted : True if the estimator stands by it.
-    feasible : True if the frame can be solved.
-    frame_class : for reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
-    shift_camera_m : (3,) estimated less true position, camera axes [m].
-    turn_camera_deg : (3,) rotation vector from
-        true to estimated attitude, camera axes [deg].
-    nees : normalised estimation error squared: turn and shift over the covariance that the estimator gave, six
-        degrees of freedom; None without one.
+    range_m : float
+        True distance of the target's origin from the camera [m].
+    E_T_m, e_t, E_R_deg : float or None
+        Errors of the best pose returned; None when none was.
+    accepted : bool
+        True if the estimator stands by it.
+    feasible : bool, optional
+        True if the frame can be solved.
+    frame_class : str, optional
+        For reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
+    shift_camera_m : tuple of float, optional
+        (3,) estimated less true position, camera axes [m].
+    turn_camera_deg : tuple of float, optional
+        (3,) rotation vector from true to estimated attitude, camera axes [deg].
+    nees : float, optional
+        Normalised estimation error squared: turn and shift over the covariance that the estimator gave, six degrees
+        of freedom; None without one.
     """
 
     range_m: float
@@ -69,8 +76,10 @@ def frame_errors(
 
     Parameters
     ----------
-    q_true_wxyz, q_est_wxyz : (4,) ``q_camera_from_target``; either sign, normalised here.
-    t_true_m, t_est_m : (3,) target in the camera [m].
+    q_true_wxyz, q_est_wxyz : (4,) array
+        ``q_camera_from_target``; either sign, normalised here.
+    t_true_m, t_est_m : (3,) array
+        Target in the camera [m].
 
     Raises
     ------
@@ -104,7 +113,8 @@ def frame_record(
 
     Parameters
     ----------
-    covariance : (6, 6) of turn [rad] and shift [m], camera axes, as the estimator gave it.
+    covariance : (6, 6) array, optional
+        Of turn [rad] and shift [m], camera axes, as the estimator gave it.
 
     Raises
     ------

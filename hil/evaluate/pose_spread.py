@@ -27,9 +27,12 @@ class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    across_share, along_share : errors across and along the camera's boresight over the range.
-    tilt_rad, roll_rad : rotation errors about each axis across the boresight, and about it [rad].
-    available : share of the feasible frames that are accepted.
+    across_share, along_share : float
+        Errors across and along the camera's boresight over the range.
+    tilt_rad, roll_rad : float
+        Rotation errors about each axis across the boresight, and about it [rad].
+    available : float
+        Share of the feasible frames that are accepted.
     """
 
     across_share: float

@@ -68,9 +68,12 @@ def audit_pictures(
 
     Parameters
     ----------
-    rows : rows of the ledger.
-    pictures : name and image of each picture.
-    place : place of the code in the run.
+    rows : sequence of FrameRecord
+        Rows of the ledger.
+    pictures : Pictures
+        Name and image of each picture.
+    place : CodePlace, optional
+        Place of the code in the run.
     """
     place = CodePlace() if place is None else place
     by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()

@@ -194,10 +194,14 @@ def fly_without_pictures(
 
     Parameters
     ----------
-    plan : scenario with its flight and target.
-    config : settings of the loop.
-    pose : ``truth``, or ``noisy`` to add the errors of the estimator ``hybrid``.
-    link : delay from an image to its pose; by default the latency of `PoseLink`.
+    plan : Plan
+        Scenario with its flight and target.
+    config : ClosedLoopConfig
+        Settings of the loop.
+    pose : {'truth', 'noisy'}
+        ``truth``, or ``noisy`` to add the errors of the estimator ``hybrid``.
+    link : PoseLink, optional
+        Delay from an image to its pose; by default the latency of `PoseLink`.
 
     Raises
     ------
@@ -238,7 +242,8 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
 
     Parameters
     ----------
-    every_s : time between images; None for one image per control period.
+    every_s : float or None
+        Time between images; None for one image per control period.
 
     Raises
     ------

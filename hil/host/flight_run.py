@@ -42,13 +42,22 @@ class FlightOptions:
 
     Parameters
     ----------
-    closed_loop : settings of a flight on the poses; None follows the plan.
-    pose_link : delay of poses of a closed loop in lockstep; default their usual latency, and that of the line's faults.
-    pose_noise : assumed errors of the board's poses in a closed loop; default those of ``hybrid``.
-    source : folder whose images are sent instead of rendered ones.
-    source_text, command : scenario file and command line, for the record of the run.
-    time_code : True to draw a time code into a corner.
-    workers, device_index : processes and GPU of the rendering.
+    closed_loop : ClosedLoopConfig, optional
+        Settings of a flight on the poses; None follows the plan.
+    pose_link : PoseLink, optional
+        Delay of poses of a closed loop in lockstep; default their usual latency, and that of the line's faults.
+    pose_noise : PoseNoise, optional
+        Assumed errors of the board's poses in a closed loop; default those of ``hybrid``.
+    source : Path, optional
+        Folder whose images are sent instead of rendered ones.
+    source_text : bytes, optional
+        Scenario file and command line, for the record of the run.
+    command : tuple of str, optional
+        Scenario file and command line, for the record of the run.
+    time_code : bool, optional
+        True to draw a time code into a corner.
+    workers, device_index : int, optional
+        Processes and GPU of the rendering.
     """
 
     closed_loop: ClosedLoopConfig | None = None
@@ -67,8 +76,10 @@ class FlightRun:
 
     Parameters
     ----------
-    plan : plan of the flight.
-    config : settings of the run, to which the target and a closed loop are added.
+    plan : Plan
+        Plan of the flight.
+    config : RunConfig
+        Settings of the run, to which the target and a closed loop are added.
 
     Raises
     ------
@@ -113,7 +124,8 @@ class FlightRun:
 
         Parameters
         ----------
-        recorders : additional recorders of each frame and its outcome.
+        recorders : tuple of Recorder, optional
+            Additional recorders of each frame and its outcome.
         """
         options, loop, log_dir = self._options, self._loop, self._config.log_dir
         if loop is not None:
@@ -161,8 +173,10 @@ def with_time_code(
 
     Parameters
     ----------
-    place : place of the code, default the upper left corner; ``time_code_px`` of each frame is its box.
-    faults : faults of the camera, of which `RepeatedNumber` keeps its counter at the last number.
+    place : CodePlace, optional
+        Place of the code, default the upper left corner; ``time_code_px`` of each frame is its box.
+    faults : Faults, optional
+        Faults of the camera, of which `RepeatedNumber` keeps its counter at the last number.
 
     Raises
     ------

@@ -228,8 +228,8 @@ def complete(
     ----------
     record : FrameRecord
         With its outcome, and with times.
-    truth : (4,) and (3,) tuples, optional
-        Quaternion and position ``camera_from_target``.
+    truth : tuple of Quat and Vec3 or None
+        (4,) and (3,) tuples, optional Quaternion and position ``camera_from_target``.
     utc_minus_monotonic_ns : int
         Of the host's clocks, the same for all rows of a run.
     deadline_ms : float, optional

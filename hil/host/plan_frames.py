@@ -38,12 +38,17 @@ def frames_of_plan(
 
     Parameters
     ----------
-    plan : flight to render.
-    device_index : EGL device to render on; None for the driver's choice.
-    workers : number of render processes.
-    warm_up : True to render some frames of the flight in advance and discard them. Shaders are compiled and buffers
+    plan : Plan
+        Flight to render.
+    device_index : int, optional
+        EGL device to render on; None for the driver's choice.
+    workers : int, optional
+        Number of render processes.
+    warm_up : bool, optional
+        True to render some frames of the flight in advance and discard them. Shaders are compiled and buffers
         allocated when a view first needs them; in a real-time run this would delay frames.
-    sinks : sinks that receive each frame before the board does.
+    sinks : iterable of Sink, optional
+        Sinks that receive each frame before the board does.
     """
     with open_frames(
         Frame.image_and_truth,

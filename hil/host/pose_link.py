@@ -30,9 +30,12 @@ class PoseLink:
 
     Parameters
     ----------
-    latency_s : time from mid-exposure to the pose, without faults.
-    faults : delays, jitters and drops of the line; a drop's chance is that of an image. Others are left out.
-    seed : seed of the random draws, which depend on it and the image's number alone.
+    latency_s : float, optional
+        Time from mid-exposure to the pose, without faults.
+    faults : tuple of LineFault, optional
+        Delays, jitters and drops of the line; a drop's chance is that of an image. Others are left out.
+    seed : int, optional
+        Seed of the random draws, which depend on it and the image's number alone.
     """
 
     latency_s: float = LATENCY_S
@@ -83,7 +86,8 @@ class PoseQueue:
 
     Parameters
     ----------
-    link : their delays; None hands each on as it comes.
+    link : PoseLink or None
+        Their delays; None hands each on as it comes.
     """
 
     def __init__(self, link: PoseLink | None) -> None:
@@ -114,7 +118,8 @@ class LinkedPoses:
 
     Parameters
     ----------
-    source : looks, and answers at once.
+    source : PoseSource
+        Looks, and answers at once.
     """
 
     def __init__(self, source: PoseSource, link: PoseLink) -> None:

@@ -45,13 +45,18 @@ def run_host(
 
     Parameters
     ----------
-    frames : as `flyaround.hil.host.plan_frames` has them from the loop, drawn as they are needed.
-    config : with ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
+    frames : iterable of Frame
+        As `flyaround.hil.host.plan_frames` has them from the loop, drawn as they are needed.
+    config : RunConfig
+        With ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
         machines reach needs a key.
-    on_row : called with each row once its outcome is known, in that order.
-    on_listening : called with the URLs once the ports are open.
-    on_end : called with the summary after the ledger is closed, also if the run is interrupted or fails; Ctrl-C waits
-        for it.
+    on_row : callable, optional
+        Called with each row once its outcome is known, in that order.
+    on_listening : callable, optional
+        Called with the URLs once the ports are open.
+    on_end : callable, optional
+        Called with the summary after the ledger is closed, also if the run is interrupted or fails; Ctrl-C waits for
+        it.
 
     Raises
     ------

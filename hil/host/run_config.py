@@ -26,20 +26,33 @@ class RunConfig:
 
     Parameters
     ----------
-    link : settings of the link to board and truth loggers.
-    log_dir : for ``frames.csv`` and ``summary.json``; None keeps no files.
-    connect_timeout_s : wait for the first board.
-    window : most frames under way at once; the board may ask for fewer.
-    deadline_s : a frame not answered within this is a miss; realtime's default is the frame interval.
-    latency_s : realtime: the camera hands an image over so long after the end of its exposure, whatever drawing took.
-    target_name, target_sha256 : the target that is flown; a board with another model is refused.
-    recorders : record each frame and its outcome; closed with the ledger.
-    closed_loop : asked in the end what a closed loop came to; None where the frames follow a plan.
-    decide_every_s : realtime, a closed loop: the next frame is requested no earlier than so long after this one's
-        exposure, with all poses that have come by then in.
-    flown : scenario and command for the record of the run.
-    send_sun : the direction to the Sun in the camera frame goes with each frame, to boards that take it.
-    new_line_faults : asked before each frame for faults of the line that begin now, where the link lets them be added.
+    link : LinkConfig
+        Settings of the link to board and truth loggers.
+    log_dir : Path, optional
+        For ``frames.csv`` and ``summary.json``; None keeps no files.
+    connect_timeout_s : float, optional
+        Wait for the first board.
+    window : int, optional
+        Most frames under way at once; the board may ask for fewer.
+    deadline_s : float, optional
+        A frame not answered within this is a miss; realtime's default is the frame interval.
+    latency_s : float, optional
+        Realtime: the camera hands an image over so long after the end of its exposure, whatever drawing took.
+    target_name, target_sha256 : str, optional
+        The target that is flown; a board with another model is refused.
+    recorders : tuple of Recorder, optional
+        Record each frame and its outcome; closed with the ledger.
+    closed_loop : callable, optional
+        Asked in the end what a closed loop came to; None where the frames follow a plan.
+    decide_every_s : float, optional
+        Realtime, a closed loop: the next frame is requested no earlier than so long after this one's exposure, with
+        all poses that have come by then in.
+    flown : FlownRecord, optional
+        Scenario and command for the record of the run.
+    send_sun : bool, optional
+        The direction to the Sun in the camera frame goes with each frame, to boards that take it.
+    new_line_faults : callable, optional
+        Asked before each frame for faults of the line that begin now, where the link lets them be added.
     """
 
     link: LinkConfig

@@ -43,11 +43,16 @@ def serial_advice(
 
     Parameters
     ----------
-    link : URL, compression and time-out of the link.
-    size_px : width and height of the images.
-    bits : bits of a pixel.
-    pixel_format : how they are sent.
-    every_s : interval of frames in real time; None if the host waits for each pose.
+    link : LinkConfig
+        URL, compression and time-out of the link.
+    size_px : tuple of int
+        Width and height of the images.
+    bits : int
+        Bits of a pixel.
+    pixel_format : PixelFormat
+        How they are sent.
+    every_s : float or None
+        Interval of frames in real time; None if the host waits for each pose.
     """
     scheme, _, baud = parse_url(link.url)
     if scheme != "serial":

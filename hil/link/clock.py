@@ -55,7 +55,8 @@ class ClockFilter:
 
     Parameters
     ----------
-    keep_s : age at which exchanges are dropped; a smaller value follows a faster change of drift.
+    keep_s : float, optional
+        Age at which exchanges are dropped; a smaller value follows a faster change of drift.
     """
 
     def __init__(self, keep_s: float = 120.0) -> None:

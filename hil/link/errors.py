@@ -30,7 +30,8 @@ class ProtocolMistake(PacketError):  # noqa: N818 - the sender's, not the line's
 
     Parameters
     ----------
-    frame_id : the frame that the packet is about; None where it is about none.
+    frame_id : int, optional
+        The frame that the packet is about; None where it is about none.
     """
 
     def __init__(self, sentence: str, frame_id: Optional[int] = None) -> None:

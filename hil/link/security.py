@@ -83,9 +83,12 @@ class Seal:
 
     Parameters
     ----------
-    key : shared.
-    nonces : the board's, then the host's.
-    is_host : True at the host.
+    key : bytes
+        Shared.
+    nonces : bytes
+        The board's, then the host's.
+    is_host : bool
+        True at the host.
     """
 
     def __init__(self, key: bytes, nonces: bytes, *, is_host: bool) -> None:

@@ -78,10 +78,14 @@ class LinkStats:
 
     Parameters
     ----------
-    corrupt : packets that the line damaged.
-    mistakes : intact packets that say what the protocol does not allow, or at the wrong time.
-    kinds : mistakes by their kind, in words.
-    stale : packets of an earlier session of this line: of another one than this, before the first of this.
+    corrupt : int, optional
+        Packets that the line damaged.
+    mistakes : int, optional
+        Intact packets that say what the protocol does not allow, or at the wrong time.
+    kinds : dict of str to int, optional
+        Mistakes by their kind, in words.
+    stale : int, optional
+        Packets of an earlier session of this line: of another one than this, before the first of this.
     """
 
     sent: int = 0
@@ -107,10 +111,13 @@ class Link:
 
     Parameters
     ----------
-    transport : an open line.
-    session_id : 0 until the handshake has settled it.
-    accepts : packet types that may come now, to be changed as the session goes on; others are counted as
-        mistakes and left out, unread.
+    transport : Transport
+        An open line.
+    session_id : int, optional
+        0 until the handshake has settled it.
+    accepts : AbstractSet, optional
+        Packet types that may come now, to be changed as the session goes on; others are counted as mistakes and left
+        out, unread.
     """
 
     def __init__(
@@ -218,10 +225,14 @@ def answer_hello(
 
     Parameters
     ----------
-    hello : the board's capabilities.
-    terms : the host's terms; ``window`` is its upper limit.
-    encodings : the host's wishes, the first choice first; raw where the board takes none of them.
-    pixel_formats : those that hold the host's images, the first choice first; of ``terms`` unless given.
+    hello : Hello
+        The board's capabilities.
+    terms : HelloAck
+        The host's terms; ``window`` is its upper limit.
+    encodings : sequence of Encoding, optional
+        The host's wishes, the first choice first; raw where the board takes none of them.
+    pixel_formats : sequence of PixelFormat, optional
+        Those that hold the host's images, the first choice first; of ``terms`` unless given.
 
     Raises
     ------

@@ -26,11 +26,16 @@ class ApproachRules:
 
     Parameters
     ----------
-    hold_after_s, abort_after_s : age of the newest pose in the estimate at which the chaser holds, and aborts.
-    hold_sigma_share : largest sigma of the position over the range; beyond it the chaser holds.
-    arrived_within_m, arrived_speed_m_s : largest estimated distance from the path's end, and speed, on arrival.
-    arrived_sigma_rad : largest sigma of the target's attitude on arrival.
-    arrived_for_s : duration of these conditions.
+    hold_after_s, abort_after_s : float, optional
+        Age of the newest pose in the estimate at which the chaser holds, and aborts.
+    hold_sigma_share : float, optional
+        Largest sigma of the position over the range; beyond it the chaser holds.
+    arrived_within_m, arrived_speed_m_s : float, optional
+        Largest estimated distance from the path's end, and speed, on arrival.
+    arrived_sigma_rad : float, optional
+        Largest sigma of the target's attitude on arrival.
+    arrived_for_s : float, optional
+        Duration of these conditions.
     """
 
     hold_after_s: float = 5.0
@@ -48,9 +53,12 @@ class Decision:
 
     Parameters
     ----------
-    phase : phase of the approach.
-    reason : cause of a hold or abort, else empty.
-    wanted_m_s : (3,) change of velocity, LVLH.
+    phase : Phase
+        Phase of the approach.
+    reason : str
+        Cause of a hold or abort, else empty.
+    wanted_m_s : (3,) array
+        Change of velocity, LVLH.
     """
 
     phase: Phase
@@ -63,10 +71,14 @@ class Approach:
 
     Parameters
     ----------
-    path : path of the scenario.
-    n_rad_s : the target's mean motion.
-    period_s : period of control.
-    end_lvlh_m : (3,) end of the path.
+    path : Chaser
+        Path of the scenario.
+    n_rad_s : float
+        The target's mean motion.
+    period_s : float
+        Period of control.
+    end_lvlh_m : (3,) array
+        End of the path.
     """
 
     def __init__(
@@ -91,9 +103,12 @@ class Approach:
 
         Parameters
         ----------
-        estimate : estimate at ``t_s``, or None.
-        status : status of the filter.
-        last_used_s : exposure of its newest pose.
+        estimate : RelativeEstimate or None
+            Estimate at ``t_s``, or None.
+        status : Status
+            Status of the filter.
+        last_used_s : float or None
+            Exposure of its newest pose.
         """
         doubt = self._doubt(t_s, estimate, status, last_used_s)
         self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)

@@ -38,12 +38,20 @@ class ClosedLoopConfig:
 
     Parameters
     ----------
-    seed : seed of the initial dispersion and of the thrusters' errors.
-    frame_every : periods of control from image to image.
-    start_sigma_m, start_sigma_m_s : dispersion of the start about the path's, each axis.
-    thrust_sigma : standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules, filter : settings of guidance and filter.
-    inertia_known : True if the filter propagates the target as a rigid body.
+    seed : int, optional
+        Seed of the initial dispersion and of the thrusters' errors.
+    frame_every : int, optional
+        Periods of control from image to image.
+    start_sigma_m, start_sigma_m_s : float, optional
+        Dispersion of the start about the path's, each axis.
+    thrust_sigma : float, optional
+        Standard deviation of a pulse relative to its command, each axis; the filter uses the same.
+    rules : ApproachRules, optional
+        Settings of guidance and filter.
+    filter : FilterSettings, optional
+        Settings of guidance and filter.
+    inertia_known : bool, optional
+        True if the filter propagates the target as a rigid body.
     """
 
     seed: int = 0
@@ -64,17 +72,30 @@ class LoopStep:
 
     Parameters
     ----------
-    t_s : start of the period.
-    phase, reason : phase of guidance and its reason.
-    status : status of the filter.
-    position_lvlh_m, velocity_lvlh_m_s : (3,) truth.
-    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) commanded and delivered velocity change.
-    estimate : estimate predicted to ``t_s``, or None.
-    error : (12,) truth minus estimate.
-    nees : its NEES.
-    pose_age_s : age of the newest pose in the estimate.
-    violation : True inside the sphere and outside the corridor.
-    pointing_error_rad : angle between the camera's attitude and the commanded one at its true position.
+    t_s : float
+        Start of the period.
+    phase : Phase
+        Phase of guidance and its reason.
+    reason : str
+        Phase of guidance and its reason.
+    status : Status
+        Status of the filter.
+    position_lvlh_m, velocity_lvlh_m_s : (3,) array
+        Truth.
+    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) array
+        Commanded and delivered velocity change.
+    estimate : RelativeEstimate or None
+        Estimate predicted to ``t_s``, or None.
+    error : (12,) array or None
+        Truth minus estimate.
+    nees : float or None
+        Its NEES.
+    pose_age_s : float or None
+        Age of the newest pose in the estimate.
+    violation : bool
+        True inside the sphere and outside the corridor.
+    pointing_error_rad : float
+        Angle between the camera's attitude and the commanded one at its true position.
     """
 
     t_s: float
@@ -99,11 +120,16 @@ class ClosedLoopResult:
 
     Parameters
     ----------
-    outcome : arrived, aborted (with a reason, and never inside the sphere), or failed.
-    reason : reason of the last two.
-    final_error_m : truth from the path's end.
-    final_error_deg : the larger of the camera's error of pointing and the
-        error of the target's estimated attitude. delta_v_m_s : total velocity change.
+    outcome : Outcome
+        Arrived, aborted (with a reason, and never inside the sphere), or failed.
+    reason : str
+        Reason of the last two.
+    final_error_m : float
+        Truth from the path's end.
+    final_error_deg : float
+        The larger of the camera's error of pointing and the error of the target's estimated attitude.
+    delta_v_m_s : float
+        Total velocity change.
     """
 
     outcome: Outcome
@@ -149,10 +175,14 @@ def fly_closed_loop(
 
     Parameters
     ----------
-    flight : flight whose target, guidance path and camera pointing are used; its chaser gives the start.
-    com_target_m, inertia_kg_m2 : (3,), (3, 3) mass properties of the target's model, its own axes.
-    poses : source of poses.
-    config : settings.
+    flight : Flight
+        Flight whose target, guidance path and camera pointing are used; its chaser gives the start.
+    com_target_m, inertia_kg_m2 : (3,) array
+        (3, 3) mass properties of the target's model, its own axes.
+    poses : PoseSource
+        Source of poses.
+    config : ClosedLoopConfig, optional
+        Settings.
 
     Raises
     ------
@@ -170,8 +200,16 @@ class ClosedLoop:
 
     Parameters
     ----------
-    flight, com_target_m, inertia_kg_m2, config : see `fly_closed_loop`.
-    arrived : returns the poses that have come by a time and were not returned before.
+    flight : Flight
+        See `fly_closed_loop`.
+    com_target_m : array
+        See `fly_closed_loop`.
+    inertia_kg_m2 : array
+        See `fly_closed_loop`.
+    config : ClosedLoopConfig, optional
+        See `fly_closed_loop`.
+    arrived : callable
+        Returns the poses that have come by a time and were not returned before.
     """
 
     def __init__(

@@ -17,9 +17,12 @@ class ScaleSettings:
 
     Parameters
     ----------
-    prior_poses : weight of the initial factor of 1, in poses.
-    kept : share of the information from poses that remains at the next one; the rest returns to the prior.
-    least, most : bounds of a factor.
+    prior_poses : float, optional
+        Weight of the initial factor of 1, in poses.
+    kept : float, optional
+        Share of the information from poses that remains at the next one; the rest returns to the prior.
+    least, most : float, optional
+        Bounds of a factor.
     """
 
     prior_poses: float = 4.0
@@ -37,8 +40,10 @@ class ErrorScale:
 
     Parameters
     ----------
-    weight : weight of the poses in the belief, in poses.
-    squares : (6,) weighted sum of squared errors over their expected variance.
+    weight : float, optional
+        Weight of the poses in the belief, in poses.
+    squares : (6,) array, optional
+        Weighted sum of squared errors over their expected variance.
 
     References
     ----------

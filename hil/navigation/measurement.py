@@ -19,12 +19,17 @@ class PoseMeasurement:
 
     Parameters
     ----------
-    t_s : mid-exposure, time from the flight's start [s].
-    q_camera_from_target_wxyz, t_camera_from_target_m : (4,), (3,) pose of the model's frame.
-    q_camera_from_eci_wxyz : (4,) attitude of the camera at that time, known from the star tracker.
-    errors : (6, 6) square root of the error covariance, one column for each independent error. Rows are translation in
-        camera axes [m] and rotation in target axes [rad].
-    remembered : share of each error's variance that is correlated between successive poses.
+    t_s : float
+        Mid-exposure, time from the flight's start [s].
+    q_camera_from_target_wxyz, t_camera_from_target_m : (4,) array
+        (3,) pose of the model's frame.
+    q_camera_from_eci_wxyz : (4,) array
+        Attitude of the camera at that time, known from the star tracker.
+    errors : (6, 6) array
+        Square root of the error covariance, one column for each independent error. Rows are translation in camera
+        axes [m] and rotation in target axes [rad].
+    remembered : float
+        Share of each error's variance that is correlated between successive poses.
     """
 
     t_s: float
@@ -39,7 +44,8 @@ class PoseMeasurement:
 
         Parameters
         ----------
-        factors : (6,) or scalar scale of the errors.
+        factors : (6,) array or float, optional
+            Or scalar scale of the errors.
         """
         return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
 
@@ -54,8 +60,10 @@ class ErrorMemory:
 
     Parameters
     ----------
-    turn_rad : rotation of the target relative to the camera after which the correlation has fallen to 1/e.
-    range_ratio : ratio of ranges after which the correlation has fallen to 1/e.
+    turn_rad : float, optional
+        Rotation of the target relative to the camera after which the correlation has fallen to 1/e.
+    range_ratio : float, optional
+        Ratio of ranges after which the correlation has fallen to 1/e.
     """
 
     turn_rad: float = 1.0
@@ -66,8 +74,10 @@ class ErrorMemory:
 
         Parameters
         ----------
-        turn_rad : rotation of the target between the views.
-        ratio : ratio of the ranges.
+        turn_rad : float
+            Rotation of the target between the views.
+        ratio : float
+            Ratio of the ranges.
         """
         return float(np.exp(-abs(turn_rad) / self.turn_rad - abs(np.log(ratio) / np.log(self.range_ratio))))
 
@@ -78,11 +88,16 @@ class Snapshot:
 
     Parameters
     ----------
-    t_s : time from the flight's start [s].
-    position_eci_m, velocity_eci_m_s : (3,) chaser minus target's centre of mass, GCRS axes.
-    q_camera_from_eci_wxyz, omega_camera_rad_s : attitude of the camera, and its rate about its own axes.
-    q_eci_from_target_wxyz : (4,) attitude of the target.
-    com_target_m : (3,) centre of mass of the target in the model's frame.
+    t_s : float
+        Time from the flight's start [s].
+    position_eci_m, velocity_eci_m_s : (3,) array
+        Chaser minus target's centre of mass, GCRS axes.
+    q_camera_from_eci_wxyz, omega_camera_rad_s : array
+        Attitude of the camera, and its rate about its own axes.
+    q_eci_from_target_wxyz : (4,) array
+        Attitude of the target.
+    com_target_m : (3,) array
+        Centre of mass of the target in the model's frame.
     """
 
     t_s: float
@@ -109,14 +124,20 @@ class PoseNoise:
 
     Parameters
     ----------
-    across_m, across_share : standard deviation across the boresight: a constant [m] and a share of the range, added in
-        quadrature.
-    along_share : standard deviation along the boresight, as a share of the range.
-    tilt_rad, roll_rad : standard deviations of the rotation about each axis across the boresight, and about it [rad].
-    remembered : share of each variance that is correlated between successive poses.
-    memory : decay of that correlation as the view changes.
-    available : share of the images whose pose is accepted.
-    wrong : share of the accepted poses that are grossly wrong.
+    across_m, across_share : float, optional
+        Standard deviation across the boresight: a constant [m] and a share of the range, added in quadrature.
+    along_share : float, optional
+        Standard deviation along the boresight, as a share of the range.
+    tilt_rad, roll_rad : float, optional
+        Standard deviations of the rotation about each axis across the boresight, and about it [rad].
+    remembered : float, optional
+        Share of each variance that is correlated between successive poses.
+    memory : ErrorMemory, optional
+        Decay of that correlation as the view changes.
+    available : float, optional
+        Share of the images whose pose is accepted.
+    wrong : float, optional
+        Share of the accepted poses that are grossly wrong.
     """
 
     across_m: float = 6e-4

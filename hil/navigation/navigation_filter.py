@@ -46,13 +46,22 @@ class FilterSettings:
 
     Parameters
     ----------
-    gate : share of right poses that pass the test of the innovation.
-    found_after : poses consistent with each other that start a track.
-    lost_after : gated in a row that end trust in it.
-    displaced_after : poses consistent with each other that take a track's place, none of its own between.
-    start_speed_m_s, start_rate_rad_s : initial sigma of velocity and rate, each axis.
-    history_s : largest delay of a pose.
-    memory, scale : correlation and scale of the poses' errors.
+    gate : float, optional
+        Share of right poses that pass the test of the innovation.
+    found_after : int, optional
+        Poses consistent with each other that start a track.
+    lost_after : int, optional
+        Gated in a row that end trust in it.
+    displaced_after : int, optional
+        Poses consistent with each other that take a track's place, none of its own between.
+    start_speed_m_s, start_rate_rad_s : float, optional
+        Initial sigma of velocity and rate, each axis.
+    history_s : float, optional
+        Largest delay of a pose.
+    memory : ErrorMemory, optional
+        Correlation and scale of the poses' errors.
+    scale : ScaleSettings, optional
+        Correlation and scale of the poses' errors.
     """
 
     gate: float = 0.9999
@@ -85,9 +94,12 @@ class NavigationFilter:
 
     Parameters
     ----------
-    motion : motion model of chaser and target.
-    lvlh : the target's LVLH frame by time, of its known orbit.
-    com_target_m : (3,) its centre of mass in the model's frame.
+    motion : MotionModel
+        Motion model of chaser and target.
+    lvlh : callable
+        The target's LVLH frame by time, of its known orbit.
+    com_target_m : (3,) array
+        Its centre of mass in the model's frame.
 
     References
     ----------

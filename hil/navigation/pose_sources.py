@@ -33,8 +33,10 @@ class PoseErrors:
 
     Parameters
     ----------
-    noise : errors of the poses.
-    rng : generator, new for each run.
+    noise : PoseNoise
+        Errors of the poses.
+    rng : Generator
+        Generator, new for each run.
     """
 
     def __init__(self, noise: PoseNoise, rng: Generator) -> None:
@@ -97,9 +99,12 @@ class NoisyPoses(LatePoses):
 
     Parameters
     ----------
-    noise : errors of the poses.
-    latency_s : time from mid-exposure to the answer.
-    seed : seed of the errors.
+    noise : PoseNoise
+        Errors of the poses.
+    latency_s : float
+        Time from mid-exposure to the answer.
+    seed : int
+        Seed of the errors.
     """
 
     def __init__(self, noise: PoseNoise, latency_s: float, seed: int) -> None:

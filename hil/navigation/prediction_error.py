@@ -23,8 +23,10 @@ class ForecastError:
 
     Parameters
     ----------
-    median_deg, p95_deg, rms_deg : statistics of the angle between predicted and true attitude [deg].
-    sigma_deg : RMS predicted by the filter, one sigma about all three axes [deg].
+    median_deg, p95_deg, rms_deg : float
+        Statistics of the angle between predicted and true attitude [deg].
+    sigma_deg : float
+        RMS predicted by the filter, one sigma about all three axes [deg].
     """
 
     horizon_s: float
@@ -46,11 +48,16 @@ def forecast_errors(
 
     Parameters
     ----------
-    estimates : estimates of one or more runs.
-    truth : the target's attitude.
-    motion : model for the prediction.
-    horizons_s : prediction horizons, rising.
-    end_s : end of the truth; later predictions are left out.
+    estimates : iterable of RelativeEstimate
+        Estimates of one or more runs.
+    truth : AttitudeTrack
+        The target's attitude.
+    motion : MotionModel
+        Model for the prediction.
+    horizons_s : sequence of float
+        Prediction horizons, rising.
+    end_s : float
+        End of the truth; later predictions are left out.
     """
     samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:

@@ -35,14 +35,21 @@ class RelativeEstimate:
 
     Parameters
     ----------
-    t_s : time from the flight's start [s].
-    position_lvlh_m, velocity_lvlh_m_s : (3,) chaser minus target's centre of mass, in the rotating LVLH frame.
-    q_eci_from_target_wxyz : (4,) attitude of the target.
-    omega_target_rad_s : (3,) its rate to ECI, own axes.
-    joint_covariance : (18, 18) of the errors of position [m], velocity [m s-1], attitude (turn about target axes)
-        [rad], rate [rad s-1], and of ``pose_bias``.
-    pose_bias : (6,) remembered part of the poses' errors, each of unit variance (`PoseMeasurement`).
-    error_scale : scale of those errors on this view.
+    t_s : float
+        Time from the flight's start [s].
+    position_lvlh_m, velocity_lvlh_m_s : (3,) array
+        Chaser minus target's centre of mass, in the rotating LVLH frame.
+    q_eci_from_target_wxyz : (4,) array
+        Attitude of the target.
+    omega_target_rad_s : (3,) array
+        Its rate to ECI, own axes.
+    joint_covariance : (18, 18) array
+        Of the errors of position [m], velocity [m s-1], attitude (turn about target axes) [rad], rate [rad s-1], and
+        of ``pose_bias``.
+    pose_bias : (6,) array, optional
+        Remembered part of the poses' errors, each of unit variance (`PoseMeasurement`).
+    error_scale : ErrorScale, optional
+        Scale of those errors on this view.
     """
 
     t_s: float
@@ -151,11 +158,16 @@ class MotionModel:
 
     Parameters
     ----------
-    n_rad_s : mean motion of the target's orbit, taken for a circle.
-    inertia_kg_m2 : (3, 3) of the target, own axes, to scale; None for a constant rate.
-    acceleration_noise : density of unmodelled acceleration, white [m s-2 Hz-1/2].
-    rate_noise : density of the target's white angular acceleration [rad s-2 Hz-1/2].
-    thrust_sigma : sigma of delivered relative to commanded thrust, independent for each axis and period.
+    n_rad_s : float
+        Mean motion of the target's orbit, taken for a circle.
+    inertia_kg_m2 : (3, 3) array, optional
+        Of the target, own axes, to scale; None for a constant rate.
+    acceleration_noise : float, optional
+        Density of unmodelled acceleration, white [m s-2 Hz-1/2].
+    rate_noise : float, optional
+        Density of the target's white angular acceleration [rad s-2 Hz-1/2].
+    thrust_sigma : float, optional
+        Sigma of delivered relative to commanded thrust, independent for each axis and period.
     """
 
     n_rad_s: float
@@ -171,9 +183,12 @@ class MotionModel:
 
         Parameters
         ----------
-        estimate : at its own time.
-        to_s : no earlier than that.
-        thrust : commanded thrust; gaps are coasts.
+        estimate : RelativeEstimate
+            At its own time.
+        to_s : float
+            No earlier than that.
+        thrust : sequence of ThrustInterval, optional
+            Commanded thrust; gaps are coasts.
 
         Raises
         ------

@@ -86,7 +86,7 @@ class Samples:
     q_wxyz : (B, 4) array
         Attitudes relative to the line of sight.
     place : (B, 2) array
-        x / z and y / z, in half fields of view.
+        Array x / z and y / z, in half fields of view.
     log_range : (B,) array
         Logarithms of the range [m].
     """

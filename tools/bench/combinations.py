@@ -49,12 +49,18 @@ class CombinationCost:
 
     Parameters
     ----------
-    bands : ``mono`` or ``rgb``.
-    variant : other difference from the scenario: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
-    frame_ms : render, read-back and sensor; no labels.
-    labels_ms : additional time for truth, mask and all layers.
-    capture_ms : a frame with truth and mask, checked and written.
-    reference_ms : the reference pass at this size, alternating with the frames.
+    bands : str
+        ``mono`` or ``rgb``.
+    variant : str
+        Other difference from the scenario: ``sensor NAME``, ``bits N``, ``target NAME``; empty for none.
+    frame_ms : float
+        Render, read-back and sensor; no labels.
+    labels_ms : float
+        Additional time for truth, mask and all layers.
+    capture_ms : float
+        A frame with truth and mask, checked and written.
+    reference_ms : float
+        The reference pass at this size, alternating with the frames.
     """
 
     scenario: str

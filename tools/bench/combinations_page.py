@@ -18,7 +18,8 @@ def combinations_page(machine: BenchMachine, costs: Sequence[CombinationCost], m
 
     Parameters
     ----------
-    made_by : command line that made the measurement.
+    made_by : str
+        Command line that made the measurement.
     """
     lines = [
         "# Every scenario through every camera",

@@ -34,10 +34,14 @@ class FixedCost:
 
     Parameters
     ----------
-    labels : whether the frame has labels.
-    thread_ms, least_thread_ms : median and least processor time of the calling thread [ms].
-    draw_calls_ms : mean processor time of that thread inside the driver's drawing calls [ms].
-    python_calls, all_calls : calls a frame of Python functions, and of these and built-in functions together.
+    labels : bool
+        Whether the frame has labels.
+    thread_ms, least_thread_ms : float
+        Median and least processor time of the calling thread [ms].
+    draw_calls_ms : float
+        Mean processor time of that thread inside the driver's drawing calls [ms].
+    python_calls, all_calls : int
+        Calls a frame of Python functions, and of these and built-in functions together.
     """
 
     labels: bool

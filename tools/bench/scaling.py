@@ -48,9 +48,12 @@ class Scaling:
 
     Parameters
     ----------
-    by_pixels : the Earth behind Tango at increasing sizes. by_triangles : a craft of increasing meshes in front of
-        space.
-    by_wall : True if the exponents are those of the wall time, because a GPU's work takes no processor time.
+    by_pixels : tuple of Cost
+        The Earth behind Tango at increasing sizes.
+    by_triangles : tuple of Cost
+        A craft of increasing meshes in front of space.
+    by_wall : bool
+        True if the exponents are those of the wall time, because a GPU's work takes no processor time.
     """
 
     by_pixels: tuple[Cost, ...]

@@ -28,12 +28,18 @@ class Agreement:
 
     Parameters
     ----------
-    frames : number of frames of the host's run. same : number of frames with the same decision; a dropped frame
-        differs.
-    accepted : number of poses that both accepted. near : number of those within ``NEAR_DEG`` and ``NEAR_M`` of each
-        other.
-    largest_deg, largest_m : largest differences of poses that both accepted.
-    estimator_ms_p50, estimator_ms_p95 : time from the start of the estimator to its end, on the board.
+    frames : int
+        Number of frames of the host's run.
+    same : int
+        Number of frames with the same decision; a dropped frame differs.
+    accepted : int
+        Number of poses that both accepted.
+    near : int
+        Number of those within ``NEAR_DEG`` and ``NEAR_M`` of each other.
+    largest_deg, largest_m : float
+        Largest differences of poses that both accepted.
+    estimator_ms_p50, estimator_ms_p95 : float
+        Time from the start of the estimator to its end, on the board.
     """
 
     frames: int
@@ -95,8 +101,14 @@ class BoardRun:
 
     Parameters
     ----------
-    processor, system : their usual names. link : connection that carried the frames.
-    python, opencv : versions that the board reported. kernels : native or numpy.
+    processor, system : str
+        Their usual names.
+    link : str
+        Connection that carried the frames.
+    python, opencv : str
+        Versions that the board reported.
+    kernels : str
+        Native or numpy.
     """
 
     processor: str

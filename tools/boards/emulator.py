@@ -32,7 +32,8 @@ def qemu_command(image: BoardImage, job: Path) -> list[str]:
 
     Parameters
     ----------
-    job : tar archive that the board unpacks, and whose ``run`` it executes.
+    job : Path
+        Tar archive that the board unpacks, and whose ``run`` it executes.
     """
     return [
         *("qemu-system-aarch64", "-M", "virt", "-cpu", CPU, "-smp", "1", "-m", "1024", "-accel", "tcg"),
@@ -92,8 +93,10 @@ def emulated_board(image: BoardImage, files: Mapping[str, bytes], folder: Path) 
 
     Parameters
     ----------
-    files : files of the job by name, with the shell script ``run``, which runs as root.
-    folder : folder for the job and the console's output.
+    files : mapping of str to bytes
+        Files of the job by name, with the shell script ``run``, which runs as root.
+    folder : Path
+        Folder for the job and the console's output.
 
     Raises
     ------

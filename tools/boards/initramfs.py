@@ -30,7 +30,10 @@ def write_initramfs(path: Path, kernel_modules: Path, busybox: Path) -> None:
 
     Parameters
     ----------
-    kernel_modules : folder with the ``.ko`` files of the kernel, at any depth. busybox : statically linked busybox.
+    kernel_modules : Path
+        Folder with the ``.ko`` files of the kernel, at any depth.
+    busybox : Path
+        Statically linked busybox.
 
     Raises
     ------
@@ -53,7 +56,8 @@ def loading_order(modules: dict[str, bytes], wanted: Iterable[str]) -> list[str]
 
     Parameters
     ----------
-    modules : contents of the files, by name with underscores; a missing one is not built into the kernel either.
+    modules : dict of str to bytes
+        Contents of the files, by name with underscores; a missing one is not built into the kernel either.
 
     Raises
     ------

@@ -57,8 +57,14 @@ class BoardLine:
 
     Parameters
     ----------
-    name : name on the command line. text : name for people. scenario : scenario whose images are sent over it.
-    binning : width and height of a binned pixel, so that the line carries an image in seconds.
+    name : str
+        Name on the command line.
+    text : str
+        Name for people.
+    scenario : str
+        Scenario whose images are sent over it.
+    binning : int
+        Width and height of a binned pixel, so that the line carries an image in seconds.
     """
 
     name: str

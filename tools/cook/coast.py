@@ -67,8 +67,10 @@ class Outlines:
 
     Parameters
     ----------
-    row, column : (N,) column: the first whose centre lies east of the crossing.
-    turn : (N,) 1 where a ring that runs clockwise begins, -1 where it ends.
+    row, column : (N,) array
+        Column: the first whose centre lies east of the crossing.
+    turn : (N,) array
+        1 where a ring that runs clockwise begins, -1 where it ends.
     """
 
     row: NDArray[np.int64]
@@ -132,8 +134,10 @@ def coast_map(
 
     Parameters
     ----------
-    land, lakes : shapefiles; a lake is cut out of the land.
-    day_bgr : day map of the Earth, in which dry lakes are detected.
+    land, lakes : bytes
+        Shapefiles; a lake is cut out of the land.
+    day_bgr : ByteArray
+        Day map of the Earth, in which dry lakes are detected.
     """
     fine_width, fine_height, reach = SUBPIXELS * width, SUBPIXELS * height, SUBPIXELS * _REACH_PX
     filled = [lake for lake in polygons(lakes) if not is_dry(lake, day_bgr)]

@@ -35,8 +35,10 @@ def make_ocean_colour(bands: int, mask: BoolArray, sources: Sources) -> ByteArra
 
     Parameters
     ----------
-    mask : (360, 720) of `make_mask`.
-    sources : `day_and_coast`.
+    mask : BoolArray
+        (360, 720) of `make_mask`.
+    sources : Sources
+        `day_and_coast`.
     """
     # outside the mask no cell is tested, so the map is zero there
     core = cv2.erode(mask.astype(np.float32), np.ones((3, 3)))

@@ -26,7 +26,8 @@ def land_of_months(packed: ByteArray) -> ByteArray:
 
     Parameters
     ----------
-    packed : (H, W, 4) texture of one band, of `packed_maps`.
+    packed : ByteArray
+        (H, W, 4) texture of one band, of `packed_maps`.
     """
     coast = cv2.resize(packed[..., 3], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     return np.where(coast > 128 + 4, 255, 0).astype(np.uint8)
@@ -37,7 +38,8 @@ def make_albedo(packed: ByteArray, *, clouds: bool) -> Float32Array:
 
     Parameters
     ----------
-    packed : texture as of `land_of_months`.
+    packed : ByteArray
+        Texture as of `land_of_months`.
     """
     # every fourth texel suffices for cells of 3 degrees
     part = np.asarray(packed[::4, ::4], np.float32) / 255

@@ -68,8 +68,14 @@ def drainage(
 
     Parameters
     ----------
-    outlets : (N, N) True where water ends, at height 0. hardness : (N, N) cost of a step where a single texel drains.
-    turns : iterations after the first. area : (N, N) initial drainage area, if known.
+    outlets : BoolArray
+        (N, N) True where water ends, at height 0.
+    hardness : (N, N) array
+        Cost of a step where a single texel drains.
+    turns : int
+        Iterations after the first.
+    area : (N, N) array, optional
+        Initial drainage area, if known.
     """
     for _ in range(turns + 1):
         height, down = _least_cost_paths(hardness if area is None else hardness * area**-_CONCAVITY, outlets)

@@ -62,11 +62,18 @@ def assemble(
 
     Parameters
     ----------
-    pieces : pieces of one name become one part; they must have one material.
-    materials : available materials; unused ones are omitted.
-    keypoints : position in the model frame [m] by name, in the order that labels report them.
-    occluders : coarse closed bodies. lumps : mass distribution.
-    frames : origin [m] and unit axis by name.
+    pieces : sequence of Piece
+        Pieces of one name become one part; they must have one material.
+    materials : sequence of Material, optional
+        Available materials; unused ones are omitted.
+    keypoints : mapping of str to Vec3
+        Position in the model frame [m] by name, in the order that labels report them.
+    occluders : sequence of Mesh
+        Coarse closed bodies.
+    lumps : sequence of MassElement
+        Mass distribution.
+    frames : dict of str to tuple of Vec3
+        Origin [m] and unit axis by name.
     """
     parts = tuple(part_of(p) for p in gathered(pieces))
     used_names = {p.material for p in parts}

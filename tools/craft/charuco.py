@@ -99,7 +99,10 @@ def two_tone_png(dark: BoolArray, greys: tuple[int, int]) -> bytes:
 
     Parameters
     ----------
-    dark : (H, W), True where the first grey is. greys : dark and light, 0..255 (sRGB).
+    dark : BoolArray
+        (H, W), True where the first grey is.
+    greys : tuple of int
+        Dark and light, 0..255 (sRGB).
 
     Notes
     -----

@@ -38,8 +38,14 @@ def nozzle(
 
     Parameters
     ----------
-    throat_m : (3,) centre of the throat. axis : (3,) direction of the exhaust.
-    wall_m : thickness of the wall. segments : facets round the axis at full detail.
+    throat_m : (3,) array
+        Centre of the throat.
+    axis : (3,) array
+        Direction of the exhaust.
+    wall_m : float
+        Thickness of the wall.
+    segments : int
+        Facets round the axis at full detail.
 
     References
     ----------

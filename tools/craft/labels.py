@@ -144,8 +144,10 @@ def ring_edges(
 
     Parameters
     ----------
-    segments : facets of the lathe at full detail.
-    inside : the rim of a bore, whose wall looks towards the axis.
+    segments : int
+        Facets of the lathe at full detail.
+    inside : bool, optional
+        The rim of a bore, whose wall looks towards the axis.
     """
     u, v, w = across(axis)
     t = 2 * np.pi * np.arange(segments + 1) / segments

@@ -15,7 +15,8 @@ class Level:
 
     Parameters
     ----------
-    detail : ``"full"`` for close views, ``"medium"`` for some tens of metres, ``"low"`` for a few pixels.
+    detail : Detail, optional
+        ``"full"`` for close views, ``"medium"`` for some tens of metres, ``"low"`` for a few pixels.
     """
 
     detail: Detail = "full"

@@ -20,8 +20,12 @@ class MassElement:
 
     Parameters
     ----------
-    mass_kg : its mass.
-    centre_m, size_m : of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
+    mass_kg : float
+        Its mass.
+    centre_m : Vec3
+        Of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
+    size_m : Vec3, optional
+        Of the box. For a rod ``centre_m`` is one end and ``tip_m`` the other.
     """
 
     name: str
@@ -64,7 +68,12 @@ class Tube(MassElement):
 
     Parameters
     ----------
-    radius_m : outer radius. length_m : along z. inner_m : inner radius, zero when solid.
+    radius_m : float
+        Outer radius.
+    length_m : float
+        Along z.
+    inner_m : float, optional
+        Inner radius, zero when solid.
     """
 
     radius_m: float

@@ -19,10 +19,16 @@ class CellField:
 
     Parameters
     ----------
-    columns, rows : numbers of cells along x and y.
-    pitch_x_m, pitch_y_m : distance between centres.
-    gap_m : free space between two cells. clip_m : cut of a cell's corners; 0 for none.
-    height_m : thickness of cell and cover glass above the board.
+    columns, rows : int
+        Numbers of cells along x and y.
+    pitch_x_m, pitch_y_m : float
+        Distance between centres.
+    gap_m : float, optional
+        Free space between two cells.
+    clip_m : float, optional
+        Cut of a cell's corners; 0 for none.
+    height_m : float, optional
+        Thickness of cell and cover glass above the board.
     """
 
     columns: int
@@ -85,7 +91,10 @@ def panel(
 
     Parameters
     ----------
-    board, cell : materials. busbar_m : width of the ribbons on the cells; 0 for none.
+    board, cell : str
+        Materials.
+    busbar_m : float, optional
+        Width of the ribbons on the cells; 0 for none.
     """
     x, y = size_m[0] / 2, size_m[1] / 2
     pieces = [

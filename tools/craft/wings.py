@@ -31,9 +31,22 @@ class Wing:
 
     Parameters
     ----------
-    panels : number of panels. first_m : x of the first panel's inner edge. length_m : of a panel, along x.
-    gap_m : between panels. chord_m : along y. thickness_m : of a panel.
-    cells : number of cells along x and y in each panel. margin_m : bare rim of a panel.
+    panels : int
+        Number of panels.
+    first_m : float
+        X of the first panel's inner edge.
+    length_m : float
+        Of a panel, along x.
+    gap_m : float
+        Between panels.
+    chord_m : float
+        Along y.
+    thickness_m : float
+        Of a panel.
+    cells : tuple of int
+        Number of cells along x and y in each panel.
+    margin_m : float, optional
+        Bare rim of a panel.
     """
 
     panels: int
@@ -140,10 +153,22 @@ class SideWings:
 
     Parameters
     ----------
-    wing : dimensions of one. root_m : x of the yoke's foot. z_m : height of the long axis.
-    spread : width of the yoke's fork, of the chord. section_m : of the yoke's bars.
-    ribs : stiffeners across the back of each panel. rib_m : their depth.
-    cells, panels, back : names of materials.
+    wing : Wing
+        Dimensions of one.
+    root_m : float
+        X of the yoke's foot.
+    z_m : float
+        Height of the long axis.
+    spread : float
+        Width of the yoke's fork, of the chord.
+    section_m : float
+        Of the yoke's bars.
+    ribs : int
+        Stiffeners across the back of each panel.
+    rib_m : float
+        Their depth.
+    cells, panels, back : str
+        Names of materials.
     """
 
     wing: Wing

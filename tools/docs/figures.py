@@ -57,8 +57,14 @@ class Statement:
 
     Parameters
     ----------
-    page : path relative to ``docs``. text : text on one line. figures : numbers with their units. words : words that
-        are not common ones.
+    page : Path
+        Path relative to ``docs``.
+    text : str
+        Text on one line.
+    figures : frozenset of tuple of str
+        Numbers with their units.
+    words : frozenset of str
+        Words that are not common ones.
     """
 
     page: Path

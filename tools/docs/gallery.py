@@ -71,7 +71,8 @@ def film(light: np.ndarray, brightest: float, contrast: float = 0.45) -> np.ndar
 
     Parameters
     ----------
-    contrast : share of the curve that is steep in the middle.
+    contrast : float, optional
+        Share of the curve that is steep in the middle.
     """
     y = light * (0.8 / brightest)
     y = np.where(y < 0.8, y, 0.8 + 0.2 * (1 - np.exp(-(y - 0.8) / 0.2)))

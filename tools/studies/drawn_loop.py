@@ -46,7 +46,12 @@ class DrawnPoses(LatePoses):
 
     Parameters
     ----------
-    plan : plan whose scenes are drawn. draw : frame producer. estimator : estimator of the board.
+    plan : Plan
+        Plan whose scenes are drawn.
+    draw : FrameProducer
+        Frame producer.
+    estimator : Estimator
+        Estimator of the board.
     """
 
     def __init__(self, plan: Plan, draw: FrameProducer[Frame], estimator: Estimator) -> None:

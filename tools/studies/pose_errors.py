@@ -30,9 +30,13 @@ class FlightErrors:
 
     Parameters
     ----------
-    t_s, range_m : (n,) time and range. turn_rad : (n,) rotation of the target in the camera so far.
-    errors : (n, 6) errors along camera axes, right, down, forward [m], rotation about the same [rad]; NaN where no pose
-        is accepted.
+    t_s, range_m : (n,) array
+        Time and range.
+    turn_rad : (n,) array
+        Rotation of the target in the camera so far.
+    errors : (n, 6) array
+        Errors along camera axes, right, down, forward [m], rotation about the same [rad]; NaN where no pose is
+        accepted.
     """
 
     t_s: np.ndarray

@@ -145,7 +145,10 @@ def stage_row(
 
     Parameters
     ----------
-    q : (4,) true attitude, camera from target. t : (3,) true position [m].
+    q : (4,) array
+        True attitude, camera from target.
+    t : (3,) array
+        True position [m].
     """
     target = estimator.target
     result = estimator.estimate(image)

@@ -134,9 +134,16 @@ class Study:
 
     Parameters
     ----------
-    folder : folder of the data set. reports : folder of the evaluations; existing ones are continued.
-    feasible : number of feasible frames to use alone; None for all frames. workers : number of processes.
-    evaluate : True to evaluate missing frames; otherwise tables use the frames that every method has answered.
+    folder : Path
+        Folder of the data set.
+    reports : Path
+        Folder of the evaluations; existing ones are continued.
+    feasible : int or None
+        Number of feasible frames to use alone; None for all frames.
+    workers : int
+        Number of processes.
+    evaluate : bool
+        True to evaluate missing frames; otherwise tables use the frames that every method has answered.
     """
 
     def __init__(

@@ -115,10 +115,10 @@ class Shared:
     ----------
     weights, gradients : list of tensor
         In shared memory.
-    samples : shared integer
-        How many samples the sums are of.
-    lock : lock
-        Of the sums.
+    samples : object
+        Shared integer How many samples the sums are of.
+    lock : object
+        Lock Of the sums.
     """
 
     weights: list[Tensor]

@@ -38,7 +38,8 @@ def cells(folder: Path, rng: np.random.Generator, *, varied: bool) -> Iterator[t
 
     Parameters
     ----------
-    varied : True to change exposure, noise and side of each frame at random.
+    varied : bool
+        True to change exposure, noise and side of each frame at random.
     """
     for k in range(read_card(folder).n_frames):
         if not is_whole(folder, k):

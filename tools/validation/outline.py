@@ -78,8 +78,12 @@ def fit_outline(reference: ByteArray, target: Target, side: str, coarse: Target 
 
     Parameters
     ----------
-    reference : (H, W) the craft's filled outline, nonzero inside.
-    side : axis from which the camera looks at first. coarse : model of fewer triangles for the fit.
+    reference : ByteArray
+        (H, W) the craft's filled outline, nonzero inside.
+    side : str
+        Axis from which the camera looks at first.
+    coarse : Target, optional
+        Model of fewer triangles for the fit.
 
     Raises
     ------

@@ -21,7 +21,8 @@ class Row:
 
     Attributes
     ----------
-    asked : False for a figure without a goal of its own, reported next to another row's.
+    asked : bool, optional
+        False for a figure without a goal of its own, reported next to another row's.
     """
 
     what: str

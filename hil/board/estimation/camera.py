@@ -25,12 +25,18 @@ class CameraIntrinsics:
 
     Parameters
     ----------
-    width_px, height_px : image size.
-    fx_px, fy_px : focal lengths.
-    cx_px, cy_px : principal point.
-    distortion_model : ``none``, ``brown_conrady`` or ``kannala_brandt``.
-    distortion : coefficients in OpenCV's order.
-    encoding : transfer function of the delivered images; it is inverted before an estimator gets them.
+    width_px, height_px : int
+        Image size.
+    fx_px, fy_px : float
+        Focal lengths.
+    cx_px, cy_px : float
+        Principal point.
+    distortion_model : str, optional
+        ``none``, ``brown_conrady`` or ``kannala_brandt``.
+    distortion : tuple of float, optional
+        Coefficients in OpenCV's order.
+    encoding : str, optional
+        Transfer function of the delivered images; it is inverted before an estimator gets them.
     """
 
     width_px: int

@@ -20,8 +20,10 @@ class Estimator:
 
     Parameters
     ----------
-    model : the target.
-    camera : the intrinsics of every image.
+    model : BoardModel
+        The target.
+    camera : CameraIntrinsics
+        The intrinsics of every image.
     """
 
     method = ""
@@ -46,11 +48,15 @@ class Estimator:
 
         Parameters
         ----------
-        image : (H, W) uint8 or uint16, the camera's size.
-        trace : receives what each stage found, for debug images; where it holds ``every_stage``, stages that the
-            pose did not need run too.
-        t_s : time of mid-exposure [s]; only a method that follows the target looks at it.
-        sun_camera : unit vector to the Sun in the camera frame, for methods that take it; None if it is not known.
+        image : object
+            (H, W) uint8 or uint16, the camera's size.
+        trace : Trace, optional
+            Receives what each stage found, for debug images; where it holds ``every_stage``, stages that the pose did
+            not need run too.
+        t_s : float, optional
+            Time of mid-exposure [s]; only a method that follows the target looks at it.
+        sun_camera : sequence of float, optional
+            Unit vector to the Sun in the camera frame, for methods that take it; None if it is not known.
         """
         reason = unusable(image, self.camera)
         if reason:

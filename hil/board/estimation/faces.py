@@ -23,15 +23,24 @@ class Faces:
 
     Parameters
     ----------
-    corners : (T, 4, 3) corners of convex planar faces [m]; triangles repeat their last corner.
-    normals : (T, 3) outward unit normals.
-    offset : (T,) distances of the faces' planes from the origin: n.x = offset.
-    group : (T,) index of each face's group; a group has one material and nearly one direction, so one brightness.
-    groups : number of groups.
-    material : (T,) index of each face's material.
-    plane : (N, 4) splitting plane of each node, zero at leaves.
-    children : (N, 2) child nodes in front of the plane and behind it, -1 for none.
-    members : indices of the faces of each node; node 0 is the root.
+    corners : (T, 4, 3) array
+        Corners of convex planar faces [m]; triangles repeat their last corner.
+    normals : (T, 3) array
+        Outward unit normals.
+    offset : (T,) array
+        Distances of the faces' planes from the origin: n.x = offset.
+    group : (T,) array
+        Index of each face's group; a group has one material and nearly one direction, so one brightness.
+    groups : int
+        Number of groups.
+    material : (T,) array
+        Index of each face's material.
+    plane : (N, 4) array
+        Splitting plane of each node, zero at leaves.
+    children : (N, 2) array
+        Child nodes in front of the plane and behind it, -1 for none.
+    members : tuple of array
+        Indices of the faces of each node; node 0 is the root.
     """
 
     corners: Array

@@ -18,12 +18,18 @@ class Outlines:
 
     Parameters
     ----------
-    directions : (V, 3) unit vectors from the target's middle to the camera, target frame.
-    points_m : (V, N, 3) on the surface, target frame [m].
-    normals : (V, N, 3) unit, outward, across the line of sight.
-    radius_m : (V, N) of curvature along the line of sight [m]; 0 at sharp edges.
-    center_m : (3,) the target's middle.
-    range_m : distance of the views from it [m].
+    directions : (V, 3) array
+        Unit vectors from the target's middle to the camera, target frame.
+    points_m : (V, N, 3) array
+        On the surface, target frame [m].
+    normals : (V, N, 3) array
+        Unit, outward, across the line of sight.
+    radius_m : (V, N) array
+        Of curvature along the line of sight [m]; 0 at sharp edges.
+    center_m : (3,) array
+        The target's middle.
+    range_m : float
+        Distance of the views from it [m].
     """
 
     directions: Array

@@ -22,8 +22,10 @@ class Alternative:
 
     Parameters
     ----------
-    q_camera_from_target_wxyz, t_camera_from_target_m : the pose.
-    score : rank of the pose, larger is better; only differences within one result are meaningful.
+    q_camera_from_target_wxyz, t_camera_from_target_m : array
+        The pose.
+    score : float
+        Rank of the pose, larger is better; only differences within one result are meaningful.
     """
 
     q_camera_from_target_wxyz: Array
@@ -37,17 +39,27 @@ class PoseResult:
 
     Parameters
     ----------
-    accepted : True if the pose may be used.
-    reason : cause of a decline, else empty.
-    q_camera_from_target_wxyz, t_camera_from_target_m : best pose, ``x_camera = R(q) x_target + t``; None when
-        there is none. A declined result still carries its best pose.
-    confidence : 0..1.
-    stages_ms : time of each stage in order.
-    counts : number of results of each stage.
-    evidence : data of the decision, of a type of the method; None if it keeps none.
-    covariance : (6, 6) of turn [rad] and shift [m], camera axes.
-    alternatives : distinct poses, best first.
-    method : name of the method.
+    accepted : bool
+        True if the pose may be used.
+    reason : str
+        Cause of a decline, else empty.
+    q_camera_from_target_wxyz, t_camera_from_target_m : array or None
+        Best pose, ``x_camera = R(q) x_target + t``; None when there is none. A declined result still carries its best
+        pose.
+    confidence : float
+        0..1.
+    stages_ms : dict of str to float, optional
+        Time of each stage in order.
+    counts : dict of str to int, optional
+        Number of results of each stage.
+    evidence : object, optional
+        Data of the decision, of a type of the method; None if it keeps none.
+    covariance : (6, 6) array, optional
+        Of turn [rad] and shift [m], camera axes.
+    alternatives : tuple of Alternative, optional
+        Distinct poses, best first.
+    method : str, optional
+        Name of the method.
     """
 
     accepted: bool

@@ -31,9 +31,12 @@ class WireEdge:
 
     Parameters
     ----------
-    a_m, b_m : (3,) ends, target frame [m].
-    normals : (N, 3) outward normals of the faces that meet there; N = 0 for members seen from everywhere.
-    radius_m : half thickness of a round member; its outline is drawn, not its axis.
+    a_m, b_m : (3,) array
+        Ends, target frame [m].
+    normals : (N, 3) array
+        Outward normals of the faces that meet there; N = 0 for members seen from everywhere.
+    radius_m : float, optional
+        Half thickness of a round member; its outline is drawn, not its axis.
     """
 
     name: str
@@ -49,13 +52,20 @@ class BoardModel:
 
     Parameters
     ----------
-    keypoints : name to (3,) position [m].
-    wireframe : the edges.
-    vertices_m, triangles : (V, 3), (T, 3) closed mesh that hides edges; may be empty.
-    symmetry_wxyz : (N, 4) rotations under which the craft looks nearly the same.
-    outlines : occluding contours from all sides; None in files written before there were any.
-    faces : outer faces with their order; None where the craft has too many.
-    network : file of the head that was trained for it, see ``keypoints.head``; None where none was.
+    keypoints : dict of str to array
+        Name to (3,) position [m].
+    wireframe : tuple of WireEdge
+        The edges.
+    vertices_m, triangles : (V, 3) array
+        (T, 3) closed mesh that hides edges; may be empty.
+    symmetry_wxyz : (N, 4) array
+        Rotations under which the craft looks nearly the same.
+    outlines : Outlines, optional
+        Occluding contours from all sides; None in files written before there were any.
+    faces : Faces, optional
+        Outer faces with their order; None where the craft has too many.
+    network : bytes, optional
+        File of the head that was trained for it, see ``keypoints.head``; None where none was.
     """
 
     name: str

@@ -32,11 +32,16 @@ class AnswerLine:
 
     Parameters
     ----------
-    url : address at which the host accepts poses.
-    hello : description of this board.
-    key : key shared with the host, None without authentication.
-    timeout_s : time-out of the connection, and of the host's first message.
-    silence_s : time without messages after which the host is considered gone.
+    url : str
+        Address at which the host accepts poses.
+    hello : Hello
+        Description of this board.
+    key : bytes or None
+        Key shared with the host, None without authentication.
+    timeout_s : float
+        Time-out of the connection, and of the host's first message.
+    silence_s : float
+        Time without messages after which the host is considered gone.
 
     Raises
     ------

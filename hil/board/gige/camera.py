@@ -35,12 +35,18 @@ class CameraSettings:
 
     Parameters
     ----------
-    exposure_us, gain_db, rate_hz : settings within the camera's limits.
-    roi_px : x, y, width, height of the region of the detector to read.
-    pixel_format : GenICam name of the pixel format, such as Mono8.
-    packet_bytes : size of the stream's packets, including IP and UDP headers; 0 for the largest possible.
-    software_trigger : True for one image per software trigger, False for free running.
-    packet_socket : True to receive the stream through a packet socket, whose buffer is larger, if permitted (root).
+    exposure_us, gain_db, rate_hz : float, optional
+        Settings within the camera's limits.
+    roi_px : tuple of int, optional
+        X, y, width, height of the region of the detector to read.
+    pixel_format : str, optional
+        GenICam name of the pixel format, such as Mono8.
+    packet_bytes : int, optional
+        Size of the stream's packets, including IP and UDP headers; 0 for the largest possible.
+    software_trigger : bool, optional
+        True for one image per software trigger, False for free running.
+    packet_socket : bool, optional
+        True to receive the stream through a packet socket, whose buffer is larger, if permitted (root).
     """
 
     exposure_us: Optional[float] = None
@@ -59,12 +65,18 @@ class CameraFrame:
 
     Parameters
     ----------
-    number : frame number since acquisition started, from 0, by the camera's count.
-    image : (H, W) uint8 or uint16.
-    roi_px : x, y, width, height of the region of the detector that the image shows.
-    camera_time_ns : the camera's own time stamp.
-    received_ns : time of reception, monotonic clock of this machine.
-    skipped : number of complete frames since the previous returned one that were superseded by this.
+    number : int
+        Frame number since acquisition started, from 0, by the camera's count.
+    image : (H, W) uint8 array
+        Or uint16.
+    roi_px : tuple of int
+        X, y, width, height of the region of the detector that the image shows.
+    camera_time_ns : int
+        The camera's own time stamp.
+    received_ns : int
+        Time of reception, monotonic clock of this machine.
+    skipped : int, optional
+        Number of complete frames since the previous returned one that were superseded by this.
     """
 
     number: int
@@ -80,8 +92,10 @@ class GigeCamera:
 
     Parameters
     ----------
-    address : IPv4 address, host name, or device name in Aravis's list.
-    settings : settings applied before streaming.
+    address : str
+        IPv4 address, host name, or device name in Aravis's list.
+    settings : CameraSettings
+        Settings applied before streaming.
 
     Raises
     ------
@@ -380,9 +394,12 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
 
     Parameters
     ----------
-    data : contents of the buffer.
-    width_px, height_px : size of the image.
-    code : pixel-format code of GenICam's Pixel Format Naming Convention.
+    data : bytes
+        Contents of the buffer.
+    width_px, height_px : int
+        Size of the image.
+    code : int
+        Pixel-format code of GenICam's Pixel Format Naming Convention.
     """
     if code not in GREY or width_px < 1 or height_px < 1:
         return None

@@ -38,12 +38,22 @@ class CameraBoardOptions:
 
     Parameters
     ----------
-    camera_file : intrinsics of the whole detector (CAMERA.json); None takes those of the host of ``answer_url``.
-    poses_file : .csv or JSON lines; None writes to the standard output, unless the poses go to a host.
-    answer_url, key, timeout_s : the host that takes poses, what it asks for, how long to try to reach it.
-    most_frames : end after this many; None goes on until stopped.
-    silence_s : time without messages after which the host is considered gone.
-    dark_s : a stream without a whole image for this long is begun anew.
+    camera_file : str, optional
+        Intrinsics of the whole detector (CAMERA.json); None takes those of the host of ``answer_url``.
+    poses_file : str, optional
+        .csv or JSON lines; None writes to the standard output, unless the poses go to a host.
+    answer_url : str, optional
+        The host that takes poses, what it asks for, how long to try to reach it.
+    key : bytes, optional
+        The host that takes poses, what it asks for, how long to try to reach it.
+    timeout_s : float, optional
+        The host that takes poses, what it asks for, how long to try to reach it.
+    most_frames : int, optional
+        End after this many; None goes on until stopped.
+    silence_s : float, optional
+        Time without messages after which the host is considered gone.
+    dark_s : float, optional
+        A stream without a whole image for this long is begun anew.
     """
 
     settings: CameraSettings = field(default_factory=CameraSettings)
@@ -67,9 +77,12 @@ def run_camera_board(
 
     Parameters
     ----------
-    url : ``gige://ADDRESS``.
-    make_estimator : makes one from a camera JSON object.
-    hello : description of this board for the host.
+    url : str
+        ``gige://ADDRESS``.
+    make_estimator : callable
+        Makes one from a camera JSON object.
+    hello : Hello
+        Description of this board for the host.
 
     Raises
     ------

@@ -54,7 +54,8 @@ def check_options(url: str, given: Dict[str, Any]) -> None:
 
     Parameters
     ----------
-    given : values by `AgentOption.name`.
+    given : dict of str to object
+        Values by `AgentOption.name`.
 
     Raises
     ------
@@ -74,7 +75,8 @@ def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
 
     Parameters
     ----------
-    given : values by `AgentOption.name`, of both tables.
+    given : dict of str to object
+        Values by `AgentOption.name`, of both tables.
 
     Raises
     ------

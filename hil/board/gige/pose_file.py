@@ -39,7 +39,8 @@ class PoseFile:
 
     Parameters
     ----------
-    path : ends in .csv for a table, else JSON lines; None writes JSON lines to the standard output.
+    path : str or None
+        Ends in .csv for a table, else JSON lines; None writes JSON lines to the standard output.
 
     Raises
     ------

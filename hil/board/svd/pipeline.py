@@ -59,8 +59,8 @@ class ScoredPose(NamedTuple):
     ----------
     error : float
         Reprojection error over its cap.
-    q, t : arrays (4,), (3,)
-        Camera from target.
+    q, t : array
+        Arrays (4,), (3,) Camera from target.
     covariance : array (6, 6)
         Covariance of rotation [rad] and translation [m], camera axes.
     inliers, met : float

@@ -20,8 +20,8 @@ def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array
 
     Parameters
     ----------
-    segments : array (N, 4)
-        x0 y0 x1 y1 of each.
+    segments : array
+        Array (N, 4) x0 y0 x1 y1 of each.
     diagonal_px : float
         Diagonal of the region, for offset (1 %) and end gap (10 %).
 

@@ -36,9 +36,12 @@ class Acquisition:
 
     Parameters
     ----------
-    registers : the camera's registers, which the controller reads and writes.
-    stream : channel on which images are sent.
-    tell : function that sends a message to the render process.
+    registers : Registers
+        The camera's registers, which the controller reads and writes.
+    stream : StreamChannel
+        Channel on which images are sent.
+    tell : callable
+        Function that sends a message to the render process.
     """
 
     def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:

@@ -34,9 +34,12 @@ class AnswerPort:
 
     Parameters
     ----------
-    terms : connection of the board, with camera and target.
-    report : given each image's outcome, with the number that it was announced by as ``frame_id``.
-    note : given a sentence on boards that come and go.
+    terms : AnswerTerms
+        Connection of the board, with camera and target.
+    report : callable
+        Given each image's outcome, with the number that it was announced by as ``frame_id``.
+    note : callable
+        Given a sentence on boards that come and go.
 
     Raises
     ------

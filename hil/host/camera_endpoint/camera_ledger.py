@@ -26,9 +26,12 @@ class CameraLedger:
 
     Parameters
     ----------
-    folder : output folder; None for no files.
-    link : address for answers of boards.
-    flown : scenario and command for the record of the run.
+    folder : Path or None
+        Output folder; None for no files.
+    link : LinkConfig
+        Address for answers of boards.
+    flown : FlownRecord, optional
+        Scenario and command for the record of the run.
 
     Raises
     ------

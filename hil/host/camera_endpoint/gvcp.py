@@ -51,8 +51,10 @@ class RefusedError(Exception):
 
     Parameters
     ----------
-    status : the acknowledgement's.
-    index : number of the access that failed.
+    status : Status
+        The acknowledgement's.
+    index : int, optional
+        Number of the access that failed.
     """
 
     def __init__(self, status: Status, index: int = 0) -> None:

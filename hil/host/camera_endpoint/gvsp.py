@@ -85,10 +85,14 @@ class Block:
 
     Parameters
     ----------
-    block_id : 1 to 65535.
-    timestamp_ns : start of the exposure.
-    data : pixels of the frame.
-    packet_bytes : size of each packet, headers of IP and UDP included.
+    block_id : int
+        1 to 65535.
+    timestamp_ns : int
+        Start of the exposure.
+    data : bytes
+        Pixels of the frame.
+    packet_bytes : int
+        Size of each packet, headers of IP and UDP included.
     """
 
     block_id: int

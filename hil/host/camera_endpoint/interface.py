@@ -32,7 +32,8 @@ def find_interface(name: str, address: str | None = None) -> Interface:
 
     Parameters
     ----------
-    address : one of its own besides the first (of ``lo`` any that begins with 127).
+    address : str, optional
+        One of its own besides the first (of ``lo`` any that begins with 127).
 
     Raises
     ------

@@ -30,11 +30,18 @@ class EndpointConfig:
 
     Parameters
     ----------
-    allowed : addresses that are heard.
-    xml, xml_name : the GenICam description and the file name it is served under.
-    answers : address at which boards send their poses; None for none.
-    loss_share : stream packets that are left out, to try a client's requests.
-    loss_seed : seed of their choice.
+    allowed : tuple of str
+        Addresses that are heard.
+    xml : bytes
+        The GenICam description and the file name it is served under.
+    xml_name : str
+        The GenICam description and the file name it is served under.
+    answers : AnswerTerms, optional
+        Address at which boards send their poses; None for none.
+    loss_share : float, optional
+        Stream packets that are left out, to try a client's requests.
+    loss_seed : int, optional
+        Seed of their choice.
     """
 
     interface: Interface
@@ -74,10 +81,14 @@ class FrameWanted:
 
     Parameters
     ----------
-    request_id : comes back with the image.
-    number : since acquisition started, from 0.
-    t_s : its time.
-    exposure_s, gain_db : settings of the controller.
+    request_id : int
+        Comes back with the image.
+    number : int
+        Since acquisition started, from 0.
+    t_s : float
+        Its time.
+    exposure_s, gain_db : float
+        Settings of the controller.
     """
 
     request_id: int

@@ -37,8 +37,10 @@ class TakenPicture:
 
     Parameters
     ----------
-    image : (H, W) digital numbers of the whole detector.
-    scene : None if unknown.
+    image : (H, W) array
+        Digital numbers of the whole detector.
+    scene : SceneState, optional
+        None if unknown.
     """
 
     image: Image
@@ -57,7 +59,8 @@ class DrawnPictures:
 
     Parameters
     ----------
-    producer : draws one at a time; its stage gives the image alone.
+    producer : FrameProducer
+        Draws one at a time; its stage gives the image alone.
     """
 
     def __init__(self, plan: Plan, producer: FrameProducer[Image]) -> None:
@@ -90,11 +93,16 @@ class LoopedPictures:
 
     Parameters
     ----------
-    images : (H, W) each.
-    bits : bits of a pixel.
-    exposure_s : they were taken with.
-    black_dn : number of a pixel that no light falls on.
-    scenes : their scenes, one each; empty if unknown.
+    images : sequence of (H, W) array
+        Each.
+    bits : int
+        Bits of a pixel.
+    exposure_s : float
+        They were taken with.
+    black_dn : float, optional
+        Number of a pixel that no light falls on.
+    scenes : sequence of SceneState, optional
+        Their scenes, one each; empty if unknown.
     """
 
     def __init__(

@@ -100,9 +100,12 @@ class CameraTerms:
 
     Parameters
     ----------
-    bits : bits of a pixel of the detector.
-    exposure_us, rate_hz : before a controller changes them.
-    scenario, target : names.
+    bits : int
+        Bits of a pixel of the detector.
+    exposure_us, rate_hz : float
+        Before a controller changes them.
+    scenario, target : str
+        Names.
     """
 
     width_px: int
@@ -119,8 +122,12 @@ class Registers:
 
     Parameters
     ----------
-    source_port : port that the stream is sent from.
-    xml, xml_name : the description that is served, and the file name it is given.
+    source_port : int
+        Port that the stream is sent from.
+    xml : bytes
+        The description that is served, and the file name it is given.
+    xml_name : str
+        The description that is served, and the file name it is given.
     """
 
     def __init__(

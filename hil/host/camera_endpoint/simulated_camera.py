@@ -50,11 +50,16 @@ def run_camera(
 
     Parameters
     ----------
-    pictures : source of the images.
-    ledger : records each image and the answer of a board, if ``config`` has an answer port.
-    on_opened : called once it can be discovered, with the URL for answers.
-    on_note : called with a sentence when a controller or board comes, goes or is refused.
-    stopped : asked several times a second; never stops without it but by Ctrl-C.
+    pictures : Pictures
+        Source of the images.
+    ledger : CameraLedger, optional
+        Records each image and the answer of a board, if ``config`` has an answer port.
+    on_opened : callable, optional
+        Called once it can be discovered, with the URL for answers.
+    on_note : callable, optional
+        Called with a sentence when a controller or board comes, goes or is refused.
+    stopped : callable, optional
+        Asked several times a second; never stops without it but by Ctrl-C.
 
     Raises
     ------

@@ -33,9 +33,12 @@ class StreamChannel:
 
     Parameters
     ----------
-    sock : socket to send from.
-    loss_share : share of packets that are left out, to test a receiver's requests.
-    seed : seed of their choice.
+    sock : socket
+        Socket to send from.
+    loss_share : float, optional
+        Share of packets that are left out, to test a receiver's requests.
+    seed : int, optional
+        Seed of their choice.
     """
 
     def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
@@ -76,8 +79,10 @@ class StreamChannel:
 
         Parameters
         ----------
-        interval_s : between frames, of which sending takes half.
-        delay_s : least time between packets.
+        interval_s : float
+            Between frames, of which sending takes half.
+        delay_s : float
+            Least time between packets.
         """
         gap_s = max(delay_s, min(SHARE_OF_INTERVAL * interval_s / block.n_packets, MAX_GAP_S))
         if self._block is not None:

@@ -86,8 +86,10 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
         Parameters
         ----------
-        source : the scenario's file.
-        command : the words on the command line.
+        source : bytes, optional
+            The scenario's file.
+        command : sequence of str, optional
+            The words on the command line.
         """
         return FlownRecord(
             scenario=ScenarioRecord.of(plan.scenario, source),

@@ -216,7 +216,8 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
 
     Parameters
     ----------
-    run : fields of ``LedgerSummary`` that do not follow from rows: started_utc, ended, mode, truth, url, ...
+    run : object
+        Fields of ``LedgerSummary`` that do not follow from rows: started_utc, ended, mode, truth, url, ...
 
     Raises
     ------

@@ -82,9 +82,12 @@ class BoardSession:
 
     Parameters
     ----------
-    config : settings of the link.
-    tell : sends a message to the run.
-    in_flight : frames sent.
+    config : LinkConfig
+        Settings of the link.
+    tell : callable
+        Sends a message to the run.
+    in_flight : FramesInFlight
+        Frames sent.
     """
 
     def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:

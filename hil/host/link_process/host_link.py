@@ -61,7 +61,8 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
 
     Parameters
     ----------
-    channels : shape of the images beyond rows and columns: empty, or (3,).
+    channels : tuple of int
+        Shape of the images beyond rows and columns: empty, or (3,).
 
     Raises
     ------

@@ -160,8 +160,10 @@ class FramesInFlight:
 
         Parameters
         ----------
-        asked_ns : frames whose sending ended before this should have come before the question.
-        newest_frame : the last that came whole, ``NO_FRAME`` before the first.
+        asked_ns : int
+            Frames whose sending ended before this should have come before the question.
+        newest_frame : int
+            The last that came whole, ``NO_FRAME`` before the first.
         """
         for frame_id, sent_ns in list(self._held.items()):
             if sent_ns >= asked_ns or (newest_frame != NO_FRAME and newest_frame >= frame_id):

@@ -34,17 +34,32 @@ class LinkConfig:
 
     Parameters
     ----------
-    url : address for the board; port 0 takes a free one.
-    mode, truth : pace of the run; destination of the truth.
-    timeout_s : time-out of a frame's pose, and of the run for a lost board.
-    truth_url : address for truth loggers; None for no such endpoint.
-    compression, pixel_format : the host's wishes; auto takes what is quick on the line, and holds the image whole.
-    silence_s : a board that asked for the time, and then says nothing for this long, is gone.
-    max_misses : frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
-    faults : those of the line are put between the board and the link.
-    adds_faults : True if more of the line may come during the run.
-    utc_minus_monotonic_ns : difference of this machine's clocks, read once for a run.
-    key : key that boards and truth loggers must prove to have; None for no authentication.
+    url : str
+        Address for the board; port 0 takes a free one.
+    mode : RunMode
+        Pace of the run; destination of the truth.
+    truth : TruthWhere
+        Pace of the run; destination of the truth.
+    timeout_s : float
+        Time-out of a frame's pose, and of the run for a lost board.
+    truth_url : str, optional
+        Address for truth loggers; None for no such endpoint.
+    compression : Compression, optional
+        The host's wishes; auto takes what is quick on the line, and holds the image whole.
+    pixel_format : PixelFormatName, optional
+        The host's wishes; auto takes what is quick on the line, and holds the image whole.
+    silence_s : float, optional
+        A board that asked for the time, and then says nothing for this long, is gone.
+    max_misses : int, optional
+        Frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
+    faults : Faults, optional
+        Those of the line are put between the board and the link.
+    adds_faults : bool, optional
+        True if more of the line may come during the run.
+    utc_minus_monotonic_ns : int, optional
+        Difference of this machine's clocks, read once for a run.
+    key : bytes, optional
+        Key that boards and truth loggers must prove to have; None for no authentication.
     """
 
     url: str

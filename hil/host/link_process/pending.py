@@ -26,7 +26,8 @@ class PendingLinks:
 
     Parameters
     ----------
-    gone : called with the reason of each one that became no session.
+    gone : callable
+        Called with the reason of each one that became no session.
     """
 
     def __init__(self, gone: Callable[[str], None]) -> None:

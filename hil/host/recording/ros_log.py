@@ -134,8 +134,10 @@ class RosLog:
 
     Parameters
     ----------
-    path : MCAP file to write, or None.
-    live : host and port of a WebSocket to serve, or None.
+    path : Path or None
+        MCAP file to write, or None.
+    live : tuple of str and int, optional
+        Host and port of a WebSocket to serve, or None.
 
     Raises
     ------

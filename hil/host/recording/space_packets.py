@@ -102,7 +102,8 @@ class SpacePacketSink:
 
     Parameters
     ----------
-    target : a file's path, or ``udp://HOST:PORT`` on this machine. The XTCE description goes next to the file, or to
+    target : str
+        A file's path, or ``udp://HOST:PORT`` on this machine. The XTCE description goes next to the file, or to
         ``xtce`` where that is named.
 
     Raises

@@ -105,9 +105,12 @@ class TruthEndpoint:
 
     Parameters
     ----------
-    url : address for loggers.
-    board_url : address for boards, for the error message to a board that connects here by mistake.
-    key : key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
+    url : str
+        Address for loggers.
+    board_url : str
+        Address for boards, for the error message to a board that connects here by mistake.
+    key : bytes, optional
+        Key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
     """
 
     def __init__(self, url: str, board_url: str, key: bytes | None = None) -> None:

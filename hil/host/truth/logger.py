@@ -26,9 +26,12 @@ class TruthLogger:
 
     Parameters
     ----------
-    url : address of the truth endpoint, which may open later than ``start``.
-    path : JSON-lines file to write; an existing one is overwritten.
-    key : key shared with the host; None without authentication.
+    url : str
+        Address of the truth endpoint, which may open later than ``start``.
+    path : Path
+        JSON-lines file to write; an existing one is overwritten.
+    key : bytes, optional
+        Key shared with the host; None without authentication.
     """
 
     def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:

@@ -85,7 +85,8 @@ def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
 
     Parameters
     ----------
-    most_bytes : longer ones are refused, and so are ones nested deeper than ``MAX_JSON_DEPTH``.
+    most_bytes : int
+        Longer ones are refused, and so are ones nested deeper than ``MAX_JSON_DEPTH``.
 
     Raises
     ------

@@ -50,18 +50,27 @@ class FrameHeader:
 
     Parameters
     ----------
-    bits : bits of a pixel of the detector, right-aligned where the pixel format has room for more.
-    epoch_utc : mid-exposure, ISO 8601, at most 40 characters.
-    t_s : seconds from the scenario's start, mid-exposure.
-    host_send_ns : the host's monotonic clock when it began to send.
-    binning_x, binning_y : physical pixels that are joined to one of the image.
-    roi_px : x, y, width, height of the part of the detector that was read, in physical pixels; width and height 0
-        where the camera says nothing of it.
-    camera_frame : the camera's own frame counter, which may repeat where its fault is.
-    exposure_start_ns, exposure_end_ns : UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0
-        where unknown.
-    sun_camera : unit vector to the Sun in the camera frame; None where the host does not send it.
-    transfer : transfer function of the pixels.
+    bits : int
+        Bits of a pixel of the detector, right-aligned where the pixel format has room for more.
+    epoch_utc : str
+        Mid-exposure, ISO 8601, at most 40 characters.
+    t_s : float
+        Seconds from the scenario's start, mid-exposure.
+    host_send_ns : int
+        The host's monotonic clock when it began to send.
+    binning_x, binning_y : int, optional
+        Physical pixels that are joined to one of the image.
+    roi_px : tuple of int, optional
+        X, y, width, height of the part of the detector that was read, in physical pixels; width and height 0 where
+        the camera says nothing of it.
+    camera_frame : int, optional
+        The camera's own frame counter, which may repeat where its fault is.
+    exposure_start_ns, exposure_end_ns : int, optional
+        UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0 where unknown.
+    sun_camera : Vec3, optional
+        Unit vector to the Sun in the camera frame; None where the host does not send it.
+    transfer : Transfer, optional
+        Transfer function of the pixels.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.FRAME_HEADER
@@ -179,13 +188,21 @@ class PoseMessage:
 
     Parameters
     ----------
-    q_camera_from_target_wxyz, t_camera_from_target_m : the best pose, None when there is none;
-        a declined frame may carry one. The quaternion is of length 1 within ``QUATERNION_TOLERANCE``.
-    confidence : 0 to 1, the board's own estimate that the pose is right; 0 where it has none.
-    receive_ns, start_ns, end_ns : board's monotonic clock: frame complete, estimator begins, ends.
-    stages_ms : name (at most 24 bytes) and duration of each stage, in order.
-    covariance : 21 numbers, the upper triangle row by row of the (6, 6) covariance of turn [rad] and shift [m], camera
-        axes; None where the estimator has none, or the host does not take fields.
+    q_camera_from_target_wxyz : Quat, optional
+        The best pose, None when there is none; a declined frame may carry one. The quaternion is of length 1 within
+        ``QUATERNION_TOLERANCE``.
+    t_camera_from_target_m : Vec3, optional
+        The best pose, None when there is none; a declined frame may carry one. The quaternion is of length 1 within
+        ``QUATERNION_TOLERANCE``.
+    confidence : float, optional
+        0 to 1, the board's own estimate that the pose is right; 0 where it has none.
+    receive_ns, start_ns, end_ns : int, optional
+        Board's monotonic clock: frame complete, estimator begins, ends.
+    stages_ms : tuple of tuple of str and float, optional
+        Name (at most 24 bytes) and duration of each stage, in order.
+    covariance : tuple of float, optional
+        21 numbers, the upper triangle row by row of the (6, 6) covariance of turn [rad] and shift [m], camera axes;
+        None where the estimator has none, or the host does not take fields.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.POSE

@@ -53,7 +53,10 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
 
     Parameters
     ----------
-    encodings, pixel_formats : offer of this side in its HELLO.
+    encodings : int
+        Offer of this side in its HELLO.
+    pixel_formats : int, optional
+        Offer of this side in its HELLO.
 
     Raises
     ------
@@ -190,8 +193,9 @@ class FrameAssembler:
 
     Parameters
     ----------
-    terms : terms of the handshake; frames of another size or kind are refused before memory is taken for
-        them. None takes any within ``MAX_FRAME_BYTES``.
+    terms : HelloAck, optional
+        Terms of the handshake; frames of another size or kind are refused before memory is taken for them. None takes
+        any within ``MAX_FRAME_BYTES``.
     """
 
     def __init__(self, terms: Optional[HelloAck] = None) -> None:

@@ -47,11 +47,16 @@ class Packet:
 
     Parameters
     ----------
-    type : type of the payload.
-    payload : bytes of the payload.
-    session_id : chosen by the host; 0 before the handshake is complete.
-    sequence : counts the sender's packets, modulo 2**32.
-    version : protocol version of the sender.
+    type : PacketType
+        Type of the payload.
+    payload : bytes
+        Bytes of the payload.
+    session_id : int, optional
+        Chosen by the host; 0 before the handshake is complete.
+    sequence : int, optional
+        Counts the sender's packets, modulo 2**32.
+    version : int, optional
+        Protocol version of the sender.
     """
 
     type: PacketType

@@ -40,12 +40,18 @@ class Hello:
 
     Parameters
     ----------
-    encodings : bit mask, ``1 << Encoding``.
-    pixel_formats : bit mask, in the order of ``PIXEL_FORMATS``.
-    window : number of frames that the board can hold, the one in progress included.
-    model_name, model_sha256 : the target model it carries; an empty hash is not checked.
-    method, board : the estimator, and a free text that names the board.
-    takes_fields : True if it reads the optional fields of FRAME_HEADER.
+    encodings : int, optional
+        Bit mask, ``1 << Encoding``.
+    pixel_formats : int, optional
+        Bit mask, in the order of ``PIXEL_FORMATS``.
+    window : int, optional
+        Number of frames that the board can hold, the one in progress included.
+    model_name, model_sha256 : str, optional
+        The target model it carries; an empty hash is not checked.
+    method, board : str, optional
+        The estimator, and a free text that names the board.
+    takes_fields : bool, optional
+        True if it reads the optional fields of FRAME_HEADER.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO
@@ -96,14 +102,26 @@ class HelloAck:
 
     Parameters
     ----------
-    camera : the project's camera JSON object (CAMERA.json).
-    width_px, height_px, bits, pixel_format : layout of the images; ``bits`` of the detector's pixels, as the format
+    camera : dict of str to object
+        The project's camera JSON object (CAMERA.json).
+    width_px : int
+        Layout of the images; ``bits`` of the detector's pixels, as the format.
+    height_px : int
+        Layout of the images; ``bits`` of the detector's pixels, as the format.
+    bits : int, optional
+        Layout of the images; ``bits`` of the detector's pixels, as the format.
+    pixel_format : PixelFormat, optional
+        Layout of the images; ``bits`` of the detector's pixels, as the format.
     holds
         them or fewer.
-    encoding : the compression chosen from what the board offered.
-    window : frames that may be on their way or in work at once (credits).
-    target_name, target_sha256 : target of the host; an empty hash is not checked.
-    takes_fields : True if optional fields are agreed: of FRAME_HEADER and of POSE.
+    encoding : Encoding, optional
+        The compression chosen from what the board offered.
+    window : int, optional
+        Frames that may be on their way or in work at once (credits).
+    target_name, target_sha256 : str, optional
+        Target of the host; an empty hash is not checked.
+    takes_fields : bool, optional
+        True if optional fields are agreed: of FRAME_HEADER and of POSE.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
@@ -194,8 +212,9 @@ class TimeSyncReply:
 
     Parameters
     ----------
-    newest_frame : the last frame that came whole to the answerer, ``NO_FRAME`` before the first: who asked after
-        sending a later one knows that it was lost. None where the answerer does not tell.
+    newest_frame : int, optional
+        The last frame that came whole to the answerer, ``NO_FRAME`` before the first: who asked after sending a later
+        one knows that it was lost. None where the answerer does not tell.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REPLY

@@ -36,8 +36,8 @@ def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
 
     Parameters
     ----------
-    points : (B, K, 2) tensor
-        Keypoints from the middle of the input [half sides].
+    points : Tensor
+        (B, K, 2) tensor Keypoints from the middle of the input [half sides].
     """
     centres = (torch.arange(BINS) + 0.5) * STEP - REACH
     off = (points[..., None] - centres) / (WIDTH_BINS * STEP)
@@ -50,8 +50,8 @@ def loss(outputs: tuple[Tensor, Tensor], batch: Batch) -> tuple[Tensor, Tensor]:
 
     Parameters
     ----------
-    outputs : pair of tensors
-        Of a `Head`.
+    outputs : tuple of Tensor
+        Pair of tensors Of a `Head`.
     batch : Batch
         The truth.
     """

@@ -70,8 +70,8 @@ class Mix:
         Shares of these looks.
     orbit, earth, astray : float
         Share of samples in orbit; of these, with the Earth behind and far off the right exposure.
-    noise : (float, float)
-        Bounds of the noise of one pixel [full scale].
+    noise : tuple of float, optional
+        (float, float) Bounds of the noise of one pixel [full scale].
     """
 
     off: tuple[tuple[float, float], ...] = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08))
@@ -94,8 +94,14 @@ class LitViews:
 
     Parameters
     ----------
-    lit, scale, cover, label : arrays (N, ...)
-        As of ``View``.
+    lit : ByteArray
+        Arrays (N, ...) As of ``View``.
+    scale : Float32Array
+        Arrays (N, ...) As of ``View``.
+    cover : ByteArray
+        Arrays (N, ...) As of ``View``.
+    label : ByteArray
+        Arrays (N, ...) As of ``View``.
     q_wxyz : (N, 4) array
         Attitudes.
     range_in_radii : (N,) array

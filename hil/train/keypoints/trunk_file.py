@@ -65,8 +65,8 @@ def unfolded(trunk: Trunk, inputs: Tensor) -> Trunk:
     ----------
     trunk : Trunk
         Normalisations folded into its convolutions.
-    inputs : (B, 2, S, S) tensor
-        Samples; the normalisations begin with their statistics.
+    inputs : Tensor
+        (B, 2, S, S) tensor Samples; the normalisations begin with their statistics.
     """
     out = Trunk().eval()
     with torch.no_grad():

@@ -80,9 +80,12 @@ def structure(
 
     Parameters
     ----------
-    rings_z_m : heights of bars across the sides, where the ribs between units show.
-    screws_z_m : heights of the rows of screws that hold the panel boards, next to the cells.
-    screws_lift_m : how far above the boards their heads sit: ``RIB_M`` on the ribs.
+    rings_z_m : tuple of float, optional
+        Heights of bars across the sides, where the ribs between units show.
+    screws_z_m : tuple of float, optional
+        Heights of the rows of screws that hold the panel boards, next to the cells.
+    screws_lift_m : float, optional
+        How far above the boards their heads sit: ``RIB_M`` on the ribs.
     """
     x, y, z = frame.half
     rail = box((x - RAIL_M, y - RAIL_M, -z), (x, y, z), RAIL_EDGE_M if detail == "full" else 0.0)

@@ -22,8 +22,16 @@ class Wings:
 
     Parameters
     ----------
-    root_x_m : hinge line from the middle. y_m : plane of the cells' side.
-    panels : on each side. size_m : of a panel, x and z. gap_m : before each panel.
+    root_x_m : float
+        Hinge line from the middle.
+    y_m : float
+        Plane of the cells' side.
+    panels : int
+        On each side.
+    size_m : tuple of float
+        Of a panel, x and z.
+    gap_m : float
+        Before each panel.
     """
 
     root_x_m: float

@@ -23,9 +23,12 @@ class Mesh:
 
     Parameters
     ----------
-    positions_m : (N, 3).
-    normals : (N, 3) outward unit normals.
-    triangles : (M, 3) indices, counter-clockwise seen from outside.
+    positions_m : (N, 3) array
+        .
+    normals : (N, 3) array
+        Outward unit normals.
+    triangles : IntArray
+        (M, 3) indices, counter-clockwise seen from outside.
     """
 
     positions_m: FloatArray

@@ -40,7 +40,10 @@ def triangulate(outline: FloatArray, holes: Sequence[FloatArray] = ()) -> IntArr
 
     Parameters
     ----------
-    outline : (K, 2), counter-clockwise. holes : (L, 2) each, clockwise.
+    outline : (K, 2) array
+        Counter-clockwise.
+    holes : sequence of (L, 2) array, optional
+        Each, clockwise.
 
     Raises
     ------
@@ -122,7 +125,8 @@ def _is_ear(places: list[list[float]], loop: list[int], k: int) -> bool:
 
     Parameters
     ----------
-    places : (x, y) of each point: a few numbers at a time are quicker as they are than as arrays.
+    places : list of list of float
+        (x, y) of each point: a few numbers at a time are quicker as they are than as arrays.
     """
     ear = (loop[k - 1], loop[k], loop[(k + 1) % len(loop)])
     corners = [places[n] for n in ear]
@@ -149,9 +153,14 @@ def prism(
 
     Parameters
     ----------
-    outline : (K, 2) polygon [m], either way round. holes : (L, 2) polygons inside it.
-    thickness_m : distance between the two caps; the first lies in the plane itself.
-    u, v : orthonormal axes of the plane. Walls are smooth where the outline turns gently.
+    outline : (K, 2) array
+        Polygon [m], either way round.
+    holes : sequence of (L, 2) array, optional
+        Polygons inside it.
+    thickness_m : float
+        Distance between the two caps; the first lies in the plane itself.
+    u, v : array, optional
+        Orthonormal axes of the plane. Walls are smooth where the outline turns gently.
     """
     rim = _oriented(outline, 1.0)
     inner = [_oriented(h, -1.0) for h in holes]
@@ -199,7 +208,8 @@ def clipped_rectangle(width_m: float, height_m: float, clip_m: float, clipped: s
 
     Parameters
     ----------
-    clipped : ``"top"``, ``"bottom"`` (a half wafer) or ``"all"``.
+    clipped : str
+        ``"top"``, ``"bottom"`` (a half wafer) or ``"all"``.
     """
     x, y = width_m / 2, height_m / 2
     low = [(-x, -y + clip_m), (-x + clip_m, -y), (x - clip_m, -y), (x, -y + clip_m)]

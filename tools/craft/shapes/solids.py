@@ -22,8 +22,10 @@ def box(lo_m: ArrayLike, hi_m: ArrayLike, bevel_m: float = 0.0) -> Mesh:
 
     Parameters
     ----------
-    lo_m, hi_m : (3,) opposite corners.
-    bevel_m : length that the chamfer takes from each face.
+    lo_m, hi_m : (3,) array
+        Opposite corners.
+    bevel_m : float, optional
+        Length that the chamfer takes from each face.
     """
     lo, hi = np.asarray(lo_m, float), np.asarray(hi_m, float)
     centre, half = (lo + hi) / 2, (hi - lo) / 2
@@ -56,7 +58,10 @@ def bar(a_m: ArrayLike, b_m: ArrayLike, width_m: float, depth_m: float, up: Arra
 
     Parameters
     ----------
-    width_m : section across ``up``. depth_m : section along ``up`` (made perpendicular to the bar).
+    width_m : float
+        Section across ``up``.
+    depth_m : float
+        Section along ``up`` (made perpendicular to the bar).
     """
     a, b = np.asarray(a_m, float), np.asarray(b_m, float)
     w = unit(b - a)
@@ -75,10 +80,15 @@ def lathe(profile: ArrayLike, origin_m: ArrayLike, axis: ArrayLike, segments: in
 
     Parameters
     ----------
-    profile : (K, 2) radius and height along the axis, walked so that the material is on the left
-        (a closed body starts on the axis at the bottom and ends on it at the top).
-    origin_m : (3,) point of height zero. axis : (3,) direction of growing height.
-    segments : facets round the axis.
+    profile : (K, 2) array
+        Radius and height along the axis, walked so that the material is on the left (a closed body starts on the axis
+        at the bottom and ends on it at the top).
+    origin_m : (3,) array
+        Point of height zero.
+    axis : (3,) array
+        Direction of growing height.
+    segments : int, optional
+        Facets round the axis.
     """
     p = np.asarray(profile, float)
     u, v, w = across(axis)

@@ -23,8 +23,12 @@ def creased(points_m: ArrayLike, triangles: ArrayLike, crease_rad: float = float
 
     Parameters
     ----------
-    points_m : (N, 3), each corner once. triangles : (M, 3), counter-clockwise from outside.
-    crease_rad : faces that meet at more than this angle keep a sharp edge. Means are weighted by area.
+    points_m : (N, 3) array
+        Each corner once.
+    triangles : (M, 3) array
+        Counter-clockwise from outside.
+    crease_rad : float, optional
+        Faces that meet at more than this angle keep a sharp edge. Means are weighted by area.
     """
     p, t = np.asarray(points_m, float), np.asarray(triangles, np.int64)
     area = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
@@ -83,7 +87,8 @@ class Revolved:
 
     Parameters
     ----------
-    profile : (K, 2) radius and height [m], height growing strictly. Azimuths count from x towards y [rad].
+    profile : (K, 2) array
+        Radius and height [m], height growing strictly. Azimuths count from x towards y [rad].
     """
 
     profile: FloatArray
@@ -159,10 +164,18 @@ def pad(
 
     Parameters
     ----------
-    half_m : half extent round the axis and half extent along the surface.
-    lift_m : height of the rim. dome_m : additional height of the middle.
-    exponent : 2 an ellipse, 5 and more a rectangle with rounded corners. turn_rad : turn on the surface.
-    relief : height of what the plate lies on, above the surface, at points (N, 2) round the plate's middle.
+    half_m : tuple of float
+        Half extent round the axis and half extent along the surface.
+    lift_m : float, optional
+        Height of the rim.
+    dome_m : float, optional
+        Additional height of the middle.
+    exponent : float, optional
+        2 an ellipse, 5 and more a rectangle with rounded corners.
+    turn_rad : float, optional
+        Turn on the surface.
+    relief : callable, optional
+        Height of what the plate lies on, above the surface, at points (N, 2) round the plate's middle.
     """
     edge = _superellipse(half_m, exponent, segments)
     rho = np.arange(1, rings + 1) / rings

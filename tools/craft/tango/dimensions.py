@@ -81,8 +81,12 @@ class TangoDimensions:
 
     Parameters
     ----------
-    columns, rows : cells of each of the panel's two fields.
-    antenna_roots, antenna_tips : one pair per rod antenna. antenna_collar_m : from the root to the thick part.
+    columns, rows : int
+        Cells of each of the panel's two fields.
+    antenna_roots, antenna_tips : tuple of Vec3
+        One pair per rod antenna.
+    antenna_collar_m : float
+        From the root to the thick part.
     """
 
     panel_x_m: float

@@ -52,9 +52,18 @@ class LightBasis:
 
     Parameters
     ----------
-    scene : scene at full size, without lights. lights : (K) boxes of radiance `_UNIT`.
-    drawn : (K, P) digital numbers above black of the craft's pixels. seen : (P,) those of the image.
-    material : (P,) index into the target's materials. inner : (P,) True if all neighbours have the same material.
+    scene : SceneState
+        Scene at full size, without lights.
+    lights : tuple of AreaLight
+        (K) boxes of radiance `_UNIT`.
+    drawn : (K, P) array
+        Digital numbers above black of the craft's pixels.
+    seen : (P,) array
+        Those of the image.
+    material : IntArray
+        (P,) index into the target's materials.
+    inner : BoolArray
+        (P,) True if all neighbours have the same material.
     """
 
     scene: SceneState
@@ -166,7 +175,10 @@ def fit_light(basis: LightBasis, factors: FloatArray | None = None, most: int = 
 
     Parameters
     ----------
-    factors : (M,) brightness of each material relative to the target's. most : largest number of boxes.
+    factors : (M,) array, optional
+        Brightness of each material relative to the target's.
+    most : int, optional
+        Largest number of boxes.
     """
     scale = np.ones(len(basis.seen)) if factors is None else factors[basis.material]
     columns = np.arange(len(basis.lights))

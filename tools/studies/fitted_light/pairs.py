@@ -45,9 +45,11 @@ class CraftLook:
 
     Parameters
     ----------
-    dark_dn, noise_dn : mean of the darkest tenth of all blocks of 16 x 16 pixels, and the deviation inside them: second
-        differences are unreliable where compression has smoothed the noise.
-    clipped : share of the pixels inside the craft's convex hull at 250 DN or above.
+    dark_dn, noise_dn : float
+        Mean of the darkest tenth of all blocks of 16 x 16 pixels, and the deviation inside them: second differences
+        are unreliable where compression has smoothed the noise.
+    clipped : float
+        Share of the pixels inside the craft's convex hull at 250 DN or above.
     """
 
     dark_dn: float
@@ -61,12 +63,19 @@ class FittedPair:
 
     Parameters
     ----------
-    image : rendering. window : x0, y0, x1, y1 of the craft's box.
-    ncc, ssim : correlation and structural similarity inside the silhouette.
-    gradient_moved_dn : earth mover's distance of the histograms of gradients inside it [DN per pixel].
-    outline_px : median distance from the visible outline of the rendering to the nearest edge of the image; None
-        without outline.
-    fitted_on : True if the materials were fitted on this image.
+    image : ByteArray
+        Rendering.
+    window : tuple of int
+        X0, y0, x1, y1 of the craft's box.
+    ncc, ssim : float
+        Correlation and structural similarity inside the silhouette.
+    gradient_moved_dn : float
+        Earth mover's distance of the histograms of gradients inside it [DN per pixel].
+    outline_px : float or None
+        Median distance from the visible outline of the rendering to the nearest edge of the image; None without
+        outline.
+    fitted_on : bool
+        True if the materials were fitted on this image.
     """
 
     reference: Reference
@@ -115,7 +124,8 @@ def fit_pictures(
 
     Parameters
     ----------
-    materials : True to fit the brightness of the materials too, on every second image, and use it in all.
+    materials : bool, optional
+        True to fit the brightness of the materials too, on every second image, and use it in all.
 
     Returns
     -------

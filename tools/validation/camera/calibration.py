@@ -49,8 +49,18 @@ class Calibration:
 
     Parameters
     ----------
-    names, true, found, sigma : (K,) parameters; sigma as the calibration reports it.
-    rms_px : reprojection error. corners : number of corners used.
+    names : tuple of str
+        (K,) parameters; sigma as the calibration reports it.
+    true : array
+        (K,) parameters; sigma as the calibration reports it.
+    found : array
+        (K,) parameters; sigma as the calibration reports it.
+    sigma : array
+        (K,) parameters; sigma as the calibration reports it.
+    rms_px : float
+        Reprojection error.
+    corners : int
+        Number of corners used.
     """
 
     lens: str

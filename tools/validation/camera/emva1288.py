@@ -115,7 +115,10 @@ def measure_colours(name: str, *, way: str, seed: int = 5, levels: int = COLOUR_
 
     Parameters
     ----------
-    way : one of ``READOUT_MODES``. levels : number of brightnesses of the plate.
+    way : str
+        One of ``READOUT_MODES``.
+    levels : int, optional
+        Number of brightnesses of the plate.
     """
     base = without_nonuniformity(sensor_preset(name))
     raw, planes = way == READOUT_MODES[0], way == READOUT_MODES[1]

@@ -103,7 +103,8 @@ def compare(case: str, picture: FloatArray | None = None) -> tuple[FloatArray, F
 
     Parameters
     ----------
-    picture : image of the edge; by default a computed one.
+    picture : array, optional
+        Image of the edge; by default a computed one.
     """
     sensor, optics = CASES[case]
     sharp = edge() if picture is None else picture

@@ -43,9 +43,14 @@ class Disagreement:
 
     Parameters
     ----------
-    n_on : pixels of the mask. n_rays : pixels tested.
-    mask, parts : pixels whose label neither a ray near them nor the rounding of a raster explains.
-    twice : pixels in the visible masks of two parts, in the mask and in no part, or in a part and not in the mask.
+    n_on : int
+        Pixels of the mask.
+    n_rays : int
+        Pixels tested.
+    mask, parts : int
+        Pixels whose label neither a ray near them nor the rounding of a raster explains.
+    twice : int
+        Pixels in the visible masks of two parts, in the mask and in no part, or in a part and not in the mask.
     """
 
     n_on: int
@@ -60,7 +65,8 @@ class ExportedMesh:
 
     Parameters
     ----------
-    target : target to write to a .glb in memory, which trimesh reads.
+    target : Target
+        Target to write to a .glb in memory, which trimesh reads.
     """
 
     def __init__(self, target: Target) -> None:

@@ -37,9 +37,16 @@ def shown_parts(
 
     Parameters
     ----------
-    corners_px : (K, 3, 2) of triangles, from the pixel's centre. depth_m : (K, 3) of the corners, all positive.
-    parts : (K,). coplanar_m : how far behind the first another may lie and be shown.
-    lens : True if the corners are where they were without the lens, which the image follows by straight pieces.
+    corners_px : (K, 3, 2) array
+        Of triangles, from the pixel's centre.
+    depth_m : (K, 3) array
+        Of the corners, all positive.
+    parts : (K,) array
+        .
+    coplanar_m : float
+        How far behind the first another may lie and be shown.
+    lens : bool, optional
+        True if the corners are where they were without the lens, which the image follows by straight pieces.
     """
     unsure_px, rounding_px = (LENS_PX, ROUNDING_PX + LENS_PX) if lens else (_UNSURE_PX, ROUNDING_PX)
     near = np.all(corners_px.min(axis=1) <= 1, axis=1) & np.all(corners_px.max(axis=1) >= -1, axis=1)

@@ -61,9 +61,12 @@ class LatencyResult:
 
     Parameters
     ----------
-    handover_error_ms : size of (handed over - end of exposure - latency) of each frame.
-    on_board_ms : time at which the board has the whole frame, after end of exposure and latency, by the clock offset.
-    codes_agree : number of frames whose code, read from the pixels, equals the ledger's number and time.
+    handover_error_ms : array
+        Size of (handed over - end of exposure - latency) of each frame.
+    on_board_ms : array
+        Time at which the board has the whole frame, after end of exposure and latency, by the clock offset.
+    codes_agree : int
+        Number of frames whose code, read from the pixels, equals the ledger's number and time.
     """
 
     summary: LedgerSummary

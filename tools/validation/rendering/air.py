@@ -50,8 +50,10 @@ class Light:
 
     Parameters
     ----------
-    up, down : (grounds, Suns, views, azimuths, 4) radiance at the top, and of the sky from the ground [sr-1].
-    ground : (grounds, Suns, 4) irradiance of level ground [1].
+    up, down : (grounds, Suns, views, azimuths, 4) array
+        Radiance at the top, and of the sky from the ground [sr-1].
+    ground : (grounds, Suns, 4) array
+        Irradiance of level ground [1].
     """
 
     up: FloatArray

@@ -304,7 +304,8 @@ def mitsuba_rows(renderer: Renderer, most_spp: int = 4096) -> list[Row]:
 
     Parameters
     ----------
-    most_spp : largest number of samples per pixel for each of Sun and sky.
+    most_spp : int, optional
+        Largest number of samples per pixel for each of Sun and sky.
     """
     # busbars and films of cells are our shader's own; below a coat of nine tenths it follows glTF
     target = load_target("tango")

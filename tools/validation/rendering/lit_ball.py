@@ -29,10 +29,14 @@ class LitBall:
 
     Parameters
     ----------
-    normals, views : (K, 3) unit vectors, outwards and towards the camera.
-    sun : (D, 3) directions to points of the Sun's disc, of equal weight.
-    irradiance_w_m2 : irradiance of sunlight, perpendicular to it.
-    radiance : (K,) rendered radiance [W m-2 sr-1].
+    normals, views : (K, 3) array
+        Unit vectors, outwards and towards the camera.
+    sun : (D, 3) array
+        Directions to points of the Sun's disc, of equal weight.
+    irradiance_w_m2 : float
+        Irradiance of sunlight, perpendicular to it.
+    radiance : Float32Array
+        (K,) rendered radiance [W m-2 sr-1].
     """
 
     normals: FloatArray

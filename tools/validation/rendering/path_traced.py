@@ -47,8 +47,10 @@ class Difference:
 
     Parameters
     ----------
-    median, p95 : relative difference of radiance on the target's inner pixels.
-    flip : mean HDR-FLIP over the whole image, 0..1, at 67 pixels per degree; NaN without its evaluator.
+    median, p95 : float
+        Relative difference of radiance on the target's inner pixels.
+    flip : float
+        Mean HDR-FLIP over the whole image, 0..1, at 67 pixels per degree; NaN without its evaluator.
     """
 
     median: float
@@ -61,7 +63,8 @@ def difference(ours: FloatArray, theirs: FloatArray, inner: FloatArray) -> Diffe
 
     Parameters
     ----------
-    inner : pixels wholly on the target. Those below 2 % of the brightest are excluded from the relative difference.
+    inner : array
+        Pixels wholly on the target. Those below 2 % of the brightest are excluded from the relative difference.
 
     References
     ----------
@@ -120,8 +123,10 @@ class Traced:
 
     Parameters
     ----------
-    radiance : (H, W) radiance in the panchromatic band [W m-2 sr-1].
-    noise : (H, W) standard error of the radiance, from the spread of independent passes.
+    radiance : (H, W) array
+        Radiance in the panchromatic band [W m-2 sr-1].
+    noise : (H, W) array
+        Standard error of the radiance, from the spread of independent passes.
     """
 
     radiance: FloatArray
@@ -137,8 +142,10 @@ def path_trace(scene: SceneState, target: Target, sky_w_m2_sr: float, sun_spp: i
 
     Parameters
     ----------
-    scene : scene of a square monochrome camera without distortion. sun_spp, sky_spp : samples per pixel, in passes of
-        `SAMPLES_PER_PASS`.
+    scene : SceneState
+        Scene of a square monochrome camera without distortion.
+    sun_spp, sky_spp : int
+        Samples per pixel, in passes of `SAMPLES_PER_PASS`.
     """
     lights: list[tuple[dict[str, Any], int]] = []
     if sky_w_m2_sr > 0:

@@ -51,8 +51,12 @@ class LimbError:
 
     Parameters
     ----------
-    offset_px : mean offset along the limb. columns_px : (K,) offset in each column of pixels. share_rms : error of the
-        limb's pixels.
+    offset_px : float
+        Mean offset along the limb.
+    columns_px : (K,) array
+        Offset in each column of pixels.
+    share_rms : float
+        Error of the limb's pixels.
     """
 
     offset_px: float

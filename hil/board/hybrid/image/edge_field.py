@@ -149,9 +149,9 @@ class EdgeField:
         Parameters
         ----------
         uv : (..., 2) array
-            Field coordinates.
+            Array Field coordinates.
         angle : (...) array
-            Orientation of the model edge's normal, 0..pi.
+            Array Orientation of the model edge's normal, 0..pi.
         """
         w, h = self.size
         x = np.rint(uv[..., 0])

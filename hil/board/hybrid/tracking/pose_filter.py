@@ -97,7 +97,8 @@ def update(state: TrackState, q: Array, t: Array, covariance: Array) -> "tuple[T
 
     Parameters
     ----------
-    covariance : (6, 6) of the measured pose.
+    covariance : (6, 6) array
+        Of the measured pose.
     """
     y = innovation(state, q, t)
     S = state.P[:6, :6] + covariance

@@ -22,9 +22,11 @@ class ImageCrop:
 
     Parameters
     ----------
-    direction : (3,) unit vector, camera axes.
-    diameter_px : of the target's sphere were it on the boresight,
-        which is its focal length times twice the tangent of its half angle.
+    direction : (3,) array
+        Unit vector, camera axes.
+    diameter_px : float
+        Of the target's sphere were it on the boresight, which is its focal length times twice the tangent of its half
+        angle.
     """
 
     direction: Array
@@ -41,7 +43,8 @@ class ImageCrop:
 
         Parameters
         ----------
-        f_px : focal length of the camera.
+        f_px : float
+            Focal length of the camera.
         """
         half = 0.5 * self.diameter_px / (INPUT_FILL * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])

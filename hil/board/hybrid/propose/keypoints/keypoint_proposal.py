@@ -61,8 +61,8 @@ class LearnedProposal:
         The region that it started from.
     crop : ImageCrop
         Direction and size of the corrected crop.
-    q, t : (N, 4), (N, 3) arrays
-        Poses, the most likely first.
+    q, t : (N, 4) array
+        (N, 3) arrays Poses, the most likely first.
     log_likely : (N,) array
         Their log-likelihoods.
     craft : float
@@ -220,8 +220,8 @@ class LearnedProposer:
         ----------
         learned : sequence of LearnedProposal
             Of one image; the one in whose crop the pose is nearest to the middle is asked.
-        q, t : (4,), (3,) arrays
-            The pose.
+        q, t : (4,) array
+            (3,) arrays The pose.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         away = float(np.linalg.norm(centre))
@@ -243,8 +243,8 @@ class LearnedProposer:
         ----------
         image, noise, black
             As of `propose`.
-        q, t : (4,), (3,) arrays
-            The pose; its craft is within the image.
+        q, t : (4,) array
+            (3,) arrays The pose; its craft is within the image.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         away = float(np.linalg.norm(centre))

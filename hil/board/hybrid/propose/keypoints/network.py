@@ -33,8 +33,8 @@ class KeypointNetwork:
 
     Parameters
     ----------
-    trunk : cv2.dnn.Net
-        Features of an input.
+    trunk : Net
+        Cv2.dnn.Net Features of an input.
     head : KeypointHead
         Distributions of the craft's keypoints from them.
     """

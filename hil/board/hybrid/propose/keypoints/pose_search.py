@@ -135,8 +135,8 @@ def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Arra
         Keypoints [radii].
     focal : float
         Focal length [half sides].
-    q, t : (N, 4), (N, 3) arrays
-        Poses.
+    q, t : (N, 4) array
+        (N, 3) arrays Poses.
     """
     uv, _ = _projected(points, focal, quat.matrix(q), t)
     value, _, _ = _looked_up(table, uv)

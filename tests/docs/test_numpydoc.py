@@ -1,0 +1,95 @@
+"""Parameters sections by numpydoc's rules: every entry names a parameter, in the signature's order, with its type.
+
+Checks of numpydoc's validation (PR02, PR03, PR04) on every docstring of the product, and PR01 on the public names.
+"""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("flyaround/cli", "flyaround/runs", "gui", "hil", "simulator", "tools")
+FILES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py")) + sorted(
+    (ROOT / "flyaround").glob("*.py")
+)
+ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: : (.*))?$")
+# longer ones are sentences
+LONGEST_TYPE_WORDS = 14
+
+
+def section(doc, title):
+    lines = doc.split("\n")
+    for number, line in enumerate(lines[:-1]):
+        if line == title and set(lines[number + 1]) == {"-"}:
+            body = []
+            for k in range(number + 2, len(lines)):
+                if k + 1 < len(lines) and lines[k] and set(lines[k + 1]) == {"-"}:
+                    break
+                body.append(lines[k])
+            return body
+    return None
+
+
+def arguments(function):
+    spec = function.args
+    names = [a.arg for a in (*spec.posonlyargs, *spec.args)]
+    names += [a.arg for a in (spec.vararg,) if a] + [a.arg for a in spec.kwonlyargs]
+    names += [a.arg for a in (spec.kwarg,) if a]
+    return [name for name in names if name not in {"self", "cls"}]
+
+
+def fields(node, classes):
+    """Names that the Parameters section of a class may have, in order; None when a base stands elsewhere."""
+    names = []
+    for base in node.bases:
+        name = base.id if isinstance(base, ast.Name) else ""
+        if name in classes:
+            names += fields(classes[name], classes)
+    for statement in node.body:
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+            names.append(statement.target.id)
+        if isinstance(statement, ast.FunctionDef) and statement.name in {"__init__", "__new__"}:
+            names = arguments(statement)
+    return names
+
+
+def failures(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
+    for node in ast.walk(tree):
+        if not isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            continue
+        body = section(ast.get_docstring(node) or "", "Parameters")
+        if body is None:
+            continue
+        known = fields(node, classes) if isinstance(node, ast.ClassDef) else arguments(node)
+        foreign = isinstance(node, ast.ClassDef) and any(ast.unparse(b) not in classes for b in node.bases)
+        where = f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
+        order = []
+        for number, line in enumerate(body):
+            if not line or line.startswith(" "):
+                continue
+            entry = ENTRY.match(line)
+            if entry is None:
+                yield f"{where}: not an entry: {line!r}"
+                continue
+            kind = entry[2]
+            described = number + 1 < len(body) and body[number + 1].startswith("    ")
+            if not kind or kind.endswith(".") or len(kind.split()) > LONGEST_TYPE_WORDS or not described:
+                yield f"{where}: PR04 type on the entry's line, description below it: {line!r}"
+            if "," in entry[1]:
+                yield f"{where}: one parameter an entry: {line!r}"
+            order += [name.strip(" *") for name in entry[1].split(",")]
+        extra = [] if foreign else [name for name in order if name not in known]
+        if extra:
+            yield f"{where}: PR02 no such parameters: {extra}"
+        listed = [name for name in known if name in order]
+        if [name for name in order if name in known] != listed:
+            yield f"{where}: PR03 order of the signature is {listed}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_parameters_sections_follow_numpydoc(path):
+    assert list(failures(path)) == []
