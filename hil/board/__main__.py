@@ -1,7 +1,7 @@
-"""Command ``python -m flyaround.hil.board URL --model FILE``: the board's agent.
+"""Board agent: command ``python -m flyaround.hil.board URL --model FILE``.
 
-With ``gige://ADDRESS --camera FILE`` the board reads a camera on the network instead. Also ``--image FILE --camera
-FILE``: one answer as JSON, to see that a board can do it at all.
+With ``gige://ADDRESS --camera FILE`` the board reads a GigE camera directly. With ``--image FILE --camera FILE`` it
+estimates one image and prints the result as JSON, which checks the installation.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class AgentTerminated(KeyboardInterrupt):
 def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.board") -> int:
     """Run the board's agent: connect to the host and answer its frames.
 
-    Exit code 0: the host ended the session in order; 1: it vanished; 2: a mistake in what was given; 3: the watchdog
-    stopped the estimator; 4: no session could be had; 130 and 143: stopped by Ctrl-C, by SIGTERM.
+    Exit codes: 0, the host ended the session; 1, the connection was lost; 2, an argument is invalid; 3, the watchdog
+    stopped the estimator; 4, no session could be started; 130 and 143, stopped by Ctrl-C or SIGTERM.
     """
     given = sys.argv[1:] if arguments is None else arguments
     options = _options(given, program)
@@ -63,7 +63,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
 
 
 def run_and_exit(program: str) -> NoReturn:
-    """Run the program from start to end."""
+    """Run `main` and exit without waiting for a hung estimator."""
     exit_at_once(main(program=program))
 
 
@@ -78,16 +78,15 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
     parser.add_argument(
         "--model",
         required=True,
-        help="Board model file, e.g. tango.board.json"
-        + (f"; or one that is built in: {names}" if names else ""),
+        help="Board model file, e.g. tango.board.json" + (f"; or a bundled one: {names}" if names else ""),
     )
     add_options(parser)
     add_options(parser.add_argument_group(TITLE), CAMERA_OPTIONS)
     parser.add_argument(
-        "--systemd-unit", action="store_true", help="Print a unit that runs this as a service, and end."
+        "--systemd-unit", action="store_true", help="Print a unit that runs this as a service, and exit."
     )
-    parser.add_argument("--image", help="Estimate one PNG, taken with --camera, instead of meeting a host.")
-    parser.add_argument("-v", "--verbose", action="store_true", help="Say what happens.")
+    parser.add_argument("--image", help="Estimate one PNG, taken with --camera, without a host.")
+    parser.add_argument("-v", "--verbose", action="store_true", help="Log progress.")
     options = parser.parse_args(arguments)
     if (options.url is None) == (options.image is None):
         parser.error("give the host's URL, or --image and --camera")
@@ -104,7 +103,7 @@ def _unit(given: List[str], options: argparse.Namespace) -> str:
 
 
 def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
-    """Serve the host, once or until stopped, and return the exit code."""
+    """Serve the host, once, or repeatedly with ``--reconnect``, and return the exit code."""
     start = [sys.argv[0]] if program.endswith(".pyz") else ["-m", program]
     agent = make_agent(options.url, options.model, vars(options))
     summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *given])
@@ -113,12 +112,12 @@ def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
 
 
 def _serve_camera(options: argparse.Namespace) -> int:
-    """Read a camera until done and return the exit code."""
+    """Estimate poses on a camera's stream and return the exit code."""
     camera_options = camera_board_options(vars(options))
     make, name, sha256 = estimator_factory(options.model, options.method)
     hello = describe_board(name, sha256, options.method, compiled=True)
     summary = run_camera_board(options.url, camera_options, make, hello)
-    # the standard output may be the poses'
+    # standard output may carry the poses
     sys.stderr.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
     return exit_code(summary)
 
@@ -130,7 +129,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
     try:
         before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: its caller handles signals
+    except ValueError:  # not the main thread: the caller handles signals
         yield
         return
     try:
@@ -147,7 +146,7 @@ def _answer(image: str, camera: Optional[str], model: str, method: str) -> str:
     LinkError
         If a file cannot be used; the message is one sentence.
     """
-    import cv2  # noqa: PLC0415 - a board that only relays has none
+    import cv2  # noqa: PLC0415 - optional: an own estimator may not need OpenCV
 
     from flyaround.hil.board.encoding import linear_picture  # noqa: PLC0415 - the same
     from flyaround.hil.board.hybrid.native.library import describe_library  # noqa: PLC0415 - the same

@@ -1,4 +1,4 @@
-"""Agent of the board: its estimator and model, and its sessions with hosts."""
+"""Board agent: one estimator that serves sessions with hosts."""
 
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ logger = logging.getLogger(__name__)
 
 SUFFIX = ".board.json"
 
-# pauses between tries to meet a host again: doubled from the first to the last [s]
+# Delay before a new connection attempt [s]: doubled after each failure, up to the second value.
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.1, 1.6
 
-# camera JSON object to estimator: the camera is known only after the handshake
+# Makes an estimator from a camera JSON object, which arrives with the handshake.
 EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
 
 
 def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[EstimatorFactory, str, str]:
-    """Return the estimator of a name and model file: factory, model name, model hash.
+    """Return a factory for the estimator called ``method``, and the name and hash of the target model.
 
     Raises
     ------
     LinkError
         If the model file, the method or the compiled library cannot be used.
     """
-    from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics  # noqa: PLC0415 - the same
-    from flyaround.hil.board.hybrid.native.library import describe_library, library  # noqa: PLC0415 - the same
-    from flyaround.hil.board.method_names import WITH_LIBRARY  # noqa: PLC0415 - the same
+    from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics  # noqa: PLC0415 - needs OpenCV
+    from flyaround.hil.board.hybrid.native.library import describe_library, library  # noqa: PLC0415 - needs OpenCV
+    from flyaround.hil.board.method_names import WITH_LIBRARY  # noqa: PLC0415 - needs OpenCV
     from flyaround.hil.board.methods import check_method_name, make_estimator  # noqa: PLC0415 - needs OpenCV
 
     try:
         check_method_name(method)
         logger.info("library of the estimator: %s", describe_library())
         if method in WITH_LIBRARY:
-            # refused before a host is met
+            # fail before connecting to a host
             library()
     except BoardModelError as error:
         raise LinkError(str(error)) from error
@@ -65,7 +65,7 @@ def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[Estima
             BoardModel.read(str(model_path)) if inside is None else BoardModel.from_dict(json.loads(inside))
         )
     except (OSError, ValueError) as error:
-        raise LinkError(f"{error}: write it anew on the host and copy it to the board") from error
+        raise LinkError(f"{error}: write it again on the host and copy it to the board") from error
 
     def make(camera: Dict[str, Any]) -> BoardEstimator:
         return make_estimator(model, CameraIntrinsics.from_dict(camera), method)
@@ -74,16 +74,16 @@ def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[Estima
 
 
 def describe_board(model_name: str, model_sha256: str, method: str, *, compiled: bool) -> Hello:
-    """Return the description that this board sends to the host.
+    """Return this board's HELLO message.
 
     Parameters
     ----------
     compiled : bool
-        True if its estimator is one of the built-in ones, whose OpenCV and kernels are named, too.
+        True for a built-in estimator: the versions of OpenCV and of the compiled kernels are then included.
     """
     runs_on = f" {platform.machine()} Python {platform.python_version()}"
     if compiled:
-        import cv2  # noqa: PLC0415 - a board with an estimator of its own needs none
+        import cv2  # noqa: PLC0415 - optional: an own estimator may not need OpenCV
 
         from flyaround.hil.board.hybrid.native.library import describe_library  # noqa: PLC0415 - needs OpenCV
 
@@ -94,7 +94,7 @@ def describe_board(model_name: str, model_sha256: str, method: str, *, compiled:
         model_sha256=model_sha256,
         method=method,
         takes_fields=True,
-        # a long name of the machine leaves room for the rest
+        # truncate the host name, not the versions
         board=platform.node()[: max(Hello.BOARD_BYTES - len(runs_on), 0)] + runs_on,
     )
 
@@ -111,33 +111,33 @@ def _bundled(name: str) -> Optional[bytes]:
     return (_models() / (name + SUFFIX)).read_bytes()
 
 
-def _models() -> Any:  # noqa: ANN401 - a Path, or its like inside a zip
+def _models() -> Any:  # noqa: ANN401 - a Path, or a Traversable inside a zip
     return files("flyaround.hil.board").joinpath("models")
 
 
 class BoardAgent:
-    """Estimator and model of a board, made once, and its sessions with hosts, one after the other.
+    """Agent that serves sessions with hosts, one after another, with a single estimator and target model.
 
     Parameters
     ----------
     url : str
-        The host.
+        URL of the host.
     model_path : str or Path, optional
-        Board model file for the estimator, or a bundled one's name; not needed with ``make_estimator``.
+        Board model file, or the name of a bundled one; unused with ``make_estimator``.
     make_estimator : EstimatorFactory, optional
-        Called for each session with the host's camera, a dict (``fx_px``, ``cx_px``, ...); returns the estimator.
+        Called once per session with the camera as a dict (``fx_px``, ``cx_px``, ...); returns the estimator.
     connect_timeout_s : float, optional
-        Time-out for reaching the host, and then for its first message.
+        Time-out of the connection, and of the host's first message.
     window : int, optional
-        Frames held at once, the one in work included.
+        Number of frames held at once, including the one being processed.
     key : bytes, optional
-        Key shared with the host, which must prove that it has it; None without authentication.
+        Pre-shared key for mutual authentication; None disables authentication.
     watchdog_s : float, optional
-        An estimator that takes longer for a frame ends the session; infinite: it may take any time.
+        Longest processing time of a frame; the session ends if it is exceeded. Infinite by default.
     silence_s : float, optional
-        Time without messages after which the host is considered gone.
+        Time without messages after which the host is considered lost.
     takes_colour : bool, optional
-        True if ``make_estimator``'s takes (H, W, 3) images as well.
+        True if the estimator also accepts (H, W, 3) images.
 
     Raises
     ------
@@ -176,7 +176,7 @@ class BoardAgent:
 
     @property
     def is_well(self) -> bool:
-        """True if the estimator is within twice its time; otherwise a supervisor may restart this program."""
+        """True unless a frame has taken twice the watchdog time; a supervisor restarts the program if False."""
         server = self._server
         return server is None or server.overdue_s < self._watchdog_s
 
@@ -186,7 +186,7 @@ class BoardAgent:
         Raises
         ------
         LinkError
-            If the host cannot be reached or refuses, or its terms cannot be kept; the message is one sentence.
+            If the host cannot be reached or refuses, or its image format is not supported; the message is one sentence.
         """
         line = connect(self._url, self._timeout_s)
         try:
@@ -198,7 +198,7 @@ class BoardAgent:
         try:
             repeat_s = 1.0 if self._url.startswith("serial") else math.inf
             terms = greet_host(link, self._hello, self._timeout_s, repeat_s=repeat_s)
-            # ground truth is not even decoded on the board
+            # the board must not see ground truth, so it does not decode it
             link.accepts = link.accepts - {PacketType.TRUTH}
             estimator = self._estimator(terms, link)
             logger.info("session with %s: %d x %d px", self._url, terms.width_px, terms.height_px)
@@ -223,21 +223,21 @@ class BoardAgent:
         tell: Callable[[str], None] = logger.info,
         pause: Callable[[float], None] = time.sleep,
     ) -> BoardSummary:
-        """Serve one session after the other, whatever the outcome; only a hung estimator ends this.
+        """Serve one session after another, whatever the outcome; only a hung estimator ends this.
 
-        A session's answers go to that session's line alone: none is kept for the next one.
+        Answers never cross sessions: those of a session that ended are discarded.
 
         Parameters
         ----------
         tell : callable, optional
-            Given a sentence on the end of each session, and on each reason why none could begin once.
+            Receives a sentence about the end of each session, and about each new reason why none could start.
         pause : callable, optional
-            Waits for this many seconds: twice as many from try to try, up to a bound; few again after a session.
+            Sleeps for a number of seconds; the back-off doubles up to a bound and is reset by a session.
 
         Returns
         -------
-        summary
-            Of the session whose estimator did not come back: only a new process gets rid of it.
+        BoardSummary
+            Summary of the session whose estimator hung; only a new process gets rid of the hung thread.
         """
         wait_s, reported = FIRST_PAUSE_S, ""
         while True:
@@ -253,7 +253,7 @@ class BoardAgent:
                 if summary.hung or summary.busy:
                     return summary
                 wait_s, reported = FIRST_PAUSE_S, ""
-            # boards that lost the same host do not all come back in the same instant
+            # random jitter, so that boards that lost the same host do not all reconnect at once
             pause(wait_s * random.uniform(0.75, 1.25))
             wait_s = min(2.0 * wait_s, LAST_PAUSE_S)
 

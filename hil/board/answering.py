@@ -1,4 +1,4 @@
-"""Answer to one image: an estimator's result and the message made of it, whatever the estimator does."""
+"""Answer to one image: the estimator's result as a POSE message, or a decline if the estimator raises."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from flyaround.hil.link.packets.pixels import Image
 
 logger = logging.getLogger(__name__)
 
-# a covariance beyond this is of an estimator that knows nothing; single precision ends at 3.4e38
+# Largest covariance element that is sent. Larger ones carry no information, and single precision overflows at 3.4e38.
 LARGEST_NUMBER = 1e30
 
 
 class Estimate(Protocol):
-    """Result of an estimator, such as ``flyaround.hil.board.svd.PoseResult``."""
+    """Protocol of an estimator's result, such as ``flyaround.hil.board.svd.PoseResult``."""
 
     @property
     def accepted(self) -> bool:
@@ -27,15 +27,15 @@ class Estimate(Protocol):
 
     @property
     def reason(self) -> str:
-        """Reason why it was accepted or declined."""
+        """Reason for the decision; empty if there is nothing to report."""
 
     @property
     def q_camera_from_target_wxyz(self) -> Optional[Iterable[float]]:
-        """(4,) unit quaternion, or None."""
+        """Unit quaternion (4,), scalar first, camera from target; None without a pose."""
 
     @property
     def t_camera_from_target_m(self) -> Optional[Iterable[float]]:
-        """(3,) [m], or None."""
+        """Target position (3,) in the camera frame [m]; None without a pose."""
 
     @property
     def confidence(self) -> float:
@@ -47,36 +47,36 @@ class Estimate(Protocol):
 
 
 class BoardEstimator(Protocol):
-    """Estimator that the agent runs on each frame."""
+    """Protocol of an estimator that the agent runs on each frame."""
 
     def estimate(self, image: Any) -> Estimate:  # noqa: ANN401 - (H, W) uint8; an estimator may take more
         """Return the pose of the target in an (H, W) image.
 
-        One that follows the target from frame to frame has an attribute ``keeps_state`` that is true, and is given
-        ``t_s``, the time of mid-exposure [s], as well. One that has an attribute ``takes_sun`` that is true is given
-        ``sun_camera``, the unit vector to the Sun in the camera frame, with frames for which the host sends it.
-        A result may have ``covariance``, (6, 6) of turn [rad] and shift [m] in camera axes.
+        An estimator with a true attribute ``keeps_state`` tracks the target across frames; it also receives ``t_s``,
+        the time of mid-exposure [s]. One with a true attribute ``takes_sun`` also receives ``sun_camera``, the unit
+        vector to the Sun in the camera frame, if the host sends it. A result may have an attribute ``covariance``,
+        (6, 6), of the rotation [rad] and translation [m] errors in camera axes.
         """
 
 
 @dataclass(frozen=True)
 class FrameContext:
-    """Data of an image besides its pixels.
+    """Metadata of an image.
 
     Parameters
     ----------
     frame_id : int
-        Its number.
+        Identifier of the frame.
     t_s : float
-        Mid-exposure [s], for an estimator that follows the target.
+        Time of mid-exposure [s], for an estimator that tracks the target.
     receive_ns : int
-        The image was whole, on this machine's monotonic clock.
+        Time at which the image was complete, monotonic clock [ns].
     start_ns : int
-        The estimator began, on the same clock.
+        Time at which the estimator started, same clock [ns].
     sun_camera : (3,) tuple, optional
         Unit vector to the Sun in the camera frame, if the host sends it.
     takes_fields : bool
-        True if the answer may have optional fields.
+        True if the host accepts optional fields in the answer.
     """
 
     frame_id: int
@@ -95,7 +95,7 @@ def estimated_pose(
     Parameters
     ----------
     encoding : str
-        Transfer function of the image's numbers; the estimator is handed linear ones.
+        Transfer function of the pixels; the estimator receives linear ones.
     """
     try:
         result = _estimate(estimator, linear_picture(image, encoding), context)
@@ -113,9 +113,9 @@ def estimated_pose(
             end_ns,
             _upper_triangle(getattr(result, "covariance", None)) if context.takes_fields else None,
         )
-        pose.encode()  # an accepted pose that is missing or not finite is found here
+        pose.encode()  # raises if an accepted pose is missing or not finite
         return pose
-    except Exception as error:  # noqa: BLE001 - whatever it raises, the next frame is another chance
+    except Exception as error:  # noqa: BLE001 - an estimator may raise anything; the next frame is served anyway
         logger.warning("frame %d: the estimator failed: %r", context.frame_id, error)
         return PoseMessage(
             context.frame_id,
@@ -138,7 +138,7 @@ def _estimate(estimator: BoardEstimator, image: Image, context: FrameContext) ->
 
 
 def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: ANN401 - (6, 6) numbers, or None
-    """Return the 21 numbers of a POSE's covariance; None for a covariance that is unusable."""
+    """Return the 21 elements of the upper triangle; None if the covariance is missing or unusable."""
     if covariance is None:
         return None
     triangle = tuple(float(covariance[i][k]) for i in range(6) for k in range(i, 6))

@@ -1,4 +1,4 @@
-"""Conversion of encoded images to linear ones: estimators need light, and many cameras deliver a curve of it."""
+"""Transfer functions: conversion of gamma- and sRGB-encoded images to linear ones, which the estimators need."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 Array = np.ndarray
 
 GAMMA = 2.2
-"""Exponent of ``gamma``: light is the pixel value, 1 at full scale, to this power."""
+"""Exponent of ``gamma``: relative light is the relative pixel value to this power."""
 
 
 def _srgb_light(y: Array) -> Array:
@@ -19,24 +19,24 @@ def _srgb_light(y: Array) -> Array:
 
 _NUMBERS = np.arange(256) / 255
 _LIGHT: Dict[str, Array] = {"srgb": _srgb_light(_NUMBERS), "gamma": _NUMBERS**GAMMA}
-"""Light of each 8-bit value, 1 at full scale, by the name of the encoding."""
+"""Relative light of each 8-bit value, by encoding."""
 ENCODINGS = ("linear", *_LIGHT)
 
 
 def light_of(image: Array, encoding: str) -> Array:
-    """Return the light of an image in its own units: the image itself if linear, else 0 to 255 in float32.
+    """Return an image's light: the image itself if it is linear, else float32 scaled to 0..255.
 
     Parameters
     ----------
     image : array
-        Of any shape; an encoded one has uint8 pixels.
+        Image of any shape, uint8 unless it is linear.
     encoding : str
-        One of ``ENCODINGS``, as the camera object names it.
+        One of ``ENCODINGS``.
 
     Raises
     ------
     ValueError
-        If the encoding is unknown, or an image that is not linear has pixels of another type.
+        If the encoding is unknown, or an encoded image is not uint8.
     """
     if encoding == "linear":
         return image
@@ -48,5 +48,5 @@ def light_of(image: Array, encoding: str) -> Array:
 
 
 def linear_picture(image: Array, encoding: str) -> Array:
-    """Return an image whose values are proportional to light, of the same type; see `light_of` for what is refused."""
+    """Return a linear image of the same type; raises as `light_of` does."""
     return image if encoding == "linear" else np.rint(light_of(image, encoding)).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Errors of the board's input files; each message is one sentence with the problem, the place and the remedy."""
+"""Errors of the board's input files. Each message is one sentence: problem, place, remedy."""
 
 
 class BoardModelError(ValueError):
@@ -6,4 +6,4 @@ class BoardModelError(ValueError):
 
 
 class KernelError(BoardModelError):
-    """Compiled kernels requested but not available."""
+    """Compiled kernels are required but not available."""

@@ -1,4 +1,4 @@
-"""Files that anybody may have written: regular ones only, of bounded size."""
+"""Bounded reading of untrusted files: regular files only, of limited size."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ import numpy as np
 
 
 def read_bounded(path: Union[str, Path], most_bytes: int) -> bytes:
-    """Return a file's bytes; pipes and devices are refused, since they may block or never end.
+    """Read a file. Pipes and devices are refused, because they may block or never end.
 
     Parameters
     ----------
     path : str or Path
-        The file.
+        Path of the file.
     most_bytes : int
-        Longer files are refused before they are read.
+        Largest size that is read [bytes].
 
     Raises
     ------
     OSError
-        If it cannot be opened, is no regular file, or is longer.
+        If the file cannot be opened, is not a regular file, or is too large.
     ValueError
-        If the path cannot name a file.
+        If the path is not a valid file name.
     """
-    # without O_NONBLOCK the opening of a pipe waits for its writer
+    # without O_NONBLOCK, opening a pipe blocks until it has a writer
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     handle = os.open(path, flags)
     try:
@@ -52,14 +52,14 @@ def unpack_arrays(data: bytes, most_bytes: int) -> Dict[str, np.ndarray]:
     Parameters
     ----------
     data : bytes
-        The file.
+        Contents of the file.
     most_bytes : int
-        A file that unpacks to more is refused before it is unpacked.
+        Largest total size of the unpacked arrays [bytes], checked before unpacking.
 
     Raises
     ------
     ValueError
-        If it is no such file, damaged, or unpacks to more.
+        If the data are not a valid ``.npz`` file, or unpack to more than ``most_bytes``.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as members:

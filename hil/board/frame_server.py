@@ -1,4 +1,4 @@
-"""Frames of one session: received from the link, given to the estimator, answered once each, whatever it does."""
+"""Frame server: receives the frames of a session, runs the estimator and answers each frame once."""
 
 from __future__ import annotations
 
@@ -33,19 +33,15 @@ from flyaround.hil.link.session import Link
 
 logger = logging.getLogger(__name__)
 
-# damage and mistakes of a session that are logged one by one: a line that does nothing else fills no disk
+# Largest number of logged line errors in a session, so that a noisy line does not fill the disk.
 MAX_LOGGED = 100
-
-# an estimator that is at work when its session ends has this long to come back, and each thread [s]
+# Time for the worker thread to finish when the session ends [s].
 LAST_WAIT_S = 1.0
-
-# interval of clock requests, which show that the board is alive while its estimator works [s]
+# Interval of the clock requests that show the host that the board is alive while its estimator works [s].
 BEAT_S = 0.4
-
-# factor of the time-out until the first answer of the host, since a line may take seconds
+# Factor on the silence time-out before the host's first reply, because a serial line may need seconds.
 UNMET_FACTOR = 5.0
-
-# longest interval between checks for a stop and of the estimator's time [s]
+# Longest interval between two checks of the stop flag and of the watchdog [s].
 LOOK_S = 0.5
 
 
@@ -56,13 +52,13 @@ class BoardSummary:
     Parameters
     ----------
     goodbye : bool
-        True if the host ended the session in order.
+        True if the host ended the session with a goodbye.
     ended : str
-        One sentence saying how it ended.
+        One sentence on why it ended.
     hung : bool, optional
-        True if the watchdog ended it: the estimator did not come back from a frame.
+        True if the watchdog ended the session because the estimator did not return.
     busy : bool, optional
-        True if the estimator is still at work on a frame of this session, whose answer nobody will get.
+        True if the estimator was still processing a frame of this session, whose answer is discarded.
     """
 
     frames: int
@@ -81,20 +77,20 @@ class _Arrival:
 
 
 class FrameServer:
-    """Server of a session's frames in three threads.
+    """Server of one session's frames, in three threads.
 
-    One receives packets and answers clock requests, one estimates, and the caller's supervises.
+    One thread receives packets and answers clock requests, one runs the estimator, and the caller's supervises both.
 
     Parameters
     ----------
     link : Link
-        After the handshake, which settled ``terms``.
+        Link after the handshake that settled ``terms``.
     window : int
-        Whole frames that this board said it can hold.
+        Number of complete frames that the board announced it can hold.
     watchdog_s : float, optional
-        An estimator that takes longer ends the session; infinite for as long as it likes.
+        Longest processing time of a frame; the session ends if it is exceeded.
     silence_s : float, optional
-        A host that says nothing for this long, not even on the board's clock requests, is gone.
+        Time without any message, replies to clock requests included, after which the host is considered lost.
     """
 
     def __init__(
@@ -121,12 +117,12 @@ class FrameServer:
         self._ended = "the host went away"
         self._watchdog_said = f"the watchdog stopped the estimator, which took longer than {watchdog_s:g} s"
         self._stop, self._over = threading.Event(), threading.Event()
-        # the frame in progress and its start; the thread that removes it under the lock answers it
+        # the frame being processed and its start; whichever thread clears it under the lock sends the answer
         self._answering = threading.Lock()
         self._in_work: Optional[_Arrival] = None
         self._begun_ns = 0
         self._receiver = threading.Thread(target=self._receive, name="link receiver", daemon=True)
-        # no frame in work holds up the end of the program
+        # daemon: a frame being processed must not delay the exit of the program
         self._worker = threading.Thread(target=self._estimate, name="estimator", daemon=True)
 
     def run(self) -> BoardSummary:
@@ -154,20 +150,20 @@ class FrameServer:
 
     @property
     def overdue_s(self) -> float:
-        """Time by which the estimator exceeds its limit; negative if it does not."""
+        """Time by which the current frame exceeds the watchdog limit; negative if it does not."""
         with self._answering:
             if self._in_work is None:
                 return -math.inf
             return (now_ns() - self._begun_ns) * 1e-9 - self._watchdog_s
 
     def _watch(self) -> None:
-        """Decline the frame on which the estimator hangs and end the session."""
+        """Decline the frame on which the estimator hangs, and end the session."""
         if self.overdue_s < 0:
             return
         with self._answering:
             arrival, self._in_work = self._in_work, None
         if arrival is None:
-            return  # it came back just now
+            return  # the estimator returned in the meantime
         frame_id = arrival.header.frame_id
         sentence = self._watchdog_said
         logger.warning("frame %d: %s", frame_id, sentence)
@@ -199,11 +195,11 @@ class FrameServer:
                 pose = self._answer(arrival, self._begun_ns)
                 with self._answering:
                     if self._in_work is not arrival or self._stop.is_set():
-                        return  # the watchdog was faster, or the session is over
+                        return  # the watchdog answered already, or the session is over
                     self._in_work = None
                 self._send(pose)
         except LinkClosed:
-            self._receiver.join(LAST_WAIT_S)  # it says why
+            self._receiver.join(LAST_WAIT_S)  # it reports the reason
         finally:
             self._over.set()
 
@@ -235,7 +231,7 @@ class FrameServer:
                     beat_ns = now_ns() + round(BEAT_S * 1e9)
                     with contextlib.suppress(
                         LinkClosed
-                    ):  # the next recv reports it, and what was said before
+                    ):  # the next recv reports the closure, after any unread messages
                         self._link.send(TimeSyncRequest(now_ns()))
                 try:
                     message = self._link.recv(BEAT_S)
@@ -258,12 +254,12 @@ class FrameServer:
             self._over.set()
 
     def _say(self, message: Message) -> None:
-        """Send a message to the host if it still listens; its goodbye may be among the unread packets."""
+        """Send a message unless the link is closed; unread packets may still hold the host's goodbye."""
         with contextlib.suppress(LinkClosed):
             self._link.send(message)
 
     def _take(self, message: Message) -> bool:
-        """Handle one message and return False at the end of the session. Truth sent inline is ignored."""
+        """Handle one message. Return False at the end of the session."""
         at_ns = now_ns()
         if isinstance(message, FrameHeader):
             self._assembler.header(message)
@@ -285,7 +281,7 @@ class FrameServer:
         return True
 
     def _arrive(self, arrival: _Arrival) -> None:
-        if self._arrivals.qsize() < self._room:  # only this thread puts frames in
+        if self._arrivals.qsize() < self._room:  # no race: only this thread enqueues frames
             self._arrivals.put(arrival)
             return
         frame_id = arrival.header.frame_id
@@ -294,14 +290,14 @@ class FrameServer:
         self._say(ErrorMessage(ErrorCode.BUSY, text, frame_id))
 
     def _damaged(self, error: PacketError) -> None:
-        """Handle a damaged packet: the frame in progress cannot be completed."""
+        """Report a corrupt packet and abandon the frame in progress, which cannot be completed."""
         self._warn(str(error))
         self._assembler.abandon()
         if not self._assembler.has_lost:
             self._say(ErrorMessage(ErrorCode.CORRUPT, str(error), NO_FRAME))
 
     def _mistaken(self, mistake: ProtocolMistake) -> None:
-        """Handle a violation of the protocol by the host, which alone can fix it."""
+        """Report a protocol violation to the host, which alone can correct it."""
         self._warn(str(mistake))
         about = mistake.frame_id
         if about is None:

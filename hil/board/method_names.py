@@ -1,4 +1,4 @@
-"""Names of the methods for ``--method``, and former names in older files."""
+"""Names of the estimation methods for ``--method``, and former names in older files."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ HYBRID, HYBRID_TRACK = "hybrid", "hybrid-track"
 
 METHODS = (HYBRID, "svd-2018", "svd-thesis", HYBRID_TRACK)
 
-# Methods that compute with the compiled library.
+# Methods that need the compiled library.
 WITH_LIBRARY = (HYBRID, HYBRID_TRACK)
 
 NETWORK = "net:"
 
 ALL_METHODS = (*METHODS, f"{NETWORK}FILE")
-"""All methods, as listed by help."""
+"""All methods, as listed in the help text."""
 
-# Former names: the method that carried the name of the published algorithm is not that algorithm.
+# Former names. Older releases gave the hybrid method the name of the published algorithm, SVD.
 RENAMED = {"svd": HYBRID, "svd-track": HYBRID_TRACK}
 
 
 def refuse_former_name(method: str) -> None:
-    """Raise if a method is called by its former name.
+    """Raise if ``method`` is a former name.
 
     Raises
     ------
     BoardModelError
-        With the names that replace it.
+        If it is; the message gives the current names.
     """
     if method in RENAMED:
         raise BoardModelError(
@@ -41,12 +41,12 @@ def refuse_former_name(method: str) -> None:
 
 
 def name_in_file(method: str, path: object) -> str:
-    """Return the current name of a method in a file, and log a warning if the file has a former one.
+    """Return the current name of a method in a file. Log a warning if the file uses a former one.
 
     Parameters
     ----------
     method : str
-        As the file has it.
+        Name in the file.
     path : path-like
         The file, for the warning.
     """
@@ -57,5 +57,5 @@ def name_in_file(method: str, path: object) -> str:
 
 @lru_cache(maxsize=256)
 def _warn(method: str, path: str) -> None:
-    """Log once per file and name."""
+    """Log a warning, once per file and name."""
     logger.warning("%s: method %r is read as %r, its present name", path, method, RENAMED[method])

@@ -1,4 +1,4 @@
-"""Estimators of a board by the name in ``--method``: the built-in ones, and a network's file."""
+"""Factory of the estimators by method name: built-in ones, and network files."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ PUBLISHED = {config.name: config for config in (SVD_2018, SVD_THESIS)}
 
 
 def check_method_name(method: str) -> None:
-    """Raise unless ``method`` names an estimator; for a network, unless its file is valid.
+    """Raise if ``method`` names no estimator, or a network file that is not valid.
 
     Raises
     ------
     BoardModelError
-        With the methods there are.
+        If so; the message lists the methods.
     """
     refuse_former_name(method)
     if method.startswith(NETWORK):
-        from flyaround.hil.board.net.network_file import NetworkFile  # noqa: PLC0415 - only a network needs it
+        from flyaround.hil.board.net.network_file import NetworkFile  # noqa: PLC0415 - imported only for networks
 
         NetworkFile.read(method[len(NETWORK) :])
     elif method not in METHODS:
@@ -44,14 +44,14 @@ def make_estimator(
     solver: Optional[str] = None,
     streams: Optional[Sequence[str]] = None,
 ) -> Estimator:
-    """Return an estimator by its name; other methods are not imported.
+    """Return the estimator called ``method``. Other methods are not imported.
 
     Parameters
     ----------
     model : BoardModel
         Model of the target.
     camera : CameraIntrinsics
-        The intrinsics of every image.
+        Intrinsics of every image.
     method : str
         One of ``METHODS``, or ``net:FILE``.
     solver : str, optional
@@ -62,11 +62,11 @@ def make_estimator(
     Raises
     ------
     BoardModelError
-        If there is no such method, or it has no such choice.
+        If the method does not exist, or has no such option.
     """
     check_method_name(method)
     if method in PUBLISHED:
-        from flyaround.hil.board.svd.pipeline import PublishedEstimator  # noqa: PLC0415 - one method alone
+        from flyaround.hil.board.svd.pipeline import PublishedEstimator  # noqa: PLC0415 - imported on demand
 
         return PublishedEstimator(model, camera, _configured(PUBLISHED[method], solver, streams))
     if solver is not None or streams is not None:
@@ -74,15 +74,15 @@ def make_estimator(
             f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(PUBLISHED)}"
         )
     if method == HYBRID:
-        from flyaround.hil.board.hybrid.estimator import PoseEstimator  # noqa: PLC0415 - one method alone
+        from flyaround.hil.board.hybrid.estimator import PoseEstimator  # noqa: PLC0415 - imported on demand
 
         return PoseEstimator(model, camera)
     if method == HYBRID_TRACK:
         from flyaround.hil.board.hybrid.tracking.tracking_estimator import TrackingEstimator  # noqa: PLC0415
 
         return TrackingEstimator(model, camera)
-    from flyaround.hil.board.net.network_estimator import NetworkEstimator  # noqa: PLC0415 - one method alone
-    from flyaround.hil.board.net.network_file import NetworkFile  # noqa: PLC0415 - the same
+    from flyaround.hil.board.net.network_estimator import NetworkEstimator  # noqa: PLC0415 - imported on demand
+    from flyaround.hil.board.net.network_file import NetworkFile  # noqa: PLC0415 - imported on demand
 
     return NetworkEstimator(NetworkFile.read(method[len(NETWORK) :]), model, camera)
 

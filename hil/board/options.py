@@ -1,4 +1,4 @@
-"""Options of a board's agent: one table for ``board.pyz`` and ``flyaround hil board``, and the agent made of it."""
+"""Command-line options of the board agent, shared by ``board.pyz`` and ``flyaround hil board``."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ MAX_WINDOW = 64
 
 
 class AgentOption(NamedTuple):
-    """Option of the command line, for any of the programs.
+    """Command-line option, independent of the parser.
 
     Parameters
     ----------
     flag : str
         Option as typed.
     kind : type
-        Str, int, float, or bool for one without a value.
+        ``str``, ``int`` or ``float``; ``bool`` for a flag without a value.
     default : object
-        None if it has none.
+        Default value, or None.
     text : str
         Help text.
     unit : str, optional
@@ -49,29 +49,29 @@ AGENT_OPTIONS: Tuple[AgentOption, ...] = (
         "--method",
         str,
         HYBRID,
-        "Estimator: hybrid (ours, the default), hybrid-track (the same, following a sequence), svd-2018 or svd-thesis"
+        "Estimator: hybrid (default), hybrid-track (hybrid, tracking over a sequence), svd-2018 or svd-thesis"
         " (the published algorithm), or net:FILE of flyaround train.",
     ),
     AgentOption(
-        "--timeout", float, 60.0, "Seconds to try to reach the host, and to wait for its first word.", "S"
+        "--timeout", float, 60.0, "Seconds to try to reach the host, and to wait for its first message.", "S"
     ),
-    AgentOption("--key", str, None, "File with the key that the host asks for.", "FILE"),
-    AgentOption("--window", int, 2, "Frames held at once, the one in work included.", "N"),
-    AgentOption("--reconnect", bool, False, "After a session meet the next host, until stopped."),
+    AgentOption("--key", str, None, "File with the key shared with the host.", "FILE"),
+    AgentOption("--window", int, 2, "Frames held at once, including the one being processed.", "N"),
+    AgentOption("--reconnect", bool, False, "Reconnect after each session, until stopped."),
     AgentOption(
         "--watchdog",
         float,
         None,
-        "Decline a frame that the estimator does not come back from for S seconds, and end with code 3;"
-        " with --reconnect start anew.",
+        "Decline a frame that takes the estimator longer than S seconds, and exit with code 3;"
+        " with --reconnect, restart instead.",
         "S",
     ),
-    AgentOption("--silence", float, SILENCE_S, "Take a host that says nothing for S seconds for gone.", "S"),
+    AgentOption("--silence", float, SILENCE_S, "Consider a host lost after S seconds of silence.", "S"),
 )
 
 
 def add_options(parser: argparse._ActionsContainer, table: Tuple[AgentOption, ...] = AGENT_OPTIONS) -> None:
-    """Add a table of options to a parser of the standard library or to a group of it."""
+    """Add a table of options to an argparse parser or argument group."""
     for option in table:
         if option.kind is bool:
             parser.add_argument(option.flag, action="store_true", help=option.text)
@@ -92,18 +92,18 @@ def make_agent(
     given: Dict[str, Any],
     own: Optional[Tuple[EstimatorFactory, str, str]] = None,
 ) -> BoardAgent:
-    """Return the agent that the options describe.
+    """Return the agent that a set of option values describes.
 
     Parameters
     ----------
     url : str
-        The host's.
+        URL of the host.
     model_path : str
-        Board model file, or a bundled one's name.
+        Board model file, or the name of a bundled one.
     given : dict of str to object
-        Values by `AgentOption.name`.
+        Option values by `AgentOption.name`.
     own : tuple of EstimatorFactory and str, optional
-        Another estimator than those of the board by name: its factory, and name and hash of its model.
+        Another estimator than the built-in ones: its factory, and the name and hash of its model.
 
     Raises
     ------
@@ -112,9 +112,9 @@ def make_agent(
     """
     for name in ("timeout", "watchdog", "silence"):
         if given[name] is not None and not given[name] > 0:
-            raise LinkError(f"--{name} {given[name]:g} cannot be: give seconds above 0")
+            raise LinkError(f"--{name} {given[name]:g} is invalid: give seconds above 0")
     if not 1 <= given["window"] <= MAX_WINDOW:
-        raise LinkError(f"--window {given['window']} cannot be: give 1 to {MAX_WINDOW} frames")
+        raise LinkError(f"--window {given['window']} is invalid: give 1 to {MAX_WINDOW} frames")
     names = ("make_estimator", "model_name", "model_sha256")
     more: Dict[str, Any] = {} if own is None else dict(zip(names, own))  # noqa: B905 - Python 3.9 has no strict=
     return BoardAgent(

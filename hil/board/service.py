@@ -1,4 +1,4 @@
-"""Agent as a service: exit codes, notifications to systemd, and the unit file."""
+"""Service integration: exit codes, systemd notifications, and the unit file."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Callable, List
 
-# notifications within a service manager's watchdog time
+# Heartbeats per watchdog period of the service manager.
 BEATS = 3.0
-
-# default time after which an estimator counts as stuck [s]
+# Default watchdog time of the estimator [s].
 WATCHDOG_S = 60.0
 
 
 class ExitCode(IntEnum):
-    """Exit code of the agent; docs/hil_board.md has the table."""
+    """Exit codes of the agent; documented in docs/hil_board.md."""
 
     ORDERLY = 0
     HOST_VANISHED = 1
@@ -31,11 +30,11 @@ class ExitCode(IntEnum):
 
 
 class ServiceManager:
-    """Service manager that started the agent, by the socket of ``sd_notify(3)``; none if started otherwise."""
+    """Service manager that started the agent, reached by ``sd_notify(3)``; all calls are no-ops without one."""
 
     def __init__(self) -> None:
         address = os.environ.get("NOTIFY_SOCKET", "")
-        # a name that begins with @ is of Linux's abstract namespace
+        # a leading @ denotes Linux's abstract namespace
         self._address = "\0" + address[1:] if address.startswith("@") else address
         for_us = os.environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
         with contextlib.suppress(ValueError):
@@ -45,7 +44,7 @@ class ServiceManager:
     _watch_s = 0.0
 
     def tell(self, state: str) -> None:
-        """Send a notification such as ``READY=1``; without a manager it is ignored."""
+        """Send a notification such as ``READY=1``."""
         if not self._address:
             return
         with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as line:
@@ -53,12 +52,12 @@ class ServiceManager:
             line.sendto(state.encode(), self._address)
 
     def beat_while(self, is_well: Callable[[], bool]) -> None:
-        """Send ``WATCHDOG=1`` periodically while ``is_well``; nothing without a watchdog."""
+        """Send ``WATCHDOG=1`` periodically while ``is_well`` returns True, if the manager has a watchdog."""
         if self._address and self._watch_s > 0:
             threading.Thread(target=self._beat, args=(is_well,), name="heartbeat", daemon=True).start()
 
     def close(self) -> None:
-        """End the heartbeat."""
+        """Stop the heartbeat."""
         self._stop.set()
 
     def _beat(self, is_well: Callable[[], bool]) -> None:
@@ -70,16 +69,16 @@ class ServiceManager:
 
 
 def systemd_unit(program: str, arguments: List[str], url: str) -> str:
-    """Return a unit that keeps the agent running as a separate user with no other rights.
+    """Return a systemd unit that runs the agent as an unprivileged user.
 
     Parameters
     ----------
     program : str
-        Path of the bundle.
+        Absolute path of the bundle.
     arguments : list of str
-        Command line.
+        Command-line arguments.
     url : str
-        Address of the host, which determines the rights.
+        URL of the host, which determines the required permissions.
     """
     serial = url.startswith("serial")
     device = url[len("serial://") :].split("?", maxsplit=1)[0]
@@ -96,15 +95,15 @@ def systemd_unit(program: str, arguments: List[str], url: str) -> str:
 
 
 def program_path(argv0: str) -> str:
-    """Return the absolute path of a bundle, as a unit needs it."""
+    """Return the absolute path of the bundle, as a systemd unit requires."""
     return str(Path(argv0).absolute())
 
 
 UNIT = """\
-# Flyaround's board agent. Once:
+# Flyaround's board agent. Installation:
 #   useradd --system --no-create-home --shell /usr/sbin/nologin flyaround
 #   cp flyaround-board.service /etc/systemd/system/ && systemctl enable --now flyaround-board
-# The bundle and the model must be readable to that user, a key file its own (chown flyaround, chmod 600).
+# That user must be able to read the bundle and the model, and must own a key file (chown flyaround, chmod 600).
 [Unit]
 Description=Flyaround board agent
 Wants=network-online.target
@@ -116,14 +115,14 @@ ExecStart={command}
 User=flyaround
 Restart=on-failure
 RestartSec=1
-# a mistake in the command line does not mend by itself
+# a restart does not mend an invalid command line
 RestartPreventExitStatus=2
 SuccessExitStatus=143
 TimeoutStartSec=15min
 TimeoutStopSec=10
-# alive, though its estimator may be stuck: --watchdog sees to that first
+# heartbeat of the agent; a hung estimator is handled by --watchdog before
 WatchdogSec=30
-# threads on matrices this small cost more than they give
+# multi-threading slows these small matrices down
 Environment=OPENBLAS_NUM_THREADS=1
 UMask=0077
 

@@ -1,4 +1,4 @@
-"""Agent in operation: one session or one after the other, under a service manager."""
+"""Agent in operation: one session or repeated ones, under a service manager."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from flyaround.hil.board.frame_server import BoardSummary
 from flyaround.hil.board.service import ExitCode, ServiceManager
 from flyaround.hil.link.errors import LinkError
 
-# end of the log line before the agent restarts itself
-RESTARTS = "; the agent starts anew"
+# End of the log line that announces a restart.
+RESTARTS = "; the agent restarts"
 
 
 class NoSessionError(LinkError):
-    """Session failed to start: nobody listens, the host refuses, or its terms cannot be met."""
+    """A session could not be started: no connection, a refusal, or unsupported terms."""
 
 
 def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> BoardSummary:
-    """Serve the host once, or until stopped; restart this program if the estimator hangs.
+    """Serve one session, or repeated ones until stopped. Restart the program if the estimator hangs.
 
     Parameters
     ----------
     start : list of str
-        Words that start this program once more, after the interpreter's name.
+        Arguments that start this program again, after the interpreter's name.
 
     Raises
     ------
     NoSessionError
-        If the one session could not be had.
+        If the single session could not be started.
     """
     manager = ServiceManager()
     manager.beat_while(lambda: agent.is_well)
@@ -70,8 +70,8 @@ def _say(sentence: str, manager: ServiceManager) -> None:
 
 
 def _start_anew(start: List[str]) -> NoReturn:
-    """Run the program again in this process; hung threads end with the old program."""
-    # from Python 3.10 on with the options of the interpreter, too
+    """Replace this process by a new run of the program; hung threads end with the old one."""
+    # Python 3.10 and later also know the interpreter's own options
     words = getattr(sys, "orig_argv", [sys.executable, *start])
     sys.stdout.flush()
     os.execv(sys.executable, [sys.executable, *words[1:]])  # noqa: S606 - itself

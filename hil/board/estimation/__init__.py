@@ -1,6 +1,6 @@
-"""Parts that all estimators share: camera, target model, quaternions, stage record and result.
+"""Common parts of all estimators: camera, target model, quaternions, stage record and result.
 
-numpy only, Python >= 3.9; imports none of the methods.
+Needs numpy only, Python >= 3.9, and imports none of the methods.
 """
 
 from __future__ import annotations

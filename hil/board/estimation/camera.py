@@ -1,4 +1,4 @@
-"""Camera intrinsics with OpenCV's two distortion models: projection of points, and rays of pixels."""
+"""Camera intrinsics with OpenCV's two distortion models: projection of points and back-projection of pixels."""
 
 from __future__ import annotations
 
@@ -25,18 +25,24 @@ class CameraIntrinsics:
 
     Parameters
     ----------
-    width_px, height_px : int
-        Image size.
-    fx_px, fy_px : float
-        Focal lengths.
-    cx_px, cy_px : float
-        Principal point.
+    width_px : int
+        Image width.
+    height_px : int
+        Image height.
+    fx_px : float
+        Focal length in x.
+    fy_px : float
+        Focal length in y.
+    cx_px : float
+        Column of the principal point.
+    cy_px : float
+        Row of the principal point.
     distortion_model : str, optional
         ``none``, ``brown_conrady`` or ``kannala_brandt``.
     distortion : tuple of float, optional
         Coefficients in OpenCV's order.
     encoding : str, optional
-        Transfer function of the delivered images; it is inverted before an estimator gets them.
+        Transfer function of the delivered images, inverted before estimation.
     """
 
     width_px: int
@@ -73,7 +79,7 @@ class CameraIntrinsics:
         Raises
         ------
         BoardModelError
-            If a field is missing or unusable.
+            If a field is missing or invalid.
         """
         try:
             distortion = data.get("distortion") or {}
@@ -95,12 +101,12 @@ class CameraIntrinsics:
 
     @property
     def distorted(self) -> bool:
-        """True if the projection differs from a pinhole's; a fisheye's does even if all coefficients are 0."""
+        """True if the projection differs from a pinhole's. Always True for a fisheye, even with zero coefficients."""
         return self.distortion_model == "kannala_brandt" or any(self.distortion)
 
     @cached_property
     def pinhole(self) -> CameraIntrinsics:
-        """Same camera with an ideal lens."""
+        """The same camera without distortion."""
         return replace(self, distortion_model="none", distortion=())
 
     def distort(self, x: Array, y: Array) -> Tuple[Array, Array]:
@@ -124,7 +130,7 @@ class CameraIntrinsics:
         return x * scale, y * scale
 
     def pixels(self, points_camera_m: Array) -> Array:
-        """Project points (..., 3) in the camera frame [m] to pixels (..., 2); depths are at least 1 mm."""
+        """Project points (..., 3) in the camera frame [m] to pixels (..., 2). Depths are clamped to at least 1 mm."""
         z = np.maximum(points_camera_m[..., 2], 1e-3)
         x, y = self.distort(points_camera_m[..., 0] / z, points_camera_m[..., 1] / z)
         return np.stack([self.fx_px * x + self.cx_px, self.fy_px * y + self.cy_px], axis=-1)

@@ -1,4 +1,4 @@
-"""Base of every method: refuses unusable images and never raises on one."""
+"""Base class of the estimators: rejects unusable images and never raises because of an image."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from flyaround.hil.board.estimation.record import StageRecord, Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 
-# A frame smaller than this shows no craft [px].
+# Smallest side of an image that is searched [px].
 SMALLEST_FRAME_PX = 64
 
 
 class Estimator:
-    """Method of pose estimation; subclasses define ``method`` and ``_estimate``.
+    """Pose estimation method; subclasses define ``method`` and ``_estimate``.
 
     Parameters
     ----------
     model : BoardModel
-        The target.
+        Model of the target.
     camera : CameraIntrinsics
-        The intrinsics of every image.
+        Intrinsics of every image.
     """
 
     method = ""
@@ -31,7 +31,7 @@ class Estimator:
     # True if the answer depends on earlier frames.
     keeps_state = False
 
-    # True if it uses the direction to the Sun.
+    # True if the method uses the direction to the Sun.
     takes_sun = False
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics) -> None:
@@ -39,9 +39,9 @@ class Estimator:
 
     def estimate(
         self,
-        image: Any,  # noqa: ANN401 - whatever a broken link may hand over
+        image: Any,  # noqa: ANN401 - unvalidated: a faulty link may deliver anything
         trace: Optional[Trace] = None,
-        t_s: Optional[float] = None,  # noqa: ARG002 - for methods that follow a target
+        t_s: Optional[float] = None,  # noqa: ARG002 - used by tracking methods
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
         """Return the pose in ``image``, or a decline with its reason; never raises on a bad image.
@@ -49,14 +49,14 @@ class Estimator:
         Parameters
         ----------
         image : object
-            (H, W) uint8 or uint16, the camera's size.
+            Image (H, W), uint8 or uint16, of the camera's size.
         trace : Trace, optional
-            Receives what each stage found, for debug images; where it holds ``every_stage``, stages that the pose did
-            not need run too.
+            Receives the intermediate results of each stage, for debug images. If it holds ``every_stage``, stages that
+            the pose does not need run as well.
         t_s : float, optional
-            Time of mid-exposure [s]; only a method that follows the target looks at it.
+            Time of mid-exposure [s]; used by tracking methods.
         sun_camera : sequence of float, optional
-            Unit vector to the Sun in the camera frame, for methods that take it; None if it is not known.
+            Unit vector to the Sun in the camera frame; None if it is unknown.
         """
         reason = unusable(image, self.camera)
         if reason:
@@ -64,7 +64,7 @@ class Estimator:
         frame = StageRecord(image, trace, None if sun_camera is None else np.array(sun_camera, float))
         try:
             return self._estimate(frame)
-        except Exception as error:  # noqa: BLE001 - a board must go on to the next frame whatever this one held
+        except Exception as error:  # noqa: BLE001 - the board must go on to the next frame, whatever this image caused
             return self._declined(frame, f"internal: {error!r}"[:200])
 
     def _declined(self, frame: StageRecord, reason: str) -> PoseResult:
@@ -76,7 +76,7 @@ class Estimator:
 
 
 def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see Estimator.estimate
-    """Return the reason why an image cannot be used, empty if it can."""
+    """Return the reason why an image cannot be used; empty if it can."""
     if not isinstance(image, np.ndarray) or image.size == 0:
         return "no picture"
     if image.ndim != 2:

@@ -1,4 +1,4 @@
-"""Attitudes spread evenly over all rotations."""
+"""Low-discrepancy sampling of SO(3)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = np.ndarray
 
 @lru_cache(maxsize=4)
 def even_attitudes(n: int) -> Array:
-    """Return (n, 4) nearly even attitudes.
+    """Return (n, 4) nearly uniformly distributed attitude quaternions.
 
     References
     ----------

@@ -12,14 +12,14 @@ import numpy as np
 
 Array = np.ndarray
 
-# Quantisation steps of each normal component in grouping faces by brightness: in general, and for round bodies, on
-# which brightness varies with direction by as much as between materials.
+# Quantisation steps of each normal component when faces are grouped by brightness: default, and for curved bodies,
+# on which brightness varies with direction as much as between materials.
 STEPS, ROUND_STEPS = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Planar faces with their materials, and the BSP tree that sorts them by depth from any viewpoint.
+    """Planar faces with materials, and a BSP tree for back-to-front order from any viewpoint.
 
     Parameters
     ----------
@@ -28,17 +28,17 @@ class Faces:
     normals : (T, 3) array
         Outward unit normals.
     offset : (T,) array
-        Distances of the faces' planes from the origin: n.x = offset.
+        Signed distance of each face's plane from the origin: n.x = offset.
     group : (T,) array
-        Index of each face's group; a group has one material and nearly one direction, so one brightness.
+        Brightness group of each face: faces of one material and nearly one normal.
     groups : int
-        Number of groups.
+        Number of brightness groups.
     material : (T,) array
-        Index of each face's material.
+        Material index of each face.
     plane : (N, 4) array
-        Splitting plane of each node, zero at leaves.
+        Splitting plane of each node; zero at leaves.
     children : (N, 2) array
-        Child nodes in front of the plane and behind it, -1 for none.
+        Child nodes in front of and behind the plane; -1 for none.
     members : tuple of array
         Indices of the faces of each node; node 0 is the root.
     """
@@ -90,13 +90,13 @@ class Faces:
         return Faces(corners, n, offset, group, groups, material, plane, children, members)
 
     def grouped(self, steps: int) -> Faces:
-        """Return the faces regrouped by material and normal, whose components are quantised to ``steps`` steps."""
+        """Return the faces regrouped by material and by normals quantised to ``steps`` steps per component."""
         group, groups = _grouped(self.material, self.normals, steps)
         return replace(self, group=group, groups=groups)
 
     @cached_property
     def labels(self) -> Array:
-        """(T + 1,) label of each face, its group plus 1; the first entry is 0, for the background."""
+        """Drawing label of each face (T + 1,): its group plus 1. The first entry, 0, is the background."""
         return np.concatenate([[0], self.group + 1]).astype(np.uint8 if self.groups < 255 else np.uint16)
 
     @cached_property
@@ -107,12 +107,12 @@ class Faces:
 
     @cached_property
     def middles(self) -> Array:
-        """Mean of each face's corners (T, 3) [m]."""
+        """Centroid of each face's corners (T, 3) [m]."""
         return np.asarray(self.corners.mean(axis=1))
 
 
 def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
-    """Return the group of each face, one material and nearly one direction, and the number of groups."""
+    """Return each face's brightness group (one material and nearly one normal) and the number of groups."""
     key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
     unique, group = np.unique(key, axis=0, return_inverse=True)
     return group.ravel(), len(unique)

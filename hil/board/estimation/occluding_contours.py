@@ -1,4 +1,4 @@
-"""Occluding contours of the target from all sides, as in the board file."""
+"""Occluding contours of the target from all sides, as stored in the board model file."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Outer contours from V directions, N points each, evenly spaced along the contour.
+    """Occluding contours from V directions, with N points each, evenly spaced along the contour.
 
     Parameters
     ----------
     directions : (V, 3) array
-        Unit vectors from the target's middle to the camera, target frame.
+        Unit vectors from the target's centre to the camera, target frame.
     points_m : (V, N, 3) array
-        On the surface, target frame [m].
+        Contour points on the surface, target frame [m].
     normals : (V, N, 3) array
-        Unit, outward, across the line of sight.
+        Outward unit surface normals, perpendicular to the line of sight.
     radius_m : (V, N) array
-        Of curvature along the line of sight [m]; 0 at sharp edges.
+        Radius of curvature along the line of sight [m]; 0 at sharp edges.
     center_m : (3,) array
-        The target's middle.
+        Centre of the target, target frame [m].
     range_m : float
-        Distance of the views from it [m].
+        Distance of the views from the centre [m].
     """
 
     directions: Array
@@ -41,7 +41,7 @@ class Outlines:
 
     @staticmethod
     def from_dict(record: Dict[str, Any]) -> Outlines:
-        """Make outlines from the board file's `outlines` object.
+        """Make contours from the board file's `outlines` object.
 
         Raises
         ------
@@ -72,19 +72,23 @@ class Outlines:
         )
 
     def nearest(self, C_m: Array) -> Array:
-        """Return the number of the view nearest to each camera position (B, 3), target frame."""
+        """Return the index of the view nearest to each camera position (B, 3), target frame."""
         return np.asarray(np.argmax(_unit(C_m - self.center_m) @ self.directions.T, axis=1))
 
     def seen_from(self, view: int, C_m: Array) -> Tuple[Array, Array]:
-        """Return points and normals (N, 3) of a view's contour, shifted on the surface for a camera at ``C_m`` (3,).
+        """Return a view's contour points and normals (N, 3), corrected for a camera at ``C_m`` (3,).
 
-        Good to second order in the angle between the view and the camera, exact for spheres, cylinders seen across
-        and sharp edges (Cipolla and Giblin 2000, Visual Motion of Curves and Surfaces, section 3).
+        Points slide along the osculating circle: accurate to second order in the angle between view and camera, and
+        exact for spheres, cylinders seen side-on and sharp edges.
+
+        References
+        ----------
+        Cipolla and Giblin (2000), Visual Motion of Curves and Surfaces, section 3.
         """
         p, n, radius = self.points_m[view], self.normals[view], self.radius_m[view][:, None]
         middle = p - radius * n  # centre of curvature
         turned = n
-        for _ in range(3):  # the point's own line of sight differs a little from its middle's
+        for _ in range(3):  # fixed-point iteration: the line of sight depends on the moved point
             sight = _unit(C_m - (middle + radius * turned))
             turned = _unit(n - np.sum(n * sight, axis=-1, keepdims=True) * sight)
         return middle + radius * turned, turned

@@ -1,4 +1,4 @@
-"""Unit quaternions (Hamilton, scalar first) on numpy arrays, batched over leading axes."""
+"""Unit quaternions (Hamilton, scalar first) as NumPy arrays, batched over leading axes."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def multiply(p: Array, q: Array) -> Array:
 
 
 def normalise(q: Array) -> Array:
-    """Return (..., 4) quaternions scaled to unit length, with a scalar part that is not negative."""
+    """Return (..., 4) quaternions scaled to unit length, with a non-negative scalar part."""
     q = np.asarray(q, float)
     if q.ndim == 1:
-        # for a single one, scalar arithmetic is ten times faster than arrays
+        # scalar arithmetic is ten times faster than arrays for a single quaternion
         w, x, y, z = q.tolist()
         size = max(math.sqrt(w * w + x * x + y * y + z * z), 1e-300)
         return q / (-size if w < 0 else size)
@@ -54,15 +54,16 @@ def matrix(q: Array) -> Array:
 def from_matrix(R: Array) -> Array:
     """Return the quaternions (..., 4) of rotation matrices (..., 3, 3).
 
-    The eigenvector of Bar-Itzhack's symmetric matrix would do as well; Shepperd's largest-pivot rule
-    (J. Guidance and Control 1(3), 1978) is cheaper and as exact.
+    References
+    ----------
+    Shepperd (1978), Quaternion from rotation matrix, J. Guidance and Control 1(3).
     """
     R = np.asarray(R, float)
     if R.ndim == 2:
         return normalise(np.array(_from_one(*R.ravel().tolist())))
     m = R.reshape(-1, 3, 3)
     d0, d1, d2 = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
-    # all four pivots; the row with the largest is the well-conditioned one
+    # all four pivots: the row with the largest pivot is well conditioned
     cand = np.empty((len(m), 4, 4))
     a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
     e, f, g = m[:, 1, 0] + m[:, 0, 1], m[:, 0, 2] + m[:, 2, 0], m[:, 2, 1] + m[:, 1, 2]
@@ -77,7 +78,7 @@ def from_matrix(R: Array) -> Array:
 def _from_one(
     xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
 ) -> Tuple[float, float, float, float]:
-    """Return the quaternion of one matrix given by row, of any length."""
+    """Return the quaternion, not normalised, of one matrix given by its elements."""
     a, b, c, e, f, g = zy - yz, xz - zx, yx - xy, yx + xy, xz + zx, zy + yz
     pivots = 1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz
     k = pivots.index(max(pivots))
@@ -93,7 +94,7 @@ def from_rotvec(v: Array) -> Array:
 
 
 def angle_rad(p: Array, q: Array) -> Array:
-    """Return the angle between attitudes, broadcast over leading axes [rad]."""
+    """Return the angle between attitudes [rad], broadcast over leading axes."""
     if np.ndim(p) == 1 and np.ndim(q) == 1:
         (pw, px, py, pz), (qw, qx, qy, qz) = np.asarray(p, float).tolist(), np.asarray(q, float).tolist()
         return np.asarray(2 * np.arccos(min(abs(pw * qw + px * qx + py * qy + pz * qz), 1.0)))
@@ -102,7 +103,7 @@ def angle_rad(p: Array, q: Array) -> Array:
 
 
 def turned(q: Array, v: Array) -> Array:
-    """Return one attitude (4,) rotated by the rotation vector ``v`` (3,) [rad], in scalar arithmetic."""
+    """Return an attitude (4,) rotated by the rotation vector ``v`` (3,) [rad], in scalar arithmetic."""
     w, x, y, z = q.tolist()
     vx, vy, vz = v.tolist()
     angle = math.sqrt(vx * vx + vy * vy + vz * vz)

@@ -1,4 +1,4 @@
-"""Record of one image in an estimator: stage times, counters and intermediate results for debug images."""
+"""Record of the stages of one estimate: times, counters and intermediate results."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 Array = np.ndarray
 
-# Results of the stages by name, for debug pictures.
+# Intermediate results by name, for debug pictures.
 Trace = Dict[str, Any]
 
 
 class StageRecord:
-    """An image and the record of its stages.
+    """An image with the record of its processing stages.
 
     Parameters
     ----------
     image : (H, W) array
-        Grey levels.
+        Image in grey levels.
     trace : dict, optional
-        Receives every value that is given to ``keep``.
+        Receives the intermediate results passed to ``keep``.
     sun_camera : (3,) array, optional
         Unit vector to the Sun in the camera frame, if it is known.
     """
@@ -48,15 +48,15 @@ class StageRecord:
 
     @property
     def shows_all(self) -> bool:
-        """True if the caller wants every stage, also those that the pose does not need."""
+        """True if the caller asked for every stage, including those that the pose does not need."""
         return self.trace is not None and "every_stage" in self.trace
 
     def keep(self, name: str, value: Any) -> None:  # noqa: ANN401 - arrays, regions, segments
-        """Keep a stage's result if the caller wants it."""
+        """Store an intermediate result if a trace was requested."""
         if self.trace is not None:
             self.trace[name] = value
 
     def keep_poses(self, stage: str, q: Array, t: Array) -> None:
-        """Record the poses q (N, 4), t (N, 3) that a stage passes on, in ``poses`` of the trace, if wanted."""
+        """Append the poses q (N, 4), t (N, 3) of a stage to ``poses`` in the trace, if one was requested."""
         if self.trace is not None:
             self.trace.setdefault("poses", []).append((stage, np.reshape(q, (-1, 4)), np.reshape(t, (-1, 3))))

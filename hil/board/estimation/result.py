@@ -1,4 +1,4 @@
-"""Result of an estimator for one image, and the distinct poses next to the best one."""
+"""Result of an estimator for one image, and the distinct alternatives to the best pose."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ from flyaround.hil.board.estimation import quaternion as quat
 
 Array = np.ndarray
 
-# Poses that differ by more are distinct: a choice between them is an ambiguity [rad, share of range].
+# Poses that differ by more than either are distinct: rotation [rad], and translation as a share of range.
 DISTINCT_RAD = float(np.radians(12.0))
 DISTINCT_SHARE = 0.08
 
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """A distinct pose that was considered.
+    """A distinct pose that was considered and rejected.
 
     Parameters
     ----------
-    q_camera_from_target_wxyz, t_camera_from_target_m : array
-        The pose.
+    q_camera_from_target_wxyz : (4,) array
+        Attitude, camera from target, scalar first.
+    t_camera_from_target_m : (3,) array
+        Target position in the camera frame [m].
     score : float
-        Rank of the pose, larger is better; only differences within one result are meaningful.
+        Ranking score, larger is better; comparable within one result only.
     """
 
     q_camera_from_target_wxyz: Array
@@ -42,20 +44,22 @@ class PoseResult:
     accepted : bool
         True if the pose may be used.
     reason : str
-        Cause of a decline, else empty.
-    q_camera_from_target_wxyz, t_camera_from_target_m : array or None
-        Best pose, ``x_camera = R(q) x_target + t``; None when there is none. A declined result still carries its best
-        pose.
+        Reason for a decline, else empty.
+    q_camera_from_target_wxyz : (4,) array or None
+        Attitude of the best pose, ``x_camera = R(q) x_target + t``; None without a pose. A declined result still
+        carries its best pose.
+    t_camera_from_target_m : (3,) array or None
+        Target position of the best pose in the camera frame [m].
     confidence : float
-        0..1.
+        Confidence, 0 to 1.
     stages_ms : dict of str to float, optional
-        Time of each stage in order.
+        Duration of each stage, in order [ms].
     counts : dict of str to int, optional
         Number of results of each stage.
     evidence : object, optional
-        Data of the decision, of a type of the method; None if it keeps none.
+        Evidence for the decision, of a type defined by the method.
     covariance : (6, 6) array, optional
-        Of turn [rad] and shift [m], camera axes.
+        Covariance of the rotation [rad] and translation [m] errors, camera axes.
     alternatives : tuple of Alternative, optional
         Distinct poses, best first.
     method : str, optional
@@ -76,7 +80,7 @@ class PoseResult:
 
 
 def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
-    """Return True if two poses are distinct answers."""
+    """Return True if two poses are distinct (see ``DISTINCT_RAD``)."""
     far = np.linalg.norm(t - t2) > DISTINCT_SHARE * np.linalg.norm(t2)
     return bool(far or quat.angle_rad(q, q2) > DISTINCT_RAD)
 
@@ -84,7 +88,7 @@ def differs(q: Array, t: Array, q2: Array, t2: Array) -> bool:
 def alternatives(
     poses: List[Tuple[Array, Array, float]], q: Array, t: Array, keep: int = 3
 ) -> Tuple[Alternative, ...]:
-    """Return the best poses (q, t, score) distinct from ``q``, ``t`` and from each other."""
+    """Return the best of the scored poses (q, t, score) that are distinct from ``q``, ``t`` and from each other."""
     out: List[Alternative] = []
     for rq, rt, score in sorted(poses, key=lambda p: -p[2]):
         distinct = [(q, t)] + [(a.q_camera_from_target_wxyz, a.t_camera_from_target_m) for a in out]

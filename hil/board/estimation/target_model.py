@@ -1,4 +1,4 @@
-"""Prior knowledge of the board: the target's model file and the camera's intrinsics."""
+"""Target model of the board: wireframe, occluders, contours, faces and trained network."""
 
 from __future__ import annotations
 
@@ -21,22 +21,26 @@ Array = np.ndarray
 SCHEMA = "flyaround.board_model"
 VERSION = 1
 
-# Largest size of a board model's file: far more than any craft needs.
+# Largest accepted size of a board model file [bytes].
 MAX_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
 class WireEdge:
-    """A straight stretch of the wireframe.
+    """Straight edge of the wireframe.
 
     Parameters
     ----------
-    a_m, b_m : (3,) array
-        Ends, target frame [m].
+    name : str
+        Name of the edge.
+    a_m : (3,) array
+        First end, target frame [m].
+    b_m : (3,) array
+        Second end, target frame [m].
     normals : (N, 3) array
-        Outward normals of the faces that meet there; N = 0 for members seen from everywhere.
+        Outward normals of the adjacent faces; N = 0 for members visible from everywhere.
     radius_m : float, optional
-        Half thickness of a round member; its outline is drawn, not its axis.
+        Radius of a round member, whose outline is used instead of its axis.
     """
 
     name: str
@@ -48,24 +52,32 @@ class WireEdge:
 
 @dataclass(frozen=True, eq=False)
 class BoardModel:
-    """Target as the estimator uses it.
+    """Model of the target as the estimators use it.
 
     Parameters
     ----------
-    keypoints : dict of str to array
-        Name to (3,) position [m].
+    name : str
+        Name of the target.
+    sha256 : str
+        Hash of the target file.
+    keypoints : dict of str to (3,) array
+        Positions by name, target frame [m].
     wireframe : tuple of WireEdge
-        The edges.
-    vertices_m, triangles : (V, 3) array
-        (T, 3) closed mesh that hides edges; may be empty.
+        Edges.
+    vertices_m : (V, 3) array
+        Vertices of the closed mesh that occludes edges [m]; may be empty.
+    triangles : (T, 3) array
+        Vertex indices of its triangles.
     symmetry_wxyz : (N, 4) array
-        Rotations under which the craft looks nearly the same.
+        Rotations under which the target looks nearly the same.
+    mass_kg : float, optional
+        Mass; 0 if unknown.
     outlines : Outlines, optional
-        Occluding contours from all sides; None in files written before there were any.
+        Occluding contours from all sides; None in older files.
     faces : Faces, optional
-        Outer faces with their order; None where the craft has too many.
+        Outer faces in BSP order; None if there are too many.
     network : bytes, optional
-        File of the head that was trained for it, see ``keypoints.head``; None where none was.
+        File of the keypoint head trained for this target, see ``keypoints.head``.
     """
 
     name: str
@@ -86,8 +98,7 @@ class BoardModel:
 
         Raises
         ------
-        BoardModelError
-            If the file is missing, too large or no regular one, is not JSON, or is no board model of a known
+            If the file is missing, too large, not a regular file, not JSON, or not a board model of a known version.
             version.
         """
         try:
@@ -161,7 +172,7 @@ class BoardModel:
 
     @cached_property
     def ends_m(self) -> Array:
-        """All edge ends (2E, 3) [m]."""
+        """Ends of all edges (2E, 3) [m]."""
         return np.array([p for e in self.wireframe for p in (e.a_m, e.b_m)])
 
 

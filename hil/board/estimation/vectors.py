@@ -1,4 +1,4 @@
-"""Operations on vectors, one or many at once."""
+"""Vector operations."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Array = np.ndarray
 
 
 def length(v: Array) -> float:
-    """Return the length of one vector (N,); faster than ``np.linalg.norm``."""
+    """Return the length of one vector (N,). Faster than ``np.linalg.norm``."""
     return math.sqrt(v.dot(v))
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross product (float64) of ``a`` and ``b`` (..., 3), identical to NumPy's but faster."""
+    """Return the cross product of ``a`` and ``b`` (..., 3) in float64. Faster than ``np.cross``."""
     if a.ndim == b.ndim == 1:
-        # for a single pair, scalar arithmetic is much faster than arrays
+        # scalar arithmetic is much faster than arrays for a single pair
         (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
         return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
     out = np.empty(np.broadcast(a, b).shape)
@@ -29,7 +29,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def sphere_directions(count: int) -> Array:
-    """Return the nearly even directions (count, 3) of a Fibonacci lattice."""
+    """Return (count, 3) nearly uniform unit vectors, a Fibonacci lattice."""
     k = np.arange(count) + 0.5
     z = 1 - 2 * k / count
     phi = np.pi * (1 + np.sqrt(5.0)) * k
@@ -38,7 +38,7 @@ def sphere_directions(count: int) -> Array:
 
 
 def swing(direction: Array) -> Array:
-    """Return the (3, 3) shortest rotation from the boresight to a unit vector (3,)."""
+    """Return the shortest rotation (3, 3) from the boresight (+z) to a unit vector (3,)."""
     x, y, z = direction.tolist()
     c = 1.0 / (1.0 + max(z, -0.99))
     return np.array([[1 - x * x * c, -x * y * c, x], [-x * y * c, 1 - y * y * c, y], [-x, -y, z]])

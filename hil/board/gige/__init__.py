@@ -1,5 +1,5 @@
-"""Board that reads a GigE Vision camera instead of the link: Aravis, frames and recorded poses.
+"""Board on a GigE Vision camera: reads frames through Aravis, estimates poses, and records or returns them.
 
-Nothing here knows the simulated camera from a real one. A camera takes no poses, so they go to a file, and on a line of
-their own to a host that keeps a ledger.
+The code does not distinguish the simulated camera from a real one. The GigE Vision protocol has no channel for poses,
+so they are written to a file or sent to the host on a separate connection.
 """

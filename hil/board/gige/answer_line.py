@@ -33,20 +33,20 @@ class AnswerLine:
     Parameters
     ----------
     url : str
-        Address at which the host accepts poses.
+        URL at which the host accepts poses.
     hello : Hello
-        Description of this board.
+        HELLO message of this board.
     key : bytes or None
-        Key shared with the host, None without authentication.
+        Pre-shared key for mutual authentication; None disables authentication.
     timeout_s : float
         Time-out of the connection, and of the host's first message.
     silence_s : float
-        Time without messages after which the host is considered gone.
+        Time without messages after which the host is considered lost.
 
     Raises
     ------
     LinkError
-        If the host cannot be reached, or refuses the session.
+        If the host cannot be reached or refuses the session.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class AnswerLine:
     ) -> None:
         self._silence_ns = silence_s * 1e9
         self.ended = ""
-        """Reason why the session is over, one sentence; empty while it runs."""
+        """Reason why the session ended, one sentence; empty while it runs."""
         self.goodbye = False
         line = connect(url, timeout_s)
         try:
@@ -79,7 +79,7 @@ class AnswerLine:
         return self._terms.takes_fields
 
     def send(self, pose: PoseMessage) -> None:
-        """Send the pose of one image; earlier images that have none will not get one."""
+        """Send the pose of one image. The host then considers earlier images without an answer as unanswered."""
         try:
             self._link.send(pose)
             self._link.send(Credit(pose.frame_id, self._terms.window))
@@ -112,7 +112,7 @@ class AnswerLine:
                     # the reply must not list received images: the host would count those still being processed as lost
                     self._link.send(answer_time_sync(message, heard_ns))
                 except LinkClosed:
-                    continue  # the next recv says why
+                    continue  # the next recv reports the reason
             elif isinstance(message, Bye):
                 self.goodbye, self.ended = True, f"the host ended the session ({message.reason})"
             elif isinstance(message, ErrorMessage) and message.code != ErrorCode.CORRUPT:

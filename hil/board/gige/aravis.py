@@ -1,6 +1,6 @@
-"""Aravis's C library through ctypes: the few calls to configure, trigger and read a camera.
+"""Binding of Aravis's C library through ctypes: the calls needed to configure, trigger and read a camera.
 
-Any interpreter can have it, also one in a virtual environment, where Aravis's Python binding would have to be compiled.
+Unlike Aravis's Python binding, this works in any interpreter without compiling, virtual environments included.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from flyaround.hil.link.errors import LinkError
 
 NAMES = ("libaravis-0.8.so.0", "libaravis-0.8.0.dylib")
 ABSENT = (
-    "a gige:// camera is read with Aravis 0.8, whose library is not here: apt-get install libaravis-0.8-0"
+    "a gige:// camera is read with Aravis 0.8, which is not installed: apt-get install libaravis-0.8-0"
     " (on macOS: brew install aravis)"
 )
 
-# arv_camera_gv_set_stream_options
+# Flag of arv_camera_gv_set_stream_options
 NO_PACKET_SOCKET = 1
-# ArvBufferStatus
+# Value of ArvBufferStatus
 SUCCESS = 0
 
-# result and arguments; where the last one is GERROR the call says by it why it failed
+# Result and argument types; a call whose last argument is GERROR reports its error through it.
 GERROR = POINTER(c_void_p)
 CALLS: Dict[str, Tuple[Any, ...]] = {
     "arv_camera_new": (c_void_p, c_char_p, GERROR),
@@ -72,7 +72,7 @@ CALLS: Dict[str, Tuple[Any, ...]] = {
 
 
 class _Error(ctypes.Structure):
-    """GLib's GError."""
+    """GLib's GError structure."""
 
     _fields_ = (("domain", ctypes.c_uint32), ("code", c_int), ("message", c_char_p))
 
@@ -82,12 +82,12 @@ class AravisError(LinkError):
 
 
 class Aravis:
-    """Library with its functions by name.
+    """The Aravis library, with its functions called by name.
 
     Raises
     ------
     LinkError
-        If it is not installed, or lacks one of them; the message is one sentence.
+        If the library is not installed, or lacks one of the functions.
     """
 
     def __init__(self) -> None:
@@ -101,13 +101,13 @@ class Aravis:
             function.restype, function.argtypes = result, arguments
             self._functions[name] = function
 
-    def __call__(self, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - what the function returns
-        """Call a function and raise its error, if any.
+    def __call__(self, name: str, *arguments: Any) -> Any:  # noqa: ANN401 - the function's result
+        """Call a function, and raise if it reports an error.
 
         Raises
         ------
         AravisError
-            If the function reports one.
+            If the function reports an error.
         """
         function = self._functions[name]
         if CALLS[name][-1] is not GERROR:
@@ -121,7 +121,7 @@ class Aravis:
         return result
 
     def sensor_size(self, camera: int) -> Tuple[int, int]:
-        """Return width and height of a camera's detector [px]."""
+        """Return the width and height of a camera's detector [px]."""
         width, height = c_int(), c_int()
         self("arv_camera_get_sensor_size", camera, byref(width), byref(height))
         return width.value, height.value
@@ -146,7 +146,7 @@ def load_aravis() -> Aravis:
     Raises
     ------
     LinkError
-        As of `Aravis`.
+        See `Aravis`.
     """
     return Aravis()
 

@@ -1,4 +1,4 @@
-"""Client of a GigE Vision camera, on the board: configuration, software trigger, and access to the newest frame."""
+"""GigE Vision camera client: configuration, software trigger, and access to the newest frame."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from flyaround.hil.link.packets.enums import PixelFormat
 from flyaround.hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
 
 SCHEME = "gige://"
-# pixel-format codes whose memory layout is that of Mono16
+# Pixel-format codes with the memory layout of Mono16.
 WORDS = (0x01100005, 0x01100025)  # Mono12, Mono14
 GREY = (*(int(f) for f in PixelFormat if f.channels == 1), *WORDS)
 N_BUFFERS = 8
-# number of ignored packets, without any complete image, above which the stream is restarted: other programs cause a few
+# Number of packets ignored without a complete image above which the stream restarts; other programs cause a few.
 DEAF_PACKETS = 64
 POP_US = 100_000
-# largest 16-bit block identifier, after which identifiers wrap to 1
+# Largest 16-bit block identifier; the next one is 1.
 MAX_BLOCK_ID = 0xFFFF
-# largest accepted image, as on the link
+# Largest accepted image [bytes], as on the link.
 MAX_PAYLOAD_BYTES = 1 << 27
 
 
@@ -35,10 +35,14 @@ class CameraSettings:
 
     Parameters
     ----------
-    exposure_us, gain_db, rate_hz : float, optional
-        Settings within the camera's limits.
+    exposure_us : float, optional
+        Exposure time.
+    gain_db : float, optional
+        Gain.
+    rate_hz : float, optional
+        Frame rate.
     roi_px : tuple of int, optional
-        X, y, width, height of the region of the detector to read.
+        Region of the detector to read: x, y, width, height.
     pixel_format : str, optional
         GenICam name of the pixel format, such as Mono8.
     packet_bytes : int, optional
@@ -46,7 +50,7 @@ class CameraSettings:
     software_trigger : bool, optional
         True for one image per software trigger, False for free running.
     packet_socket : bool, optional
-        True to receive the stream through a packet socket, whose buffer is larger, if permitted (root).
+        True to receive through a packet socket, whose buffer is larger, if permitted (root).
     """
 
     exposure_us: Optional[float] = None
@@ -66,17 +70,17 @@ class CameraFrame:
     Parameters
     ----------
     number : int
-        Frame number since acquisition started, from 0, by the camera's count.
-    image : (H, W) uint8 array
-        Or uint16.
+        Frame number since the start of acquisition, from 0, as counted by the camera.
+    image : (H, W) array
+        Pixels, uint8 or uint16.
     roi_px : tuple of int
-        X, y, width, height of the region of the detector that the image shows.
+        Region of the detector that the image shows: x, y, width, height.
     camera_time_ns : int
-        The camera's own time stamp.
+        Time stamp of the camera.
     received_ns : int
         Time of reception, monotonic clock of this machine.
     skipped : int, optional
-        Number of complete frames since the previous returned one that were superseded by this.
+        Number of complete frames discarded since the previously returned one because a newer one arrived.
     """
 
     number: int
@@ -88,7 +92,7 @@ class CameraFrame:
 
 
 class GigeCamera:
-    """GigE Vision camera under this program's exclusive control until `close`.
+    """GigE Vision camera under exclusive control of this program until `close`.
 
     Parameters
     ----------
@@ -121,7 +125,7 @@ class GigeCamera:
             self._camera = self._aravis("arv_camera_new", address.encode() or None)
         except AravisError as error:
             raise LinkError(
-                f"no camera at {SCHEME}{address} ({error}): check its address, and that it allows this machine"
+                f"no camera at {SCHEME}{address} ({error}): check its address, and that it accepts this machine"
             ) from error
         try:
             self._check_controls()
@@ -137,7 +141,7 @@ class GigeCamera:
 
     @property
     def name(self) -> str:
-        """Manufacturer and model."""
+        """Manufacturer and model of the camera."""
         parts = (self._aravis(f"arv_camera_get_{what}_name", self._camera) for what in ("vendor", "model"))
         return " ".join((text or b"").decode("utf-8", "replace") for text in parts).strip()
 
@@ -153,11 +157,11 @@ class GigeCamera:
         try:
             return self._aravis.region(self._camera)
         except AravisError as error:
-            raise LinkError(f"camera {self._address} does not say what it reads: {error}") from error
+            raise LinkError(f"camera {self._address} does not report its region: {error}") from error
 
     @property
     def packet_bytes(self) -> int:
-        """Size of the stream's packets, headers of IP and UDP included."""
+        """Size of the stream's packets, including IP and UDP headers."""
         return int(self._do("gv_get_packet_size"))
 
     def start(self) -> None:
@@ -166,7 +170,7 @@ class GigeCamera:
         Raises
         ------
         LinkError
-            If the camera refuses, or announces images above `MAX_PAYLOAD_BYTES`.
+            If the camera refuses, or announces images larger than `MAX_PAYLOAD_BYTES`.
         """
         self.stop()
         arv = self._aravis
@@ -177,7 +181,7 @@ class GigeCamera:
             if not 0 < payload <= MAX_PAYLOAD_BYTES:
                 raise LinkError(
                     f"camera {self._address} announces pictures of {payload} bytes; at most"
-                    f" {MAX_PAYLOAD_BYTES >> 20} MiB are taken: choose a smaller --roi"
+                    f" {MAX_PAYLOAD_BYTES >> 20} MiB are accepted: choose a smaller --roi"
                 )
             self._stream = arv("arv_camera_create_stream", self._camera, None, None)
             for _ in range(N_BUFFERS):
@@ -196,15 +200,15 @@ class GigeCamera:
         """True if the stream discards the camera's packets and must be restarted.
 
         Until its filter is set, a packet socket also receives packets of other programs, which Aravis parses as image
-        packets. If such a packet seems to have one of the next hundred block numbers, Aravis treats all real blocks up
-        to that number as late and drops them.
+        packets. If such a packet appears to carry one of the next hundred block numbers, Aravis considers all real
+        blocks up to that number as late and drops them.
         """
         return (
             self._stream is not None and not self._heard and self._counted("n_ignored_packets") > DEAF_PACKETS
         )
 
     def mend(self) -> bool:
-        """Restart the stream if it is `deaf`, the second time without a packet socket; return True if restarted."""
+        """Restart the stream if it is `deaf`, the second time without a packet socket. Return True if restarted."""
         if not self.deaf:
             return False
         self._deaf_starts += 1
@@ -217,15 +221,15 @@ class GigeCamera:
         Raises
         ------
         LinkError
-            If the camera refuses it.
+            If the camera refuses the trigger.
         """
         try:
             self._aravis("arv_camera_software_trigger", self._camera)
         except AravisError as error:
-            raise LinkError(f"camera {self._address} takes no trigger: {error}") from error
+            raise LinkError(f"camera {self._address} refuses the trigger: {error}") from error
 
     def frame(self, timeout_s: float) -> Optional[CameraFrame]:
-        """Return the newest complete frame that was not returned before; None if none comes within ``timeout_s``."""
+        """Return the newest complete frame not returned before, or None after ``timeout_s``."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None, timeout_s)
             buffer, self._newest = self._newest, None
@@ -245,7 +249,7 @@ class GigeCamera:
             self._stream = None
 
     def close(self) -> None:
-        """Stop the stream and release control."""
+        """Stop the stream and release the camera."""
         self.stop()
         self._unref()
 
@@ -256,7 +260,7 @@ class GigeCamera:
 
     def _check_controls(self) -> None:
         if not self._aravis("arv_camera_is_gv_device", self._camera):
-            raise LinkError(f"the camera {self._address} is no GigE Vision camera")
+            raise LinkError(f"the camera {self._address} is not a GigE Vision camera")
         if not self._aravis(
             "arv_gv_device_is_controller", self._aravis("arv_camera_get_device", self._camera)
         ):
@@ -294,7 +298,7 @@ class GigeCamera:
             name = (self._do("get_pixel_format_as_string") or b"").decode("utf-8", "replace")
             raise LinkError(
                 f"camera {self._address} sends {name or hex(code)}, and the estimator takes grey pixels: choose"
-                " --pixel-format Mono8, Mono10, Mono12, Mono12p, Mono14 or Mono16, of those that the camera has"
+                " --pixel-format Mono8, Mono10, Mono12, Mono12p, Mono14 or Mono16, whichever the camera supports"
             )
 
     def _do(self, call: str, *arguments: Any) -> Any:  # noqa: ANN401 - the call's result
@@ -319,7 +323,7 @@ class GigeCamera:
     # --- the reader's thread -----------------------------------------------------------------
 
     def _read(self, stream: int) -> None:
-        """Receive frames continuously and keep only the newest, so that a request never gets an old one."""
+        """Receive frames continuously and keep only the newest, so that a request never returns an old one."""
         arv = self._aravis
         while not self._stop.is_set():
             buffer = arv("arv_stream_timeout_pop_buffer", stream, POP_US)
@@ -361,7 +365,7 @@ def parse_roi(text: str) -> Tuple[int, int, int, int]:
     Raises
     ------
     LinkError
-        If they are not four whole numbers, or no part of a detector.
+        If the text is not four whole numbers, or not a region of a detector.
     """
     try:
         x, y, width, height = (int(part) for part in text.split(","))
@@ -369,20 +373,20 @@ def parse_roi(text: str) -> Tuple[int, int, int, int]:
         raise LinkError(f"--roi {text} is not X,Y,WIDTH,HEIGHT: write four whole numbers of pixels") from None
     if x < 0 or y < 0 or width < 1 or height < 1:
         raise LinkError(
-            f"--roi {text} is no part of a detector: X and Y from 0 on, WIDTH and HEIGHT from 1 on"
+            f"--roi {text} is not a region of a detector: X and Y start at 0, WIDTH and HEIGHT at 1"
         )
     return x, y, width, height
 
 
 class _BlockCount:
-    """Continuous frame numbers across the wrap of a camera's block identifiers."""
+    """Continuous frame numbers across the wrap-around of a camera's block identifiers."""
 
     def __init__(self) -> None:
         self._last = 0
         self._before = 0
 
     def number(self, block_id: int) -> int:
-        """Return the number, from 0, of the next block's identifier."""
+        """Return the frame number, from 0, of the next block."""
         if block_id < self._last and block_id <= MAX_BLOCK_ID:
             self._before += MAX_BLOCK_ID
         self._last = block_id
@@ -396,8 +400,10 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
     ----------
     data : bytes
         Contents of the buffer.
-    width_px, height_px : int
-        Size of the image.
+    width_px : int
+        Image width.
+    height_px : int
+        Image height.
     code : int
         Pixel-format code of GenICam's Pixel Format Naming Convention.
     """

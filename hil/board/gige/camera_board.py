@@ -1,4 +1,4 @@
-"""Board at a GigE Vision camera: newest image, estimate, row in a file and answer to a host."""
+"""Board on a GigE Vision camera: newest image, pose estimate, row in a file and answer to a host."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ from flyaround.hil.link.packets.messages import Hello
 
 logger = logging.getLogger(__name__)
 
-# largest camera file: thousands of times the usual size
+# Largest camera file [bytes], thousands of times the usual size.
 MAX_CAMERA_BYTES = 10_000_000
 _CAMERA_KEYS = {
     *("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion", "encoding"),
     *("pixel_pitch_um", "name", "notes"),
 }
-# interval of checks of the answer line while no image arrives [s]
+# Interval of the checks of the answer line while no image arrives [s].
 LOOK_S = 0.5
-# a stream that brings nothing is begun anew so often before the camera counts as gone
+# Number of restarts of a silent stream before the camera counts as lost.
 MAX_RESTARTS = 3
 
 
 @dataclass(frozen=True)
 class CameraBoardOptions:
-    """Options of a board at a camera.
+    """Options of a board that reads a camera.
 
     Parameters
     ----------
     camera_file : str, optional
-        Intrinsics of the whole detector (CAMERA.json); None takes those of the host of ``answer_url``.
+        File with the intrinsics of the whole detector; by default, the host at ``answer_url`` sends them.
     poses_file : str, optional
-        .csv or JSON lines; None writes to the standard output, unless the poses go to a host.
+        Output file, .csv or JSON lines. By default, standard output if there is no ``answer_url``.
     answer_url : str, optional
-        The host that takes poses, what it asks for, how long to try to reach it.
+        URL of a host that accepts poses.
     key : bytes, optional
-        The host that takes poses, what it asks for, how long to try to reach it.
+        Key shared with that host.
     timeout_s : float, optional
-        The host that takes poses, what it asks for, how long to try to reach it.
+        Time-out of the connection to that host.
     most_frames : int, optional
-        End after this many; None goes on until stopped.
+        Number of frames after which the run ends; unlimited by default.
     silence_s : float, optional
-        Time without messages after which the host is considered gone.
+        Time without messages after which the host is considered lost.
     dark_s : float, optional
-        A stream without a whole image for this long is begun anew.
+        Time without a complete image after which the stream is restarted.
     """
 
     settings: CameraSettings = field(default_factory=CameraSettings)
@@ -73,29 +73,27 @@ def run_camera_board(
     make_estimator: Callable[[Dict[str, Any]], BoardEstimator],
     hello: Hello,
 ) -> BoardSummary:
-    """Read a camera, estimate and record the poses, until enough frames came, the user stops it, or the camera is gone.
+    """Estimate and record poses from a camera until the frame limit, an interrupt, or loss of the camera.
 
     Parameters
     ----------
     url : str
-        ``gige://ADDRESS``.
+        Address of the camera, ``gige://ADDRESS``.
     make_estimator : callable
-        Makes one from a camera JSON object.
+        Makes an estimator from a camera JSON object.
     hello : Hello
-        Description of this board for the host.
+        HELLO message of this board for the host.
 
     Raises
     ------
     LinkError
-        If Aravis is not here, the camera, a file or the host cannot be used; the message is one sentence.
+        If Aravis is not installed, or the camera, a file or the host cannot be used.
     """
     address = url[len(SCHEME) :].rstrip("/")
     if not address:
         raise LinkError(f"{url} names no camera: write {SCHEME}192.168.10.2")
     if options.camera_file is None and options.answer_url is None:
-        raise LinkError(
-            "a camera on the network does not tell its lens: name its intrinsics with --camera FILE"
-        )
+        raise LinkError("a GigE camera does not report its intrinsics: name a file with --camera FILE")
     camera = None if options.camera_file is None else read_camera(options.camera_file)
     device = GigeCamera(address, options.settings)
     line: Optional[AnswerLine] = None
@@ -104,7 +102,7 @@ def run_camera_board(
         if options.answer_url is not None:
             line = AnswerLine(options.answer_url, hello, options.key, options.timeout_s, options.silence_s)
             camera = camera or line.camera
-        assert camera is not None  # noqa: S101 - one of the two is there
+        assert camera is not None  # noqa: S101 - check_options requires one of the two
         check_size(camera, device.sensor_px, address)
         if options.poses_file is not None or line is None:
             poses = PoseFile(options.poses_file)
@@ -138,7 +136,7 @@ class _Session:
         self._frames = self._accepted = 0
 
     def run(self) -> BoardSummary:
-        # made before the stream begins: it may take seconds
+        # before the stream starts, because preparing an estimator may take seconds
         self._look_through(self._device.roi_px)
         self._device.start()
         restarts = 0
@@ -151,29 +149,29 @@ class _Session:
                 restarts = 0
                 self._answer(frame)
                 continue
-            dark = f"no whole picture came for {self._options.dark_s:g} s"
+            dark = f"no complete picture arrived for {self._options.dark_s:g} s"
             if restarts >= MAX_RESTARTS:
-                return self._ended(f"{dark}, {restarts} times after the stream was begun anew", orderly=False)
+                return self._ended(f"{dark}, {restarts} times after a restart of the stream", orderly=False)
             restarts += 1
-            logger.warning("%s (%d damaged ones): the stream is begun anew", dark, self._device.damaged)
+            logger.warning("%s (%d damaged ones): restarting the stream", dark, self._device.damaged)
             try:
                 self._device.start()
             except LinkError as error:
                 return self._ended(str(error), orderly=False)
-        return self._ended(f"all {self._frames} pictures that were asked for have come", orderly=True)
+        return self._ended(f"all {self._frames} requested pictures were received", orderly=True)
 
     def _ended(self, sentence: str, *, orderly: bool) -> BoardSummary:
         return BoardSummary(self._frames, self._accepted, orderly, f"{sentence} after {self._frames} frames")
 
     def _next_frame(self) -> Optional[CameraFrame]:
-        """Return the newest image, or one triggered now; None on a timeout or if the host ended."""
+        """Return the newest image, or a triggered one; None on a time-out or if the host ended the session."""
         device, triggered = self._device, self._options.settings.software_trigger
         damaged, until_ns = -1, now_ns() + round(1e9 * self._options.dark_s)
         while now_ns() < until_ns and not (self._line is not None and self._line.ended):
             if device.mend():
-                logger.warning("the stream began among other programs' packets: it was begun anew")
+                logger.warning("packets of other programs disturbed the start of the stream: restarted it")
                 damaged = -1
-            if triggered and damaged != device.damaged:  # the picture of the last trigger came damaged
+            if triggered and damaged != device.damaged:  # the image of the last trigger was damaged
                 damaged = device.damaged
                 device.trigger()
             frame = device.frame(LOOK_S)
@@ -184,7 +182,7 @@ class _Session:
     def _answer(self, frame: CameraFrame) -> None:
         if frame.roi_px != self._roi_px or self._estimator is None:
             self._look_through(frame.roi_px)
-        assert self._estimator is not None  # noqa: S101 - made above
+        assert self._estimator is not None  # noqa: S101 - _use_region made it
         if self._first_ns is None:
             self._first_ns = frame.camera_time_ns
         context = FrameContext(
@@ -204,7 +202,7 @@ class _Session:
             self._poses.add(frame, pose)
 
     def _look_through(self, roi_px: Tuple[int, int, int, int]) -> None:
-        """Make an estimator for a part of the detector."""
+        """Prepare an estimator for a region of the detector."""
         try:
             self._estimator, self._roi_px = self._make(camera_of_part(self._camera, roi_px)), roi_px
         except Exception as error:
@@ -214,12 +212,12 @@ class _Session:
 
 
 def read_camera(path: str) -> Dict[str, Any]:
-    """Return the camera JSON object of a file.
+    """Read a camera JSON object from a file.
 
     Raises
     ------
     LinkError
-        If it cannot be read or is none.
+        If the file cannot be read, or does not hold such an object.
     """
     try:
         camera = json.loads(read_bounded(path, MAX_CAMERA_BYTES).decode("utf-8-sig"))
@@ -228,34 +226,34 @@ def read_camera(path: str) -> Dict[str, Any]:
             f"camera {path} cannot be used ({error}): give the camera object of a truth record"
         ) from error
     if not isinstance(camera, dict):
-        raise LinkError(f"camera {path} is no JSON object: give the camera object of a truth record")
+        raise LinkError(f"camera {path} is not a JSON object: give the camera object of a truth record")
     odd = sorted(set(camera) - _CAMERA_KEYS)
     if odd:
         raise LinkError(
-            f"camera {path} has the key {odd[0]!r}, which a board does not know: flyaround cameras {path} --export"
-            " CAMERA.json writes one that it does"
+            f"camera {path} has the key {odd[0]!r}, which a board does not know: write a file with"
+            f" flyaround cameras {path} --export CAMERA.json"
         )
     return camera
 
 
 def check_size(camera: Dict[str, Any], sensor_px: Tuple[int, int], address: str) -> None:
-    """Raise LinkError unless the intrinsics are those of a detector of this size.
+    """Raise unless the intrinsics are those of a detector of this size.
 
     Raises
     ------
     LinkError
-        If they are of another.
+        If the sizes differ.
     """
     size = (camera.get("width_px"), camera.get("height_px"))
     if size != sensor_px:
         raise LinkError(
             f"the intrinsics are of {size[0]} x {size[1]} pixels and the camera {address} has"
-            f" {sensor_px[0]} x {sensor_px[1]}: give those of its whole detector, unbinned; --roi is taken care of"
+            f" {sensor_px[0]} x {sensor_px[1]}: give those of the whole detector, unbinned; --roi is applied to them"
         )
 
 
 def camera_of_part(camera: Dict[str, Any], roi_px: Tuple[int, int, int, int]) -> Dict[str, Any]:
-    """Return the intrinsics of a part of the detector: the principal point moves, the rays stay."""
+    """Return the intrinsics of a region of the detector, with the principal point shifted."""
     x, y, width, height = roi_px
     try:
         return {

@@ -1,4 +1,4 @@
-"""Command-line options of a board that reads a GigE Vision camera, in addition to those of every board."""
+"""Command-line options of a board that reads a GigE Vision camera, in addition to the common ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CAMERA_OPTIONS: Tuple[AgentOption, ...] = (
         "--camera",
         str,
         None,
-        "CAMERA.json: intrinsics of the whole detector (with --answer the host's, unless given).",
+        "CAMERA.json: intrinsics of the whole detector (default with --answer: the host's).",
         "FILE",
     ),
     AgentOption(
@@ -27,56 +27,60 @@ CAMERA_OPTIONS: Tuple[AgentOption, ...] = (
         "FILE",
     ),
     AgentOption(
-        "--answer", str, None, "Send poses to this host, too: the URL of hil camera --answers.", "URL"
+        "--answer", str, None, "Also send poses to this host, the URL of hil camera --answers.", "URL"
     ),
-    AgentOption("--frames", int, None, "End after N pictures.", "N"),
-    AgentOption("--trigger", bool, False, "Ask for each picture by software trigger."),
-    AgentOption("--exposure", float, None, "Exposure in microseconds.", "US"),
+    AgentOption("--frames", int, None, "Exit after N pictures.", "N"),
+    AgentOption("--trigger", bool, False, "Request each picture with a software trigger."),
+    AgentOption("--exposure", float, None, "Exposure time in microseconds.", "US"),
     AgentOption("--gain", float, None, "Gain in decibels.", "DB"),
     AgentOption("--rate", float, None, "Pictures a second.", "HZ"),
-    AgentOption("--roi", str, None, "Part of the detector that is read.", "X,Y,W,H"),
-    AgentOption("--pixel-format", str, None, "By its GenICam name, such as Mono8 or Mono12.", "NAME"),
+    AgentOption("--roi", str, None, "Region of the detector to read.", "X,Y,W,H"),
     AgentOption(
-        "--packet-size", int, None, "Of the stream, in bytes; 0: the largest that the line carries.", "BYTES"
+        "--pixel-format", str, None, "GenICam name of the pixel format, such as Mono8 or Mono12.", "NAME"
+    ),
+    AgentOption(
+        "--packet-size", int, None, "Packet size of the stream in bytes; 0: the largest possible.", "BYTES"
     ),
     AgentOption(
         "--no-packet-socket",
         bool,
         False,
-        "Read the stream as any program may: root's packet socket holds more.",
+        "Do not use a packet socket, whose buffer is larger but which needs root.",
     ),
 )
 OF_HOSTS = ("window", "reconnect", "watchdog")
 
 
 def check_options(url: str, given: Dict[str, Any]) -> None:
-    """Raise LinkError for options of a host given to a camera, and vice versa.
+    """Raise for options of a host given with a camera URL, and vice versa.
 
     Parameters
     ----------
     given : dict of str to object
-        Values by `AgentOption.name`.
+        Option values by `AgentOption.name`.
 
     Raises
     ------
     LinkError
-        If one is given that does not go with the URL; the message is one sentence.
+        If an option does not apply to the URL; the message is one sentence.
     """
     at_camera = url.startswith(SCHEME)
     table = [o for o in AGENT_OPTIONS if o.name in OF_HOSTS] if at_camera else CAMERA_OPTIONS
     wrong = [option.flag for option in table if given[option.name] != option.default]
     if wrong:
         other = "a host, not with a camera" if at_camera else f"a camera ({SCHEME}ADDRESS), not with a host"
-        raise LinkError(f"{', '.join(wrong)} {'goes' if len(wrong) == 1 else 'go'} with {other}: leave out")
+        raise LinkError(
+            f"{', '.join(wrong)} {'applies' if len(wrong) == 1 else 'apply'} to {other}: leave out"
+        )
 
 
 def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
-    """Return the options of a board at a camera.
+    """Return the options of a board that reads a camera.
 
     Parameters
     ----------
     given : dict of str to object
-        Values by `AgentOption.name`, of both tables.
+        Option values by `AgentOption.name`, of both tables.
 
     Raises
     ------
@@ -85,7 +89,7 @@ def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
     """
     for name, least in (("timeout", 1e-9), ("silence", 1e-9), ("frames", 1), ("packet_size", 0)):
         if given[name] is not None and not given[name] >= least:
-            raise LinkError(f"--{name.replace('_', '-')} {given[name]:g} is too little")
+            raise LinkError(f"--{name.replace('_', '-')} {given[name]:g} is too small")
     return CameraBoardOptions(
         settings=CameraSettings(
             exposure_us=given["exposure"],

@@ -1,4 +1,4 @@
-"""Poses of a camera's images as JSON lines or CSV, each row with the camera's time stamp."""
+"""Writer of pose files: JSON lines or CSV, one row an image with the camera's time stamp."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ COLUMNS = (
 
 
 class PoseFile:
-    """File of rows, each complete and flushed before the next image is processed.
+    """Pose file whose rows are complete and flushed before the next image is processed.
 
     Parameters
     ----------
     path : str or None
-        Ends in .csv for a table, else JSON lines; None writes JSON lines to the standard output.
+        Output file: CSV if it ends in .csv, else JSON lines. None writes JSON lines to standard output.
 
     Raises
     ------
     LinkError
-        If it is there already or cannot be written, now or later (a full disk).
+        If the file exists or cannot be written, now or later (disk full).
     """
 
     def __init__(self, path: Optional[str]) -> None:
@@ -56,7 +56,7 @@ class PoseFile:
             try:
                 self._file = open(path, "x", encoding="utf-8", newline="")  # noqa: SIM115, PTH123 - closed by close
             except FileExistsError:
-                raise LinkError(f"{path} is there already: name another file for the poses") from None
+                raise LinkError(f"{path} exists already: name another file for the poses") from None
             except OSError as error:
                 raise self._failed(error) from error
         if self._as_table:
@@ -105,13 +105,13 @@ class PoseFile:
         )
 
 
-def _table_line(cells: Any) -> str:  # noqa: ANN401 - cells of any kind
+def _table_line(cells: Any) -> str:  # noqa: ANN401 - str, int, float or None
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(cells)
     return text.getvalue()
 
 
 def _utc_of(at_ns: int) -> str:
-    """Return a time of the monotonic clock as UTC, by the present wall clock."""
+    """Return a time of the monotonic clock as UTC, from its present offset to the wall clock."""
     seconds = datetime.now(timezone.utc).timestamp() - (now_ns() - at_ns) * 1e-9
     return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec="microseconds")

@@ -25,13 +25,13 @@ Array = np.ndarray
 # Least noise [steps of a scale of 255]: half of the quantisation noise.
 LEAST_NOISE, SCALE = 0.15, 255.0
 
-# Ratio of the noise by means over many pixels to that by single ones from which noise counts as smoothed.
+# Ratio of the noise from means over many pixels to that from single pixels above which noise counts as smoothed.
 CORRELATED = 1.4
 
-# Least black level before a texture [noise]: its dark parts are above zero as well.
+# Least black level in front of a texture [noise], whose dark parts lie above zero as well.
 FLOOR_OFFSET = 3.0
 
-# Share of the frame's tiles with edges above which the background is not empty space.
+# Share of tiles with edges above which the background is not empty space.
 BUSY = 0.25
 
 # Least diagonal of a region [px].
@@ -39,7 +39,7 @@ SMALLEST_PX = 24.0
 
 
 def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
-    """Measure an image's noise and light, and find the regions where the target may be."""
+    """Measure an image's noise and light regime, and propose the regions that may contain the target."""
     reduced, smoothed = _measure_noise(frame)
     frame.mark("noise")
     # Sharma, Ventura & D'Amico (2018)
@@ -48,7 +48,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     frame.mark("weak_gradients")
     regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
     if busy < BUSY:
-        # reduced pixels are integers as well
+        # reduced pixels are rounded to integers
         frame.background = whole_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
     regime = Regime.of(frame.black, trained=setup.learned is not None)
@@ -66,9 +66,9 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
 
 
 def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
-    """Set the noise of the image (Immerkaer 1996); return the image reduced, and whether noise was smoothed."""
+    """Set the noise of the image (Immerkaer 1996). Return the reduced image, and True if the noise was smoothed."""
     image = frame.image
-    # a 16-bit file may hold 10 or 12 bits: its own largest value is its scale
+    # a 16-bit file may hold 10 or 12 bits: its largest value is taken as full scale
     full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
     frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
     reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
@@ -81,13 +81,13 @@ def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
 
 
 def _black_level(frame: Observation, reduced: Array, busy: float, *, smoothed: bool) -> float:
-    """Return the black level, 0 if the image shows none."""
+    """Return the black level; 0 if the image has none."""
     noise = frame.noise / REDUCTION
     if not smoothed and frame.clipped:
-        # noise is cut off at zero: nothing is added
+        # the noise is clipped at zero, so the camera adds no offset
         return 0.0
     black = black_level(reduced, noise)
     if smoothed or busy < BUSY:
         return black
-    # the Earth in the whole frame has a darkest part too
+    # an image filled by the Earth also has a darkest part
     return black if has_flat_floor(reduced, noise) and black > FLOOR_OFFSET * frame.noise else 0.0

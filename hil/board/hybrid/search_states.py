@@ -1,4 +1,4 @@
-"""States of one image's search, in the order in which they are reached; each is made of the one before.
+"""States of the search in one image, in order; each is built from the previous one.
 
 ``SearchSetup`` -> ``PreparedImage`` -> ``Proposals`` -> ``Choice`` -> a ``PoseResult``.
 """
@@ -29,13 +29,13 @@ class SearchSetup:
     Parameters
     ----------
     target : PreparedTarget
-        The target prepared for the camera.
+        Target prepared for the camera.
     figures : Chains
-        Triads of its wireframe.
+        Triads of the target's wireframe.
     learned : LearnedProposer, optional
-        Its keypoint network.
+        Keypoint network of the target.
     calibrated : bool
-        True if confidence was fitted on this target.
+        True if the confidence was fitted on this target.
     accept_at : float
         Confidence at which a pose is accepted.
     """
@@ -48,18 +48,18 @@ class SearchSetup:
 
     @property
     def has_faces(self) -> bool:
-        """True if the whole image decides, False if the target has no faces and edges alone do."""
+        """True if rendered views decide; False if the target has no faces, and edges alone do."""
         return self.target.model.faces is not None
 
     @property
     def has_symmetries(self) -> bool:
-        """True if the target's model lists near-symmetries."""
+        """True if the target model lists near-symmetries."""
         return bool(len(self.target.model.symmetry_wxyz))
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedImage:
-    """An image before any target is looked for.
+    """An image before the search.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ class PreparedImage:
     frame : Observation
         The image with its noise, black level and background.
     reduced : (h, w) array
-        The image reduced.
+        Reduced image.
     regions : list of Region
-        Where the target may be, the most likely first.
+        Regions that may contain the target, most likely first.
     regime : Regime
-        Its light.
+        Light regime.
     smoothed : bool
-        True if a filter or a file has hidden noise.
+        True if the noise was smoothed by a filter or by compression.
     """
 
     setup: SearchSetup
@@ -94,11 +94,11 @@ class Proposals:
     image : PreparedImage
         The image.
     hypotheses : list of Hypothesis
-        Poses that the image may show.
+        Candidate poses.
     places : list of LearnedProposal
-        Proposals of the network for the regions.
+        Proposals of the network, by region.
     thorough : bool
-        True if an earlier round did not settle it: look at more.
+        True if an earlier round was not conclusive, so that more hypotheses are tried.
     """
 
     image: PreparedImage
@@ -109,7 +109,7 @@ class Proposals:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The best of a round's hypotheses, and the others that it was chosen among."""
+    """The best hypothesis of a round, and the others that it was selected from."""
 
     proposals: Proposals
     selection: Selection

@@ -1,4 +1,4 @@
-"""A network that was trained on pictures of the target, as an estimator: numpy and OpenCV only, Python >= 3.9.
+"""Trained pose network as an estimator: NumPy and OpenCV only, Python >= 3.9.
 
-`flyaround train` writes its file, NumPy runs it; PyTorch is not needed here.
+``flyaround train`` writes the file and NumPy evaluates it; PyTorch is not needed on the board.
 """

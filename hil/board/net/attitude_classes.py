@@ -1,4 +1,4 @@
-"""Attitudes as classes: a fixed set spread evenly over SO(3), and the mean attitude of probabilities of them.
+"""Attitude classes: a fixed, nearly uniform set on SO(3), and the mean attitude of class probabilities.
 
 References
 ----------
@@ -16,8 +16,8 @@ from flyaround.hil.board.estimation.even_attitudes import even_attitudes
 
 Array = np.ndarray
 
-# Radius of the neighbourhood whose classes are averaged [steps from one to the next], and how many of the most probable
-# classes are candidates for its centre.
+# Radius of the neighbourhood whose classes are averaged, in class spacings, and number of most probable classes tried
+# as its centre.
 NEAR_STEPS, CANDIDATES = 1.6, 24
 
 
@@ -27,12 +27,12 @@ def class_attitudes(n: int) -> Array:
 
 
 def class_step_rad(n: int) -> float:
-    """Return the distance of neighbouring classes [rad]: the side of a cube of 1/n of SO(3), whose volume is 8 pi^2."""
+    """Return the spacing of the classes [rad]: the edge of a cube of 1/n of the volume of SO(3), 8 pi^2."""
     return float((8 * np.pi**2 / n) ** (1 / 3))
 
 
 def softmax(logits: Array) -> Array:
-    """Return the probabilities (..., K) of the classes."""
+    """Return the probabilities (..., K) of logits."""
     e = np.exp(logits - logits.max(axis=-1, keepdims=True))
     return np.asarray(e / e.sum(axis=-1, keepdims=True))
 
@@ -40,7 +40,7 @@ def softmax(logits: Array) -> Array:
 def mean_attitude(probability: Array) -> Tuple[Array, float]:
     """Return the mean attitude (4,) of the most probable neighbourhood of classes, and its probability.
 
-    A craft that looks alike from two sides has two of them; their mean would be neither.
+    Averaging over all classes would fail for a craft that looks alike from two sides.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def mean_attitude(probability: Array) -> Tuple[Array, float]:
     near = np.abs(grid[candidates] @ grid.T) > np.cos(0.5 * min(NEAR_STEPS * class_step_rad(n), np.pi))
     total = near @ probability
     best = int(np.argmax(total))
-    # the sign of a quaternion plays no part in its outer product
+    # the outer product does not depend on a quaternion's sign
     among = grid[near[best]]
     moment = (among * probability[near[best]][:, None]).T @ among
     q = np.linalg.eigh(moment)[1][:, -1]

@@ -1,4 +1,4 @@
-"""The network's own camera, a pinhole, and the resampling of any camera's pictures to it."""
+"""Pinhole camera of the network's input, and resampling of other cameras' images to it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flyaround.hil.board.hybrid.image.edge_field import area_mean
 
 Array = np.ndarray
 
-# A picture's standard deviation below which it is not stretched any further [square root of full scale].
+# Contrast below which an image is not amplified any further: standard deviation, square root of full scale.
 LEAST_CONTRAST = 0.01
 
 
 @dataclass(frozen=True)
 class NetworkCamera:
-    """A pinhole without distortion, its principal point in the middle."""
+    """Pinhole camera with the principal point in the centre."""
 
     width_px: int
     height_px: int
@@ -27,21 +27,21 @@ class NetworkCamera:
 
     @staticmethod
     def like(camera: CameraIntrinsics, width_px: int) -> NetworkCamera:
-        """Return one with another camera's field of view, ``width_px`` wide."""
+        """Return a camera ``width_px`` wide with the field of view of ``camera``."""
         height_px = max(round(width_px * camera.height_px / camera.width_px), 1)
         return NetworkCamera(width_px, height_px, camera.fx_px * width_px / camera.width_px)
 
     def enlarged(self, times: int) -> NetworkCamera:
-        """Return the same view in more pixels."""
+        """Return the same view with ``times`` as many pixels in each direction."""
         return NetworkCamera(times * self.width_px, times * self.height_px, times * self.f_px)
 
     @property
     def half_view(self) -> Array:
-        """Tangents (2,) of half the angle of view, across and down."""
+        """Tangents (2,) of half the field of view, horizontal and vertical."""
         return np.array([self.width_px, self.height_px]) / (2 * self.f_px)
 
     def rays(self) -> Array:
-        """Return x and y over z of each pixel (h, w, 2)."""
+        """Normalised coordinates x/z and y/z of each pixel (h, w, 2)."""
         x = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) / self.f_px
         y = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) / self.f_px
         return np.stack(np.meshgrid(x, y), axis=-1)
@@ -49,14 +49,14 @@ class NetworkCamera:
 
 @dataclass(frozen=True, eq=False)
 class PictureReducer:
-    """Resampling of one camera's pictures to the network's.
+    """Resampling of a camera's images to the network's input.
 
     Parameters
     ----------
     reduced : tuple of int
-        Width and height that a picture is averaged to first.
+        Width and height to which an image is first averaged.
     at : (h, w, 2) array
-        Float32 position in the averaged picture of each pixel.
+        Position of each output pixel in the averaged image, float32.
     """
 
     reduced: Tuple[int, int]
@@ -64,7 +64,7 @@ class PictureReducer:
 
     @staticmethod
     def prepare(seen: NetworkCamera, camera: CameraIntrinsics) -> PictureReducer:
-        """Return the resampling for pictures of ``camera``."""
+        """Return the resampling for images of ``camera``."""
         share = min(seen.f_px / (0.5 * (camera.fx_px + camera.fy_px)), 1.0)
         width, height = (max(round(share * n), 1) for n in (camera.width_px, camera.height_px))
         rays = seen.rays()
@@ -73,15 +73,15 @@ class PictureReducer:
         return PictureReducer((width, height), ((pixels + 0.5) * scale - 0.5).astype(np.float32))
 
     def __call__(self, image: Array) -> Array:
-        """Return the square root of the share of full scale, (h, w) float32; beyond the picture its edge goes on.
+        """Return the square root of the relative brightness (h, w), float32; edge pixels are extended outwards.
 
         Parameters
         ----------
         image : (H, W) array
-            Uint8 or uint16; the latter's full scale is its brightest pixel.
+            Image, uint8 or uint16; the full scale of the latter is its largest value.
         """
         full = 255.0 if image.dtype == np.uint8 else max(float(image.max()), 1.0)
-        # means of bytes would be rounded to bytes, of which dark pictures have few
+        # float, because averaging bytes would round dark images to a few levels
         small = area_mean(image.astype(np.float32), *self.reduced)
         resampled = cv2.remap(
             small, self.at[..., 0], self.at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
@@ -90,7 +90,7 @@ class PictureReducer:
 
 
 def standardised(pictures: Array) -> Array:
-    """Return pictures (..., h, w), float32, each with mean zero and standard deviation one."""
+    """Return images (..., h, w), float32, each with zero mean and unit standard deviation."""
     mean = pictures.mean(axis=(-2, -1), keepdims=True)
     spread = pictures.std(axis=(-2, -1), keepdims=True)
     return np.asarray((pictures - mean) / np.maximum(spread, LEAST_CONTRAST), np.float32)

@@ -1,4 +1,4 @@
-"""Pose from a network that sees the whole picture: place and range regressed, attitude classified.
+"""Pose by a network that sees the whole image: position and range regressed, attitude classified.
 
 References
 ----------
@@ -28,34 +28,36 @@ Array = np.ndarray
 
 logger = logging.getLogger(__name__)
 
-# Least probability of the attitude's neighbourhood at which a pose is accepted.
+# Least probability of the best neighbourhood of attitudes at which a pose is accepted.
 ACCEPT_AT = 0.5
 
-# Largest scaled logarithm of the range.
+# Bound of the standardised logarithm of the range.
 MOST_LOG = 7.0
 
 
 class NetworkEstimator(Estimator):
-    """Estimator that asks a trained network, picture by picture.
+    """Estimator that evaluates a trained network on each image.
 
     Parameters
     ----------
     network : NetworkFile
-        The network.
-    model, camera
+        Trained network.
+    model : BoardModel
+        See `Estimator`.
+    camera : CameraIntrinsics
         See `Estimator`.
 
     Raises
     ------
     BoardModelError
-        If it was trained on another craft.
+        If the network was trained on another target.
     """
 
     def __init__(self, network: NetworkFile, model: BoardModel, camera: CameraIntrinsics) -> None:
         super().__init__(model, camera)
         if _craft(model.name) != _craft(network.target):
             raise BoardModelError(
-                f"network {network.name} was trained on {network.target}, and the target is {model.name}: "
+                f"network {network.name} was trained on {network.target}, but the target is {model.name}: "
                 "name another network or target"
             )
         if model.sha256 != network.sha256:
@@ -77,28 +79,28 @@ class NetworkEstimator(Estimator):
         q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), relative))
         frame.keep("attitude shares", probability)
         frame.mark("pose")
-        reason = "" if confidence >= ACCEPT_AT else "several attitudes are as likely"
+        reason = "" if confidence >= ACCEPT_AT else "several attitudes are equally likely"
         times, counts, covariance = frame.stages_ms, frame.counts, self._covariance(t)
         return PoseResult(
             not reason, reason, q, t, confidence, times, counts, covariance=covariance, method=self.method
         )
 
     def _covariance(self, t: Array) -> Array:
-        """Return the (6, 6) covariance of turn [rad] and shift [m], camera axes, from the held-out errors."""
+        """Return the covariance (6, 6) of rotation [rad] and translation [m], camera axes, from the held-out errors."""
         e, away = self.network.errors, float(np.linalg.norm(t))
         across, along = (e.across_share * away) ** 2, (e.along_share * away) ** 2
         return np.diag([e.turn_rad**2] * 3 + [across, across, along])
 
 
 def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
-    """Return the position (3,) of the model's origin in the camera [m], and the unit vector to it.
+    """Return the position (3,) of the model's origin in the camera frame [m], and the unit vector to it.
 
     Parameters
     ----------
     place : (3,) array
-        Output of the network: x and y over z in halves of the view, and the scaled logarithm of the range.
+        Position output of the network: x/z and y/z in half fields of view, and the standardised logarithm of the range.
     network : NetworkFile
-        The network.
+        Trained network.
     """
     ray = np.append(place[:2] * network.camera.half_view, 1.0)
     direction = ray / np.linalg.norm(ray)

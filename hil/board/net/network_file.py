@@ -1,6 +1,6 @@
 """Files of trained pose networks: ``.npz`` archives of float32 weights with JSON metadata.
 
-The metadata names the target and camera, and states the errors on held-out images. Files are untrusted input: size,
+The metadata names the target and camera and holds the errors on held-out images. Files are untrusted input: size,
 shapes and values are checked.
 """
 
@@ -23,7 +23,7 @@ Array = np.ndarray
 
 SCHEMA, VERSION = "flyaround.network", 2
 
-# Largest file [bytes]; then least and largest side of an input image, and number of attitude classes.
+# Largest file [bytes]; then the range of an input image's sides and of the number of attitude classes.
 MOST_BYTES = 256_000_000
 SIDE_PX, CLASSES = (16, 1024), (8, 20_000)
 
@@ -35,9 +35,10 @@ class HeldOutErrors:
     Parameters
     ----------
     turn_rad : float
-        Rotation error about each axis.
-    across_share, along_share : float
-        Position error across and along the line of sight, as shares of the range.
+    across_share : float
+        Position error across the line of sight, as a share of the range.
+    along_share : float
+        Position error along the line of sight, as a share of the range.
     """
 
     turn_rad: float
@@ -53,20 +54,24 @@ class NetworkFile:
     ----------
     name : str
         Name of the file.
-    target, sha256 : str
-        Name and hash of the target that it was trained on.
+    target : str
+        Name of the target that it was trained on.
+    sha256 : str
+        Hash of that target.
     camera : NetworkCamera
         Camera of the input images.
     classes : int
         Number of attitude classes.
-    log_range_mean, log_range_scale : float
-        Mean and scale of the natural logarithm of the range [m]; the third position output is standardised by them.
+    log_range_mean : float
+        Mean of the natural logarithm of the range [m] in training.
+    log_range_scale : float
+        Its scale; the third position output is standardised by both.
     errors : HeldOutErrors
         Errors of accepted estimates on held-out images.
     architecture : str
         One of ``ARCHITECTURES``.
     weights : dict of str to array
-        See `Architecture.run`.
+        Weights by name, see `Architecture.run`.
     """
 
     name: str
@@ -87,7 +92,7 @@ class NetworkFile:
         Raises
         ------
         BoardModelError
-            If it cannot be read, or is no such network; the message is one sentence.
+            If the file cannot be read or is not a valid network; the message is one sentence.
         """
         try:
             data = read_bounded(path, MOST_BYTES)
@@ -127,8 +132,8 @@ class NetworkFile:
             "training": training,
         }
         data = io.BytesIO()
-        np.savez(data, sheet=np.frombuffer(json.dumps(sheet).encode(), np.uint8), **self.weights)  # type: ignore[arg-type]
-        return data.getvalue()
+        np.savez(data, sheet=np.frombuffer(json.dumps(sheet).encode(), np.uint8), **self.weights)  # type:
+        ignore[arg-type] return data.getvalue()
 
     def run(self, picture: Array) -> Tuple[Array, Array]:
         """Return the position outputs (3,) and attitude logits (K,) of one float32 image (h, w)."""
@@ -138,7 +143,7 @@ class NetworkFile:
 def _parsed(name: str, arrays: Dict[str, Array]) -> NetworkFile:
     sheet = json.loads(arrays.pop("sheet").tobytes().decode("utf-8"))
     if not isinstance(sheet, dict) or sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
-        raise ValueError(f"its sheet is not {SCHEMA} version {VERSION}")
+        raise ValueError(f"its metadata is not {SCHEMA} version {VERSION}")
     camera = NetworkCamera(
         _whole(sheet, "width_px", *SIDE_PX),
         _whole(sheet, "height_px", *SIDE_PX),
@@ -196,5 +201,5 @@ def _real(sheet: Dict[str, Any], key: str, low: float, high: float) -> float:
 def _text(sheet: Dict[str, Any], key: str) -> str:
     value = sheet[key]
     if not isinstance(value, str) or len(value) > 200:
-        raise ValueError(f"its {key} is no short text")
+        raise ValueError(f"its {key} is not a short text")
     return value

@@ -1,7 +1,8 @@
-"""A small residual network in NumPy: one picture in, place and classes of attitude out.
+"""Small residual network in NumPy: one image in, position and attitude class logits out.
 
-The place is read from all of the picture's cells; the attitude, which is relative to the line of sight and does not
-depend on the place, from the largest value of each channel. So a view that is learned at one place is known at all.
+The position is computed from all cells of the feature map. The attitude, relative to the line of sight and so
+independent of the position, is computed from global max pooling: a view learned at one position is recognised at all
+others.
 
 References
 ----------
@@ -22,20 +23,20 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Architecture:
-    """Sizes of a network.
+    """Layer sizes of a network.
 
     Parameters
     ----------
     stem : int
         Channels after the first convolution.
     stages : tuple of int
-        Channels of each stage; all but the first halve the picture.
+        Channels of each stage; every stage but the first halves the resolution.
     blocks : int
-        Residual blocks of a stage.
+        Residual blocks per stage.
     squeezed : int
-        Channels that the place is read from.
+        Channels of the position head's input.
     hidden : int
-        Units before each output.
+        Hidden units of each head.
     """
 
     stem: int
@@ -53,7 +54,7 @@ class Architecture:
                 before = channels
 
     def layers(self, width_px: int, height_px: int, classes: int) -> Dict[str, Tuple[Tuple[int, ...], int]]:
-        """Return the weights' shape and the stride of each layer, outputs first, for pictures of a size."""
+        """Return the weight shape and stride of each layer for an input size; shapes have the outputs first."""
         layers: Dict[str, Tuple[Tuple[int, ...], int]] = {"stem": ((self.stem, 1, 7, 7), 2)}
         for name, before, channels, stride in self.residual_blocks():
             layers[f"{name}_first"] = (channels, before, 3, 3), stride
@@ -70,14 +71,14 @@ class Architecture:
         return layers
 
     def run(self, weights: Dict[str, Array], picture: Array) -> Tuple[Array, Array]:
-        """Return place (3,) and logits of the attitudes (K,); not finite where the weights make them overflow.
+        """Return the position (3,) and attitude logits (K,), not finite if the weights overflow.
 
         Parameters
         ----------
         weights : dict of str to array
-            Weights ``NAME`` and ``NAME_bias`` of each layer, float32, normalisations folded in.
+            Weights ``NAME`` and ``NAME_bias`` of each layer, float32, with batch normalisation folded in.
         picture : (h, w) array
-            Float32, standardised.
+            Standardised image, float32.
         """
 
         def convolved(name: str, x: Array, stride: int = 1) -> Array:
@@ -100,13 +101,13 @@ class Architecture:
 
 ARCHITECTURES = {
     "small": Architecture(stem=16, stages=(24, 48, 128), blocks=1, squeezed=16, hidden=256),
-    # He et al.'s of 18 layers
+    # ResNet-18 of He et al.
     "resnet18": Architecture(stem=64, stages=(64, 128, 256, 512), blocks=2, squeezed=32, hidden=512),
 }
 
 
 def convolve(x: Array, weight: Array, bias: Array, stride: int) -> Array:
-    """Return the cross-correlation (O, h', w') of maps (C, h, w) with weights (O, C, k, k), zeros beyond the maps."""
+    """Return the cross-correlation (O, h', w') of maps (C, h, w) with weights (O, C, k, k), zero-padded."""
     windows = _windows(x, weight.shape[2], stride)
     h, w = windows.shape[1:3]
     columns = windows.transpose(0, 3, 4, 1, 2).reshape(-1, h * w)
@@ -114,7 +115,7 @@ def convolve(x: Array, weight: Array, bias: Array, stride: int) -> Array:
 
 
 def _windows(x: Array, side: int, stride: int) -> Array:
-    """Return a view (C, h', w', side, side) of the windows of maps (C, h, w), padded with zeros."""
+    """Return a view (C, h', w', side, side) of the windows of zero-padded maps (C, h, w)."""
     pad = side // 2
     padded = np.pad(x, ((0, 0), (pad, pad), (pad, pad)))
     return sliding_window_view(padded, (side, side), axis=(1, 2))[:, ::stride, ::stride]

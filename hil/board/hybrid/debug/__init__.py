@@ -1,1 +1,1 @@
-"""Pictures of each stage's results, for people; an estimate never needs them."""
+"""Debug pictures of each stage's results; estimation does not need them."""

@@ -1,4 +1,4 @@
-"""Drawing on pictures: the model's wireframe, segments, labels."""
+"""Drawing primitives for debug pictures: the model's wireframe, segments, labels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
 
 Array = np.ndarray
 
-# Points along an edge that are tested for occlusion.
+# Number of points along an edge that are tested for occlusion.
 STEPS = 24
 
 
@@ -29,7 +29,7 @@ def draw_wireframe(
     scale: float = 1.0,
     weight: int = 1,
 ) -> None:
-    """Draw the visible stretches of the model's edges on a BGR canvas that shows ``corner`` at ``scale``."""
+    """Draw the visible parts of the model's edges on a BGR canvas with the given ``corner`` and ``scale``."""
     R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
     C = -R.T @ t
     occ = occluders(model)
@@ -38,7 +38,7 @@ def draw_wireframe(
         along = e.a_m + s * (e.b_m - e.a_m)
         if len(e.normals) and not ((C - along) @ e.normals.T > 0).any():
             continue
-        # a round member shows its outline, where the sight line grazes it
+        # a round member is drawn by its outline, where the line of sight grazes it
         across = np.cross(e.b_m - e.a_m, along - C)
         across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
@@ -54,13 +54,13 @@ def draw_wireframe(
 
 
 def grey(values: Array, top: float) -> Array:
-    """Return values 0..top as a BGR image (h, w, 3)."""
+    """Return values in 0..top as a BGR image (h, w, 3)."""
     flat = np.clip(np.asarray(values, np.float32) * (255.0 / max(top, 1e-9)), 0, 255).astype(np.uint8)
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, weight: int = 1) -> None:
-    """Draw segments (N, 4), full-resolution pixels, in colours of their own, on a canvas that shows ``corner``."""
+    """Draw segments (N, 4) [image px], each in its own colour, on a canvas at ``corner`` and ``scale``."""
     hues = (np.arange(len(segments)) * 67) % 180
     for segment, hue in zip(np.asarray(segments, float).reshape(-1, 2, 2), hues):  # noqa: B905 - 3.9 has no strict=
         bgr = cv2.cvtColor(np.array([[[hue, 200, 255]]], np.uint8), cv2.COLOR_HSV2BGR)[0, 0]
@@ -70,7 +70,7 @@ def draw_segments(canvas: Array, segments: Array, corner: Array, scale: float, w
 
 def label(canvas: Array, text: str) -> None:
     """Draw a caption in the upper left corner."""
-    # the outline is the text itself moved: letters of another weight have another width in OpenCV 5
+    # the outline is the text itself, shifted: in OpenCV 5, text of another weight has another width
     for dx, dy in ((-2, 0), (2, 0), (0, -2), (0, 2), (-1, -1), (1, -1), (-1, 1), (1, 1), (0, 0)):
         colour = (255, 255, 255) if dx == dy == 0 else (0, 0, 0)
         cv2.putText(canvas, text, (12 + dx, 26 + dy), cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, 1, cv2.LINE_AA)

@@ -1,4 +1,4 @@
-"""Debug pictures, one for each stage of an estimate: from the image gradient to the camera around the target."""
+"""Debug pictures of every stage of an estimate, from the image gradient to the camera pose around the target."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
 Array = np.ndarray
 
-# Size of the pictures [px]; orange, blue, green in BGR (Okabe and Ito).
+# Size of the pictures [px], and the Okabe-Ito colours in BGR.
 WIDTH, HEIGHT = 800, 500
 ORANGE, BLUE, GREEN, RED = (0, 159, 230), (233, 180, 86), (115, 158, 0), (0, 94, 213)
 
@@ -42,14 +42,14 @@ def write_stage_pictures(
     model: BoardModel,
     camera: CameraIntrinsics,
 ) -> List[str]:
-    """Write the pictures of every stage that ran, and return their file names in order.
+    """Write a picture of every stage that ran. Return the file names in order.
 
     Parameters
     ----------
     folder : path
         Folder of the pictures.
     image : (H, W) array
-        Image whose pose was estimated.
+        Image in which the pose was estimated.
     trace : Trace
         Intermediate results that ``estimate`` recorded.
     result : PoseResult
@@ -77,7 +77,7 @@ def write_stage_pictures(
 def stage_pictures(
     image: Array, trace: Trace, result: PoseResult, model: BoardModel, camera: CameraIntrinsics
 ) -> Dict[str, Array]:
-    """Return pictures (HEIGHT, WIDTH, 3), BGR, by name of the stage; see `write_stage_pictures` for the parameters."""
+    """Return the pictures (HEIGHT, WIDTH, 3), BGR, by stage; see `write_stage_pictures` for the parameters."""
     out: Dict[str, Array] = {}
     top = max(float(np.percentile(image, 99.9)), 1.0)
     wge = trace.get("image_gradient") or trace.get("wge")
@@ -120,7 +120,7 @@ def stage_pictures(
 
 
 def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[str, Array]:
-    """Return pictures of weak gradient elimination: gradient, histogram, strong part, filtered image."""
+    """Return pictures of weak gradient elimination: gradient, histogram, strong gradients, filtered image."""
     out: Dict[str, Array] = {}
     strong = wge.strong.astype(np.uint8)
     out["gradient"] = _whole(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
@@ -133,7 +133,7 @@ def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[s
 
 
 def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # noqa: ANN401 - Regions, or None
-    """Return a picture of the regions: the first one green, and the published method's region ``grown`` blue."""
+    """Return a picture of the regions: the most likely one green, the published method's ``grown`` blue."""
     canvas = grey(image, top)
     for k, r in enumerate(regions):
         a, b = (int(r.x0), int(r.y0)), (int(r.x1), int(r.y1))
@@ -144,12 +144,12 @@ def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # no
 
 
 def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: float) -> Array:
-    """Return a picture of the perceptual groups, a colour for each kind."""
+    """Return a picture of the perceptual groups, one colour per kind."""
     canvas = back.copy() // 2
     for kind, points in groups.items():
         for figure in points:
             uv = np.rint(((figure - corner + 0.5) * scale - 0.5) * 16).astype(np.int32)
-            # a parallel pair is two lines, every other group a chain
+            # a parallel pair has two separate lines, every other group is a chain
             chains = [uv[:2], uv[2:]] if kind == "parallel_pair" else [uv]
             cv2.polylines(canvas, chains, kind == "closed_tetrad", GROUP_COLOURS[kind], 1, cv2.LINE_AA, 4)
     label(canvas, "perceptual groups: " + ", ".join(f"{len(p)} {k}" for k, p in groups.items() if len(p)))
@@ -157,7 +157,7 @@ def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: 
 
 
 def histogram(wge: WeakGradientElimination) -> Array:
-    """Return a picture of the gradient's logarithmic histogram, with the fitted exponential and the threshold."""
+    """Return a picture of the logarithmic gradient histogram with the fitted exponential and the threshold."""
     canvas = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     x0, y0, x1, y1 = 60, 40, WIDTH - 30, HEIGHT - 50
     counts = np.maximum(wge.counts, 0.5)
@@ -189,7 +189,7 @@ def histogram(wge: WeakGradientElimination) -> Array:
     return canvas
 
 
-def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -> Array:  # noqa: ANN401 - poses
+def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -> Array:  # noqa: ANN401 - pose arrays
     """Return a side view of the model's wireframe with the camera at its pose."""
     canvas = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     R, t = quat.matrix(np.asarray(q, float)), np.asarray(t, float)
@@ -202,7 +202,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     frustum = np.concatenate([rays, np.ones((4, 1))], axis=1) * depth @ R + at
     sight = np.stack([at, np.zeros(3)])
     edges = np.array([[e.a_m, e.b_m] for e in model.wireframe])
-    # a viewer to the side of the line of sight and a little above it
+    # viewpoint to the side of the line of sight and slightly above it
     forward = np.cross(at, [0.0, 0.0, 1.0] if abs(at[2]) < 0.9 * np.linalg.norm(at) else [1.0, 0.0, 0.0])
     forward = forward / np.linalg.norm(forward) - 0.35 * np.cross(
         at / np.linalg.norm(at), forward / np.linalg.norm(forward)
@@ -239,7 +239,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
 
 
 def _whole(picture: Array, text: str) -> Array:
-    """Return a picture of the whole frame, scaled to fit."""
+    """Return a picture of the whole image, scaled to fit."""
     h, w = picture.shape[:2]
     scale = min(WIDTH / w, HEIGHT / h)
     size = (max(1, round(w * scale)), max(1, round(h * scale)))
@@ -251,7 +251,7 @@ def _whole(picture: Array, text: str) -> Array:
 
 
 def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 - list of Region
-    """Return corner and scale of a view that contains the first region."""
+    """Return the corner and scale of a view that contains the first region."""
     h, w = image.shape
     x0, y0, x1, y1 = (-0.5, -0.5, w - 0.5, h - 0.5)
     if regions:
@@ -260,7 +260,7 @@ def _window(image: Array, regions: Any) -> Tuple[Array, float]:  # noqa: ANN401 
         x0, y0, x1, y1 = r.x0 - m, r.y0 - m, r.x1 + m, r.y1 + m
     scale = min(WIDTH / (x1 - x0), HEIGHT / (y1 - y0))
     centre = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])
-    # keep the view within the image, if it is not larger than the image
+    # keep the view within the image unless it is larger than the image
     size = np.array([WIDTH, HEIGHT]) / scale
     low, high = np.full(2, -0.5), np.array([w, h]) - 0.5 - size
     corner = centre - 0.5 * size
@@ -275,7 +275,7 @@ def _view(image: Array, top: float, corner: Array, scale: float) -> Array:
 
 
 def _streams(trace: Trace) -> Dict[str, Array]:
-    """Return the segments of each stream and the merged ones [image px]."""
+    """Return the segments of each stream, and the merged ones [image px]."""
     published = trace.get("published_streams")
     if published is not None:
         names = {"wge": "WGE stream", "sh": "S&H stream", "lsd": "LSD stream"}

@@ -1,4 +1,4 @@
-"""Pictures of the network's proposal and of the synthetic view of the pose."""
+"""Debug pictures of the network's proposal and of the synthetic view of the pose."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = np.ndarray
 
 ORANGE = (0, 159, 230)
 
-# Residuals are shown up to this many times the noise.
+# Range of the residual pictures [standard deviations of the noise].
 SIGMAS = 8.0
 
 
@@ -37,17 +37,17 @@ def learned_proposal_picture(
     Parameters
     ----------
     image : (H, W) array
-        The image.
+        Image.
     proposal : LearnedProposal
-        The network's proposal for the place.
+        The network's proposal at one place.
     noise : float
         Standard deviation of the image noise.
     model : BoardModel
         Model of the target.
     camera : CameraIntrinsics
-        Intrinsics.
+        Intrinsics of the camera.
     size : tuple of int
-        Width and height of the picture.
+        Width and height of the picture [px].
     """
     side = min(size[0] // 3, size[1] // 2)
     shown = network_inputs(image, noise, camera, [proposal.crop])[0, 0]
@@ -69,17 +69,17 @@ def learned_proposal_picture(
 
 
 def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
-    """Return a picture (H, W, 3) of the image, the synthetic views without and with shadows, and their residuals."""
+    """Return a picture (H, W, 3) of the image, the synthetic views with and without shadows, and their residuals."""
     top = max(float(np.percentile(drawn.picture, 99.8)), 1.0)
     best = drawn.plain if drawn.shadowed is None else drawn.shadowed
     named = [
         (grey(drawn.picture, top), "the picture"),
-        (grey(drawn.plain, top), "drawn, no shadows"),
-        (_left(drawn.picture - drawn.plain, drawn.noise), "what is left, no shadows"),
+        (grey(drawn.plain, top), "rendered, no shadows"),
+        (_left(drawn.picture - drawn.plain, drawn.noise), "residual, no shadows"),
     ]
     if drawn.shadowed is not None:
-        named.insert(2, (grey(best, top), "drawn, with shadows"))
-        named.append((_left(drawn.picture - best, drawn.noise), "what is left, with shadows"))
+        named.insert(2, (grey(best, top), "rendered, with shadows"))
+        named.append((_left(drawn.picture - best, drawn.noise), "residual, with shadows"))
         named.insert(3, (_compass(drawn.sun, named[0][0].shape), "the Sun, seen from the camera"))
     tiles = []
     for picture, text in named:
@@ -90,7 +90,7 @@ def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
 
 
 def _left(residual: Array, noise: float) -> Array:
-    """Return residuals as colours: red where the image is brighter than the view, blue where it is darker."""
+    """Return residuals in colour: red where the image is brighter than the view, blue where it is darker."""
     r = np.clip(residual / max(SIGMAS * noise, 1e-9), -1, 1)
     white = np.full((*r.shape, 3), 255.0)
     white[..., 0] -= 255 * np.clip(r, 0, 1)
@@ -100,7 +100,7 @@ def _left(residual: Array, noise: float) -> Array:
 
 
 def _compass(sun: Optional[Array], shape: Tuple[int, ...]) -> Array:
-    """Return a picture of a ball lit from the Sun's direction."""
+    """Return a picture of a sphere lit from the direction of the Sun."""
     h, w = shape[:2]
     r = 0.35 * min(h, w)
     x, y = np.meshgrid((np.arange(w) - 0.5 * (w - 1)) / r, (np.arange(h) - 0.5 * (h - 1)) / r)

@@ -1,4 +1,4 @@
-"""Plain data and mathematics that all rooms and the native part share: rotations, camera, faces, wireframe, patch.
+"""Data types and mathematics shared by all stages and the native library: faces, wireframe, patch, camera response.
 
-Nothing here searches, draws or calls compiled code.
+Nothing here searches, renders or calls compiled code.
 """

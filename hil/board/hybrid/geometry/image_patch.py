@@ -1,4 +1,4 @@
-"""A reduced region of the image with its noise and scale, for comparison with the drawn target."""
+"""Reduced image region with its noise and scale, for comparison with the rendered target."""
 
 from __future__ import annotations
 
@@ -14,39 +14,41 @@ from flyaround.hil.board.hybrid.geometry.response import Response
 
 Array = np.ndarray
 
-# Blur that removes the craft from a textured background [share of the region's longer side].
+# Standard deviation of the blur that removes the craft from a textured background [share of the region's longer side].
 TEXTURE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
 class ImagePatch:
-    """A reduced region of the image, for comparison with the drawn craft.
+    """Reduced region of the image, for comparison with the rendered target.
 
     Parameters
     ----------
     gray : (h, w) array
-        Pixels, float32.
+        Pixel values, float32.
     sigma : float
-        Standard deviation of their noise.
-    x0, y0 : float
-        Corner of the region [image px].
+        Standard deviation of the pixel noise.
+    x0 : float
+        Left edge of the region [image px].
+    y0 : float
+        Upper edge of the region [image px].
     factor : float
         Image pixels per patch pixel.
     fine : int
-        Drawn pixels per patch pixel, each way.
+        Rendered pixels per patch pixel, in each direction.
     full : float
-        Full scale.
+        Full scale of the pixel values.
     plain : float or (h, w) array, optional
-        The background without the craft; None for the region under a wide blur, see ``background``.
+        Background without the craft; by default a wide blur of the region, see ``background``.
     tall : float
-        Height over width of a patch pixel [image px]: patch pixels are not quite square, and ignoring that would move
-        the range by a thousandth.
+        Height over width of a patch pixel [image px]. Patch pixels are not quite square; ignoring it would bias the
+        range by a thousandth.
     clipped : float
-        Standard deviation of noise that is cut off at zero, 0 where none is.
+        Standard deviation of the noise that is clipped at zero; 0 if the noise is not clipped.
     exact : bool
-        True for a patch that compares a few refined poses.
+        True for a patch on which a few refined poses are compared.
     sun : (3,) array, optional
-        Unit vector to the Sun, camera axes; None if shadows must show it.
+        Unit vector to the Sun, camera axes; None if it is unknown.
     """
 
     gray: Array
@@ -64,12 +66,12 @@ class ImagePatch:
 
     @cached_property
     def textured(self) -> bool:
-        """True if the background has more than one level."""
+        """True if the background is not uniform."""
         return self.plain is None or np.ndim(self.plain) > 0
 
     @cached_property
     def background(self) -> Union[float, Array]:
-        """Level of the background, or its image (h, w). Computed on first use: most patches never need it."""
+        """Background level, or background image (h, w). Computed on first use, because most patches never need it."""
         if self.plain is None:
             return cv2.GaussianBlur(self.gray, (0, 0), TEXTURE * max(self.gray.shape))
         return self.plain
@@ -81,7 +83,7 @@ class ImagePatch:
 
     @cached_property
     def scale(self) -> Tuple[float, float]:
-        """Drawn pixels per picture pixel, across and down."""
+        """Rendered pixels per image pixel, horizontal and vertical."""
         return self.fine / self.factor, self.fine / (self.factor * self.tall)
 
     @cached_property
@@ -89,7 +91,7 @@ class ImagePatch:
         return {}
 
     def blurred(self, sigma_px: float) -> Array:
-        """Return the region (h, w) through a Gaussian, cached for the next pose; up to 0.2 px there is no blur."""
+        """Return the region (h, w) after a Gaussian blur, cached; no blur is applied up to 0.2 px."""
         if sigma_px <= 0.2:
             return self.gray
         if sigma_px not in self._blurred:
@@ -97,7 +99,7 @@ class ImagePatch:
         return self._blurred[sigma_px]
 
     def rays(self, camera: CameraIntrinsics) -> Tuple[Array, Array]:
-        """Return the normalised pinhole coordinates of the drawn pixels' columns and rows."""
+        """Return the normalised pinhole coordinates of the rendered pixels' columns and rows."""
         h, w = self.gray.shape
         across, down = self.scale
         u = ((np.arange(w * self.fine) + 0.5) / across - 0.5 + self.x0 - camera.cx_px) / camera.fx_px

@@ -14,12 +14,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class NativeFaces(Faces):
-    """Faces with the structure that the library reads, which is made once.
+    """Faces with the C structure that the native library reads, built once.
 
     Parameters
     ----------
     native : Structure
-        The arrays in the library's layout.
+        C structure of the arrays.
     """
 
     native: Structure = field(init=False, repr=False)
@@ -29,14 +29,14 @@ class NativeFaces(Faces):
 
     @staticmethod
     def of(faces: Faces) -> NativeFaces:
-        """Return these faces with their structure."""
+        """Return the faces with their C structure."""
         if isinstance(faces, NativeFaces):
             return faces
         return NativeFaces(**{f.name: getattr(faces, f.name) for f in fields(Faces)})
 
 
 def native_faces(faces: Faces) -> Structure:
-    """Return the structure of faces; only ``NativeFaces`` keep it."""
+    """Return the C structure of faces, cached in ``NativeFaces`` only."""
     return NativeFaces.of(faces).native
 
 
@@ -56,7 +56,7 @@ def _structure(faces: Faces) -> Structure:
 
 
 def _one_parent(children: Array) -> Array:
-    """Return (N, 2) int64 children, each under the first node that names it: a file may name one twice."""
+    """Return children (N, 2), int64, each under its first parent: an untrusted file may list a node twice."""
     out = contiguous(children, "int64").copy()
     taken = set()
     for entry in range(out.size):

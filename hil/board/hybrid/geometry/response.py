@@ -1,4 +1,4 @@
-"""Mean pixel value of a brightness, with noise that is cut off at both ends of the scale."""
+"""Mean pixel value as a function of brightness, for noise clipped at both ends of the scale."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 Array = np.ndarray
 
-# Extent of the tables [standard deviations of the noise], and steps per standard deviation.
+# Half-width of the tables [standard deviations of the noise], and steps per standard deviation.
 REACH, STEPS = 4, 64
 
 
@@ -19,12 +19,12 @@ REACH, STEPS = 4, 64
 class Response:
     """Mean of ``clip(x + n, 0, full)`` for normal noise n, as a function of x.
 
-    Noise cut off at zero lifts dark pixels and leaves bright ones, which moves an edge before empty space inwards.
+    Clipping at zero raises the mean of dark pixels only, which shifts an edge in front of empty space inwards.
 
     Parameters
     ----------
     sigma : float
-        Standard deviation of the noise before it is cut off; 0 if the scale cuts nothing off.
+        Standard deviation of the unclipped noise; 0 if the scale clips nothing.
     full : float
         Full scale.
     """
@@ -33,7 +33,7 @@ class Response:
     full: float
 
     def of(self, x: Array) -> Tuple[Array, Optional[Array]]:
-        """Return the mean at each brightness, and its derivative; None stands for one everywhere."""
+        """Return the mean at each brightness and its derivative; None stands for a derivative of 1 everywhere."""
         if self.sigma <= 0:
             return np.minimum(x, np.float32(self.full)), None
         lift, share = tables()
@@ -41,7 +41,7 @@ class Response:
         low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
         high = low - round(self.full * STEPS / self.sigma)
         mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
-        # most pictures reach no full scale, and both tables start with zero
+        # most images do not reach full scale, and both tables start with zero
         if int(high.max(initial=0)) > 0:
             mean -= lift.take(high, mode="clip")
             slope -= share.take(high, mode="clip")
@@ -50,7 +50,7 @@ class Response:
         return mean, slope
 
     def brightness(self, mean: Array) -> Array:
-        """Return the brightness with this mean, at most ``full`` and no further below zero than the noise reaches."""
+        """Return the brightness that has this mean, between ``-REACH * sigma`` and ``full``."""
         if self.sigma <= 0:
             return mean
         x, below = (self.sigma * table for table in means())

@@ -1,4 +1,4 @@
-"""A synthetic view: the face that each pixel shows, and the brightness of each group of faces, from the image."""
+"""Synthetic view: the face visible in each pixel, and the brightness of each group of faces fitted to the image."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """The drawn craft with brightness from the image.
+    """Rendered target, with brightnesses fitted to the image.
 
     Parameters
     ----------
     seen : (H, W) array
-        Face + 1 per drawn pixel.
+        Index of the visible face plus 1, per rendered pixel.
     group : (H, W) array
-        Brightness group + 1 per drawn pixel. With shadows, visible groups are renumbered: those in light, then those in
-        shadow.
+        Brightness group plus 1, per rendered pixel. With shadows, the visible groups are renumbered: lit ones first,
+        then shadowed ones.
     level : (G + 1,) array
         Brightness of each group, the background first.
     picture : (h, w) array
-        The view on the patch, not blurred.
+        Synthetic image on the patch, before the blur.
     centre : (h, w) array
-        Group at each patch pixel's centre.
+        Group at the centre of each patch pixel.
     area : (G + 1,) array
-        Pixels well inside each group.
+        Number of pixels well inside each group.
     behind : (h, w) array, optional
-        Background minus its level; None before empty space.
+        Background minus its level; None in front of empty space.
     """
 
     seen: Array
@@ -42,7 +42,7 @@ class Shading:
     behind: Optional[Array]
 
     def brightness(self, group: Array, cell: Array) -> Array:
-        """Return the brightness (N,) of groups (N,) at patch pixels ``cell`` (N,), flat indices."""
+        """Return the brightness (N,) of groups (N,) at the flat patch indices ``cell`` (N,)."""
         level = self.level.take(group, mode="clip")
         if self.behind is not None:
             empty = np.flatnonzero(group == 0)

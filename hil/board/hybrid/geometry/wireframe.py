@@ -16,22 +16,24 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class EdgeSamples:
-    """Evenly spaced points on the model's edges; round members have samples on both sides of their outline.
+    """Evenly spaced points on the model's edges; round members have samples on both outlines.
 
     Parameters
     ----------
-    points_m, tangents : (S, 3) array
-        Positions [m] and unit directions, target frame.
+    points_m : (S, 3) array
+        Positions, target frame [m].
+    tangents : (S, 3) array
+        Unit directions of the edges, target frame.
     radius_m : (S,) array
         Signed offset of the outline from a round member's axis [m]; 0 on face edges.
     normals : (S, 2, 3) array
-        Outward normals of the adjacent faces, zero where there is none.
+        Outward normals of the adjacent faces; zero if there is none.
     faces : (S,) array
-        Number of adjacent faces; samples with none are visible from everywhere.
+        Number of adjacent faces; samples without any are visible from everywhere.
     edge : (S,) array
         Index of the wireframe edge.
     native : Structure
-        The samples in the layout of the native library.
+        C structure of the samples for the native library.
     """
 
     points_m: Array
@@ -60,7 +62,7 @@ class EdgeSamples:
     def outline(self, idx: Array, C_m: Array) -> Tuple[Array, Array]:
         """Return positions (B, M, 3) of samples ``idx`` (B, M) seen from camera centres (B, 3), and tangents.
 
-        A round member's outline lies where the view ray grazes it: off the axis, across the ray.
+        The outline of a round member lies beside its axis, where the line of sight is tangent to it.
         """
         X, T, r = self.points_m[idx], self.tangents[idx], self.radius_m[idx]
         if np.any(r):
@@ -72,7 +74,7 @@ class EdgeSamples:
 
 @dataclass(frozen=True, eq=False)
 class OccludingTriangles:
-    """Triangles prepared for rays from one point: first vertex, two edges, and their cross product."""
+    """Occluding triangles prepared for rays from one point: first vertex, two edges, and their cross product."""
 
     v0: Array
     e1: Array
@@ -96,11 +98,11 @@ class Projection:
     Parameters
     ----------
     pixels : (B, M, 2) array
-        Positions [px].
+        Image positions [px].
     normals : (B, M, 2) array
-        Unit normals of the projected edge.
+        Unit normals of the projected edges.
     points_camera_m : (B, M, 3) array
-        Positions in the camera [m].
+        Positions in the camera frame [m].
     """
 
     pixels: Array
@@ -122,7 +124,7 @@ def project(samples: EdgeSamples, camera: CameraIntrinsics, R: Array, t: Array, 
     D = T @ Rt
     z = np.maximum(P[..., 2], 1e-3)
     x, y = P[..., 0] / z, P[..., 1] / z
-    # direction of the projected tangent; the lens bends it by less than the search tolerates
+    # direction of the projected tangent; the lens changes it by less than the search tolerates
     du = camera.fx_px * (D[..., 0] - x * D[..., 2])
     dv = camera.fy_px * (D[..., 1] - y * D[..., 2])
     norm = np.maximum(np.hypot(du, dv), 1e-9)
@@ -133,7 +135,7 @@ def project(samples: EdgeSamples, camera: CameraIntrinsics, R: Array, t: Array, 
 
 
 def jacobian(pr: Projection, camera: CameraIntrinsics, t: Array) -> Array:
-    """Return the derivatives (B, M, 6) of n . pixel by rotation about the target's origin and translation."""
+    """Return the Jacobian (B, M, 6) of n . pixel: rotation about the target's origin, then translation."""
     P = pr.points_camera_m
     z = np.maximum(P[..., 2], 1e-3)
     gx = pr.normals[..., 0] * camera.fx_px / z

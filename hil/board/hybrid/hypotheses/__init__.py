@@ -1,4 +1,4 @@
 """Pose hypotheses, their support by edges, and the criterion by which two of them are distinct.
 
-Nothing here makes or moves one.
+Nothing here generates or refines hypotheses.
 """

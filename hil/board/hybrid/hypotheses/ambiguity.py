@@ -1,4 +1,4 @@
-"""Criteria by which two poses are the same answer, and selection of distinct ones."""
+"""Criteria for equivalent poses, and selection of distinct ones."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ Array = np.ndarray
 # Refined poses farther apart than this are distinct [rad].
 OTHER_END_RAD = float(np.radians(5.0))
 
-# Poses nearer than this to a better one converge to it [rad, share of range].
+# Poses closer than this to a better one converge to it [rad, share of range].
 SAME_RAD, SAME_SHARE = float(np.radians(1.0)), 0.03
 
-# Least difference in attitude of hypotheses that are compared [rad].
+# Least attitude difference between hypotheses that are compared [rad].
 SPREAD_RAD = float(np.radians(6.0))
 
 
 def same_end(a: PoseFit, b: PoseFit) -> bool:
-    """Return True if two refined poses are the same answer: the same attitude at the same place."""
+    """Return True if two refined poses are the same solution: similar attitude and position."""
     return bool(quat.angle_rad(a.q, b.q) <= OTHER_END_RAD) and not differs(a.q, a.t, b.q, b.t)
 
 
 def converges_elsewhere(pose: PoseFit, better: PoseFit, apart_rad: float) -> bool:
-    """Return True if a pose will not converge to a better one, because of its attitude or place."""
+    """Return True if ``pose`` differs from ``better`` so much that it will not converge to it."""
     away = pose.t - better.t
     elsewhere = away.dot(away) > SAME_SHARE**2 * better.t.dot(better.t)
     return bool(elsewhere or quat.angle_rad(pose.q, better.q) > apart_rad)
 
 
 def without_duplicates(hypotheses: List[Hypothesis]) -> List[Hypothesis]:
-    """Return the hypotheses without those that are nearly equal to an earlier one."""
+    """Return the hypotheses without near-duplicates of an earlier one."""
     out: List[Hypothesis] = []
     for h in hypotheses:
         if all(converges_elsewhere(h.pose, o.pose, SAME_RAD) for o in out):
@@ -44,12 +44,12 @@ def without_duplicates(hypotheses: List[Hypothesis]) -> List[Hypothesis]:
 
 
 def was_refined(h: Hypothesis, ends: Sequence[Hypothesis]) -> bool:
-    """Return True if a hypothesis nearly equals the start of a refined one, so that it converges to the same pose."""
+    """Return True if ``h`` nearly equals the start of a refined hypothesis: it would converge to the same pose."""
     return any(not converges_elsewhere(h.pose, e.origin.pose, SAME_RAD) for e in ends)
 
 
 def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int) -> List[Hypothesis]:
-    """Return the first ``keep`` that differ in attitude from each other."""
+    """Return the first ``keep`` hypotheses that differ in attitude from each other."""
     out: List[Hypothesis] = []
     for h in hypotheses:
         if len(out) >= keep:
@@ -60,5 +60,5 @@ def spread_in_attitude(hypotheses: Sequence[Hypothesis], keep: int) -> List[Hypo
 
 
 def largest_sigma(covariance: Array) -> float:
-    """Return the one-sigma error along the worst determined direction of a block (3, 3) of a pose's covariance."""
+    """Return the one-sigma error along the least determined direction of a covariance block (3, 3)."""
     return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))

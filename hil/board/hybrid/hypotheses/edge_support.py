@@ -1,6 +1,6 @@
 """Edge support of a pose: the share of visible model edges with an image edge of similar orientation nearby.
 
-Model edges without image edges, and image edges without model edges, count against a pose.
+Unmatched model edges and unmatched image edges count against a pose.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ DARK_WEIGHT = 0.25
 # Distance from a model edge at which an image edge counts 1/e [field px].
 SOFT_PX = 1.5
 
-# Weight of lit area outside the silhouette, where empty space cannot shine.
+# Weight of lit area outside the silhouette, where empty space must be dark.
 OUTSIDE_WEIGHT = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """Evidence for one pose.
+    """Edge evidence for one pose.
 
     Parameters
     ----------
     drawn : float
-        Share of the visible model edges' length with an image edge under it, 0..1.
+        Share of the visible model edges, by length, with an image edge nearby, 0..1.
     explained : float
-        Share of the image edges that the model explains, 0..1.
+        Share of the image edges that lie on the model, 0..1.
     outside : float
-        Share of the lit pixels that lie outside the model's silhouette; before empty space there should be none.
+        Share of the lit pixels outside the model's silhouette; zero in front of empty space for a correct pose.
     total : float
-        Combined score, by which poses are ranked.
+        Combined score for ranking poses.
     visible : (M,) array
         Indices of the visible samples.
     """
@@ -64,22 +64,24 @@ def quick_cost(
     cap_px: float,
     every: int = 1,
 ) -> Array:
-    """Return the mean truncated directional distance (B,) of the nearest view's samples [field px].
+    """Return the mean truncated distance (B,) to image edges of similar orientation, from the nearest view [field px].
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
-    q, t : (B, 4), (B, 3) array
-        Poses.
+    q : (B, 4) array
+        Attitude quaternions, camera from target.
+    t : (B, 3) array
+        Target positions, camera frame [m].
     views : ViewTable
-        Its views, which list the visible samples.
+        View table, which lists the visible samples of each view.
     field : EdgeField
         Edges of the region.
     cap_px : float
-        Distance beyond which an edge costs no more [field px].
+        Truncation distance [field px].
     every : int
-        Use each ``every``-th sample only.
+        Stride through the samples.
     """
     R = quat.matrix(q)
     view = views.nearest(R, t, target.centre_m)
@@ -88,24 +90,26 @@ def quick_cost(
     flat, inside = field.lookup(field.to_field(pr.pixels), pr.angle)
     d = np.where(inside, np.minimum(field.distance.reshape(-1)[flat], cap_px), cap_px)
     lit = field.lit.reshape(-1)[flat % field.lit.size] & inside
-    # darkness hides edges: it neither supports nor contradicts much
+    # darkness hides edges, so a missing edge on dark pixels is weak evidence
     weight = weight * np.where(lit | (d < 0.5 * cap_px), 1.0, DARK_WEIGHT)
     return np.asarray((d * weight).sum(axis=1) / np.maximum(weight.sum(axis=1), 1.0))
 
 
 def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alone: bool = False) -> Support:
-    """Return the evidence of the whole model for one pose, with exact visibility.
+    """Return the edge evidence of the whole model for one pose, with exact visibility.
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
-    q, t : (4,), (3,) array
-        Pose of the target: quaternion and position [m].
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     field : EdgeField
         Edges of the region.
     alone : bool
-        True if this is the only pose on the field, so that its tables are not worth computing.
+        True if this is the only pose on the field, so that the distance tables are not worth computing.
     """
     R = quat.matrix(q)
     visible, outline = visible_samples(target.samples, target.occ, -R.T @ t)
@@ -119,14 +123,14 @@ def support(target: PreparedTarget, q: Array, t: Array, field: EdgeField, *, alo
     s = np.exp(-((d / SOFT_PX) ** 2)) * inside
     shape = silhouette(R, t, target.occ, target.camera, (field.x0, field.y0), field.factor, field.size)
     if field.empty:
-        # before empty space the craft is the brighter side: an edge of the other polarity is not its outline
+        # in front of empty space the craft is the brighter side: an edge of the other polarity is not its outline
         inward = inward_sign(shape, uv, pr.normals[0])
         place = field.nearest_at(flat) if place is None else place
         e = np.clip(np.rint(place), 0, np.array(field.size) - 1).astype(np.intp)
         gx, gy = field.gx[e[:, 1], e[:, 0]], field.gy[e[:, 1], e[:, 0]]
         agree = inward * (gx * pr.normals[0][:, 0] + gy * pr.normals[0][:, 1])
         s = np.where(agree < 0, 0.0, s)
-    # a face in shadow shows no edges: missing ones on dark pixels count little
+    # faces in shadow show no edges: missing ones on dark pixels count little
     blind = inside & ~field.lit.reshape(-1)[flat % field.lit.size] & (d > SOFT_PX)
     weight = (
         np.where(blind, DARK_WEIGHT, 1.0)
@@ -151,7 +155,7 @@ def _projected_length(target: PreparedTarget, pr: Projection, R: Array, idx: Arr
 
 
 def _explained(target: PreparedTarget, uv: Array, pr: Projection, field: EdgeField) -> float:
-    """Return the share of the field's edge pixels within about two pixels of the drawn model."""
+    """Return the share of the field's edge pixels within about two pixels of the projected model."""
     total = int(field.mask.sum())
     if not total:
         return 0.0

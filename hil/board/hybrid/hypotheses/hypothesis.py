@@ -25,8 +25,10 @@ class PoseFit:
 
     Parameters
     ----------
-    q, t : (4,), (3,) array
-        Camera from target.
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     cost : float
         Mean robust residual, in units of the noise.
     covariance : (6, 6) array
@@ -45,8 +47,10 @@ class EdgeFit:
 
     Parameters
     ----------
-    found, tight : float
-        Share of the visible samples with an edge, and with one very near.
+    found : float
+        Share of the visible samples with an image edge nearby.
+    tight : float
+        Share of the visible samples with an image edge very near.
     rms_px : float
         RMS residual of the inliers.
     """
@@ -63,11 +67,11 @@ class Source:
     Parameters
     ----------
     region : Region
-        Box of the image that proposed it; ``region.source`` names the rule.
+        Image region in which it was proposed; ``region.source`` names the rule.
     field : EdgeField
-        Edges there.
+        Edges of the region.
     log_prior : float
-        Its log-likelihood ratio to the best of its region by the network, zero without one.
+        Log-likelihood by the network relative to the best hypothesis of the region; zero without a network.
     """
 
     region: Region
@@ -77,28 +81,28 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A pose that the image may show.
+    """A candidate pose of the target.
 
     Parameters
     ----------
     pose : PoseFit
-        The pose.
+        Pose with its covariance.
     source : Source
-        Its origin.
+        Origin of the hypothesis.
     score : float
-        Its support by edges or, once the target was drawn there, the share of the image that the drawing explains.
+        Edge support or, once the target is rendered at the pose, share of the image that the rendering explains.
     support : Support
-        Evidence of the edges; ``NO_SUPPORT`` of the network's hypotheses.
+        Edge evidence; ``NO_SUPPORT`` for hypotheses of the network.
     edge_fit : EdgeFit, optional
-        Evidence of sub-pixel edges, if these were searched.
+        Sub-pixel edge evidence, if edges were searched.
     view : Shading, optional
-        The target drawn there.
+        Rendering of the target at the pose.
     seen : (H, W) array, optional
-        Faces that the drawing shows, kept when ``view`` is dropped.
+        Faces visible in the rendering, kept when ``view`` is dropped.
     sun : ShadowMap, optional
-        Source of the shadows in ``view``; None if there are none.
+        Source of the shadows in ``view``; None without shadows.
     start : Hypothesis, optional
-        Start of its refinement, with the score there.
+        Hypothesis that refinement started from, with its score.
     """
 
     pose: PoseFit
@@ -113,30 +117,30 @@ class Hypothesis:
 
     @property
     def q(self) -> Array:
-        """Attitude (4,), camera from target."""
+        """Attitude quaternion (4,), camera from target."""
         return self.pose.q
 
     @property
     def t(self) -> Array:
-        """Position (3,) of the target, camera axes [m]."""
+        """Target position (3,), camera frame [m]."""
         return self.pose.t
 
     @property
     def origin(self) -> Hypothesis:
-        """Start of its refinement; itself if it was not refined."""
+        """Hypothesis that refinement started from; itself if it was not refined."""
         return self if self.start is None else self.start
 
     def at(self, q: Array, t: Array) -> Hypothesis:
-        """Return another pose of the same source, with the same score and support by edges, not drawn yet."""
+        """Return a hypothesis of the same source, score and edge support at another pose, without a rendering."""
         return Hypothesis(PoseFit(q, t), self.source, self.score, self.support)
 
     def without_view(self, score: float) -> Hypothesis:
-        """Return the hypothesis with another score and without its drawing; only the faces it shows are kept."""
+        """Return the hypothesis with another score and without its rendering; only the visible faces are kept."""
         seen = self.seen if self.view is None else self.view.seen
         return replace(self, score=score, view=None, seen=seen)
 
 
 def drawn(h: Hypothesis) -> Shading:
-    """Return the view of a hypothesis that was drawn."""
-    assert h.view is not None  # noqa: S101 - the caller drew it
+    """Return the rendering of a hypothesis."""
+    assert h.view is not None  # noqa: S101 - the caller rendered it
     return h.view

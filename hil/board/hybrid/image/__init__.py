@@ -1,1 +1,1 @@
-"""Measurements on one image: noise, gradients, edges, line segments. Knows no target and no pose."""
+"""Measurements on one image: noise, gradients, edges, line segments. Independent of target and pose."""

@@ -1,4 +1,4 @@
-"""Thin edges of an image region, by orientation, with distance and position of the nearest one."""
+"""Thin edges of an image region by orientation, with the distance to and position of the nearest one."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Array = np.ndarray
 
 CHANNELS = 8
 
-# Probability of the craft below which an edge counts as texture.
+# Probability of the craft below which an edge counts as background texture.
 LIKELY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
 class NearestEdges:
-    """Nearest-edge table of one orientation.
+    """Nearest-edge table of one orientation bin.
 
     Parameters
     ----------
     distance : (h, w) array
         Distance to the nearest edge, float32 [field px].
     label : (h, w) array
-        Number of that edge.
+        Index of the nearest edge.
     place : (N + 1, 2) array
-        Column and row of each edge.
+        Column and row of each edge [field px].
     """
 
     distance: Array
@@ -46,21 +46,25 @@ class EdgeField:
 
     Parameters
     ----------
-    x0, y0 : float
-        Corner of the region [image px].
+    x0 : float
+        Left edge of the region [image px].
+    y0 : float
+        Upper edge of the region [image px].
     factor : float
         Image pixels per field pixel.
     mask : (h, w) array
-        Thin edges.
-    gx, gy : (h, w) array
-        Gradient.
+        Mask of thin edges.
+    gx : (h, w) array
+        Horizontal gradient.
+    gy : (h, w) array
+        Vertical gradient.
     strength : (h, w) array
-        Gradient magnitude in units of its noise.
+        Gradient magnitude, in units of its noise.
     lit : (h, w) array
-        True if a pixel within two pixels is brighter than the empty background.
+        True within two pixels of a pixel brighter than the empty background.
     core : (h, w) array
-        Pixels brighter than the empty background, without the rim that blur lights; none if the background is not
-        empty.
+        Pixels brighter than the empty background, without the rim caused by blur; empty if the background is not empty
+        space.
     empty : bool
         True if the background is empty space.
     """
@@ -102,7 +106,7 @@ class EdgeField:
         return np.stack([np.take(t.place, t.label, axis=0) for t in self.tables])
 
     def nearest_at(self, flat: Array) -> Array:
-        """Return the position (N, 2) of the nearest edge at the indices (N,) of ``lookup``."""
+        """Return the position (N, 2) of the nearest edge at flat indices (N,) from ``lookup``."""
         channel, at = np.divmod(flat, self.mask.size)
         out = np.zeros((len(flat), 2), np.float32)
         for k, t in enumerate(self.tables):
@@ -111,9 +115,9 @@ class EdgeField:
         return out
 
     def nearest_to(self, flat: Array) -> Tuple[Array, Array]:
-        """Return distance (N,) and position (N, 2) of the nearest edge at a few indices (N,) of ``lookup``.
+        """Return distance (N,) and position (N, 2) of the nearest edge at a few flat indices (N,) from ``lookup``.
 
-        Equal to the tables but for their approximate distance, and ten times faster than computing them.
+        Exact, unlike the distances in the tables, and ten times faster than computing the tables.
         """
         channel, at = np.divmod(flat, self.mask.size)
         distance, place = np.full(len(flat), 1e4, np.float32), np.zeros((len(flat), 2), np.float32)
@@ -126,7 +130,7 @@ class EdgeField:
             if not len(own) or not len(near):
                 continue
             away, down = here[own, :1] - near[:, 0], here[own, 1:] - near[:, 1]
-            # in place: allocating as much memory again would take as long as the sums
+            # in place: another allocation would take as long as the arithmetic
             away *= away
             down *= down
             away += down
@@ -140,18 +144,18 @@ class EdgeField:
         return self.mask.shape[1], self.mask.shape[0]
 
     def to_field(self, pixels: Array) -> Array:
-        """Return the field coordinates of image pixels (..., 2)."""
+        """Convert image pixels (..., 2) to field coordinates."""
         return (pixels - (self.x0, self.y0) + 0.5) / self.factor - 0.5
 
     def lookup(self, uv: Array, angle: Array) -> Tuple[Array, Array]:
-        """Return flat indices into (K, h, w) tables, and True for points in the field.
+        """Return flat indices into tables (K, h, w), and a mask of the points inside the field.
 
         Parameters
         ----------
         uv : (..., 2) array
-            Array Field coordinates.
+            Field coordinates.
         angle : (...) array
-            Array Orientation of the model edge's normal, 0..pi.
+            Orientation of the model edge's normal, 0..pi.
         """
         w, h = self.size
         x = np.rint(uv[..., 0])
@@ -165,14 +169,14 @@ class EdgeField:
 
 @lru_cache(maxsize=32)
 def gradient_noise(blur_px: float) -> float:
-    """Return the noise of a gradient component for white image noise of unit variance, through the same filters."""
+    """Return the noise of a gradient component for white image noise of unit variance after the same filters."""
     noise = np.random.default_rng(1).standard_normal((192, 192)).astype(np.float32)
     gx, _ = gradient(noise, blur_px)
     return float(np.std(gx[16:-16, 16:-16]))
 
 
 def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
-    """Return the gradient per pixel of a blurred float32 image by Scharr's kernels, which are nearly isotropic."""
+    """Return the gradient of a blurred float32 image with Scharr's nearly isotropic kernels."""
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px) if blur_px > 0 else image
     return (
         cv2.Scharr(blurred, cv2.CV_32F, 1, 0, scale=1 / 32),
@@ -181,7 +185,7 @@ def gradient(image: Array, blur_px: float) -> Tuple[Array, Array]:
 
 
 def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) -> Tuple[Array, float]:
-    """Return a region reduced by area averaging to ``longest_px`` at most, and the reduction."""
+    """Return a region reduced by area averaging to at most ``longest_px``, and the reduction factor."""
     crop = image[y0:y1, x0:x1]
     factor = max(1.0, max(crop.shape) / longest_px)
     if factor > 1.0:
@@ -191,19 +195,19 @@ def shrink(image: Array, x0: int, y0: int, x1: int, y1: int, longest_px: int) ->
 
 
 def area_mean(picture: Array, width: int, height: int) -> Array:
-    """Return the image reduced by area averaging (height, width), float32; rounded if its pixels are integers."""
+    """Return an image reduced by area averaging to (height, width), float32; rounded for integer input."""
     smaller = 0 < height <= picture.shape[0] and 0 < width <= picture.shape[1]
     if not (smaller and is_available() and library_reads(picture)):
-        # the published methods need no library
+        # the published methods work without the native library
         return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.float32)
     out = np.empty((height, width), np.float32)
     if library().fly_area_average(*region(picture), height, width, out):
-        raise MemoryError("no memory to reduce a picture")
+        raise MemoryError("out of memory while reducing an image")
     return out
 
 
 def thin_edges(gx: Array, gy: Array, sigma: float, low: float, high: float) -> Tuple[Array, Array]:
-    """Return thin edges by Canny's method, thresholds in units of the gradient's noise, and the gradient magnitude."""
+    """Return Canny edges, with thresholds in units of the gradient's noise, and the gradient magnitude."""
     magnitude = cv2.magnitude(gx, gy)
     top = max(float(magnitude.max()), 1e-9)
     scale = 8000.0 / top
@@ -232,19 +236,21 @@ def edge_field(
     Parameters
     ----------
     image : (H, W) array
-        The image.
+        Image.
     box : tuple of int
-        The region: x0, y0, x1, y1.
+        Region: x0, y0, x1, y1.
     noise : float
         Standard deviation of the image noise.
     longest_px : int
         Longest side of the reduced region.
-    high, low : float
-        Thresholds of the hysteresis, in units of the gradient's noise.
+    high : float
+        Upper hysteresis threshold, in units of the gradient's noise.
+    low : float
+        Lower hysteresis threshold, in the same units.
     background : float
-        Level of empty space; negative if the background is not empty, and all pixels count as lit.
+        Level of empty space; negative if the background is not empty, in which case all pixels count as lit.
     likely : (h, w) array, optional
-        Probability of the craft over the whole image: edges far from it count as texture.
+        Probability of the craft over the whole image: edges far from it count as background texture.
     """
     x0, y0, x1, y1 = box
     small, factor = shrink(image, x0, y0, x1, y1, longest_px)
@@ -258,7 +264,7 @@ def edge_field(
     mask = drop_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
-        # a Gaussian of b pixels averages 4 pi b^2 of them
+        # a Gaussian of b pixels averages over 4 pi b^2 of them
         level = cv2.GaussianBlur(small, (0, 0), blur)
         step = 4.0 * noise / factor / (2 * np.sqrt(np.pi) * blur)
         bright = (level > background + step).astype(np.uint8)
@@ -281,7 +287,7 @@ def edge_field(
 def _about(
     likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
 ) -> Array:
-    """Return a mask of the pixels of a field on ``box`` that may show the craft, by a map of the whole image."""
+    """Return a mask of the field's pixels that may show the craft, from a probability map of the whole image."""
     near = cv2.dilate((likely > LIKELY).astype(np.uint8), np.ones((3, 3), np.uint8))
     (H, W), (h, w) = picture[:2], likely.shape
     x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W

@@ -1,4 +1,4 @@
-"""Image regions that the native library reads in place."""
+"""Image regions that the native library reads without a copy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ KINDS = ("uint8", "uint16", "float32")
 
 
 def library_reads(image: Array) -> bool:
-    """Return True if the library can read this image in place: rows may be apart, the pixels of a row not."""
+    """Return True if the library can read this image in place: rows may be strided, pixels of a row contiguous."""
     return bool(
         image.ndim == 2
         and image.dtype.name in KINDS
@@ -27,6 +27,6 @@ def library_reads(image: Array) -> bool:
 
 
 def region(image: Array) -> Tuple[int, int, int, int, int]:
-    """Return address, bytes of a pixel, pixels from row to row, rows, and columns of an image of ``library_reads``."""
+    """Return address, bytes per pixel, row stride in pixels, rows and columns of an image."""
     first = image.__array_interface__["data"][0]
     return first, image.itemsize, image.strides[0] // image.itemsize, image.shape[0], image.shape[1]

@@ -1,4 +1,4 @@
-"""Straight line segments of a region: Hough transforms of two edge images, and LSD."""
+"""Line segments of a region: Hough transforms of two edge images, and the line segment detector LSD."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 
 Array = np.ndarray
 
-# Settings of the line segment detector (von Gioi et al. 2010): scale, blur [px of the scaled image], and least
-# gradient, which rounding to bytes cannot turn by the angular tolerance.
+# Settings of LSD (von Gioi et al. 2010): scale, blur [px of the scaled image], and least gradient, above which rounding
+# to bytes cannot change the gradient angle by more than the tolerance of 22.5 degrees.
 REDUCED, SIGMA, LEAST = 0.8, 0.6, 2.0 / float(np.sin(np.radians(22.5)))
 
 
@@ -24,12 +24,12 @@ def wge_stream(image: Array, diagonal_px: float) -> Array:
 
 
 def cleaned_stream(mask: Array, diagonal_px: float) -> Array:
-    """Return the segments of thin edges without small components (the thesis's S&H stream)."""
+    """Return the segments of thin edges after removing small components (the thesis's S&H stream)."""
     return hough(mask, max(8.0, SH_LENGTH * diagonal_px), max(2.0, SH_GAP * diagonal_px))
 
 
 def lsd_stream(image: Array, shortest_px: float) -> Array:
-    """Return sub-pixel segments by the line segment detector."""
+    """Return the sub-pixel segments of the line segment detector."""
     scaled = stretched(image)
     if scaled is None:
         return np.zeros((0, 4))
@@ -38,7 +38,7 @@ def lsd_stream(image: Array, shortest_px: float) -> Array:
 
 
 def _reduced(picture: Array) -> Array:
-    """Return the image scaled as in the line segment detector."""
+    """Return the image at the detector's scale."""
     sigma = SIGMA / REDUCED
     taps = 1 + 2 * int(np.ceil(sigma * np.sqrt(6 * np.log(10.0))))
     smooth = cv2.GaussianBlur(picture, (taps, taps), sigma)
@@ -46,14 +46,14 @@ def _reduced(picture: Array) -> Array:
 
 
 def _segments(picture: Array) -> Array:
-    """Return the end points (N, 4) of segments of a uint8 image [px, half a pixel right of and below pixel centres]."""
+    """Return the end points (N, 4) of the segments of a uint8 image [px, from the image's corner]."""
     pixels = contiguous(picture, "uint8")
     h, w = pixels.shape
     if min(h, w) < 2:
         return np.zeros((0, 4))
-    # each has two pixels at least
+    # each segment has at least two pixels
     out = np.empty((h * w // 2, 4))
     count = library().fly_line_segments(pixels, h, w, LEAST, len(out), out)
     if count < 0:
-        raise MemoryError("no memory to find segments")
+        raise MemoryError("out of memory while detecting segments")
     return out[:count].copy()

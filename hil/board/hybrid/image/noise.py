@@ -12,37 +12,37 @@ from flyaround.hil.board.hybrid.native.library import is_available, library
 
 Array = np.ndarray
 
-# Immerkaer's mask.
+# Mask of Immerkaer (1996), Fast noise variance estimation.
 IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
-# Side of the tiles of a reduced image [px], and the share of them that is flat in any image.
+# Side of the tiles of a reduced image [px], and the share of them assumed flat in any image.
 FLAT_PX, FLATTEST = 16, 0.1
 
-# Response of the mask to zero-mean normal noise that is cut off at zero [share of that without the cut].
+# Mask response to zero-mean normal noise clipped at zero, as a share of that to unclipped noise.
 HALVED = 0.58
 
-# Zeros among three by three pixels from which they count as dark, response of the mask there, least share of them.
+# Zeros in a 3 x 3 neighbourhood from which it counts as dark; mask response there; least share of dark pixels.
 ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
 
 # Least number of pixels well inside the scale.
 ENOUGH = 300
 
-# Quantile of a reduced image that is its darkest part, and its distance below the mean of that part [sigma].
+# Quantile that bounds the darkest part of a reduced image, and its distance below that part's mean [sigma].
 DARKEST, NOISE_LEFT = 0.01, 2.0
 
-# Quantile of a reduced image that bounds its floor, and largest spread of the floor [sigma]; noise alone gives 1.05.
+# Quantile that bounds the floor of a reduced image, and largest spread of the floor [sigma]; noise alone gives 1.05.
 FLOOR, FLAT_SIGMA = 0.1, 3.0
 
-# Largest value for which the median is found by counting.
+# Largest value for which the median is computed by counting.
 SMALL = 1 << 14
 
 
 def noise_sigma(image: Array, full_scale: float) -> float:
     """Return the standard deviation of the noise where the scale does not clip it, in pixel values.
 
-    Immerkaer's mask (1996, Fast noise variance estimation) removes planes and edges' first order; the
-    median absolute value ignores what texture remains. Black space clips half of the noise, so pixels
-    well inside the scale decide where there are enough of them.
+    Immerkaer's mask (1996, Fast noise variance estimation) suppresses planes and edges to first order, and the median
+    absolute response ignores the remaining texture. Black space clips half of the noise, so pixels well inside the
+    scale are preferred if there are enough of them.
     """
     step = max(1, min(image.shape) // 400)
     if min(image.shape) < 3:
@@ -59,8 +59,8 @@ def noise_sigma(image: Array, full_scale: float) -> float:
 def coarse_noise(reduced: Array, reduction: int) -> float:
     """Return the standard deviation of white noise that explains the flattest tenth of a reduced image.
 
-    A mask of three pixels misses noise that demosaicing, lossy compression or a filter has smoothed; means over many
-    pixels keep all of it.
+    A 3 x 3 mask underestimates noise smoothed by demosaicing, lossy compression or filtering; means over many pixels
+    preserve it.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def black_level(reduced: Array, noise: float) -> float:
 
     Parameters
     ----------
-    reduced : (h, w) array
+    Reduced image.
         The reduced image.
     noise : float
         Standard deviation of its noise.
@@ -92,11 +92,11 @@ def black_level(reduced: Array, noise: float) -> float:
 
 
 def has_flat_floor(reduced: Array, noise: float) -> bool:
-    """Return True if the darkest tenth of a reduced image differs by noise alone, unlike the shade of a landscape.
+    """Return True if the darkest tenth of a reduced image varies by noise only, unlike a shaded landscape.
 
     Parameters
     ----------
-    reduced : (h, w) array
+    Reduced image.
         The reduced image.
     noise : float
         Standard deviation of its noise.
@@ -106,13 +106,13 @@ def has_flat_floor(reduced: Array, noise: float) -> bool:
 
 
 def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
-    """Return the median of the mask, the number of pixels well inside the scale, and the median over them."""
+    """Return the median mask response, the number of pixels well inside the scale, and the median over those."""
     if image.dtype == np.uint8 and is_available() and library_reads(image):
         out = np.zeros(3)
         if library().fly_noise(*region(image), step, full_scale, out):
-            raise MemoryError("no memory to measure noise")
+            raise MemoryError("out of memory while measuring noise")
         return float(out[0]), int(out[1]), float(out[2])
-    # the same numbers
+    # same result without the native library
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
     a = _wider(np.stack(rows))
     absolute = _mask(a)
@@ -126,9 +126,9 @@ def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, flo
 
 
 def clipped_noise(image: Array) -> float:
-    """Return the standard deviation of the noise of dark pixels before it is cut off at zero; 0 if nothing is cut off.
+    """Return the standard deviation of dark pixels' noise before clipping at zero; 0 if nothing is clipped.
 
-    A camera with an offset has no zeros. Of zero-mean noise half is cut off; the pixels around zeros show its strength.
+    A camera with an offset has no zeros. Zero-mean noise is half clipped; the pixels around zeros show its strength.
     """
     step = max(1, min(image.shape) // 100)
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
@@ -141,25 +141,25 @@ def clipped_noise(image: Array) -> float:
     if float(dark.mean()) < LEAST_DARK:
         return 0.0
     lap = _mask(_wider(a))[dark].astype(np.float32) / 6.0
-    # of integers the mean of the middle fifth is finer than the median
+    # for integers, the mean of the middle fifth is finer than the median
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
     return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
 
 
 def _wider(a: Array) -> Array:
-    """Return integers wide enough for the mask, whose division is left to the end."""
+    """Return integers wide enough for the mask; its division is postponed."""
     return a.astype(np.int16 if a.dtype == np.uint8 else np.int32)
 
 
 def _mask(a: Array) -> Array:
-    """Return the absolute response (K, W - 2) of Immerkaer's mask over strips (K, 3, W): six sigma for noise."""
+    """Return the absolute mask response (K, W - 2) over strips (K, 3, W); white noise gives six sigma rms."""
     col = a[:, 0] - 2 * a[:, 1] + a[:, 2]
     return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
 
 
 def whole_median(values: Array) -> float:
-    """Return the median of non-negative integers; small ones are counted, five times faster than sorting."""
+    """Return the median of non-negative integers; small ones are counted, which is five times faster than sorting."""
     if int(values.max()) > SMALL:
         return float(np.median(values))
     below = np.cumsum(np.bincount(values.ravel()))

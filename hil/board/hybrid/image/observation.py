@@ -1,4 +1,4 @@
-"""An image in the stages of ``hybrid``: its noise, its background, and the record of the stages."""
+"""Image with its noise, background and stage record, as the stages of ``hybrid`` use it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Array = np.ndarray
 
 
 class Observation(StageRecord):
-    """An image with its noise and background, and the record of its stages.
+    """An image with its noise, background and stage record.
 
     Parameters
     ----------
     image : (H, W) array
         The image.
     trace : Trace, optional
-        Receives what ``keep`` is given.
+        Receives the intermediate results passed to ``keep``.
     sun_camera : (3,) array, optional
         Unit vector to the Sun, camera axes.
 
@@ -32,13 +32,13 @@ class Observation(StageRecord):
     black : float
         Black level of the camera.
     background : float
-        Level of empty space, negative if the background is not empty.
+        Level of empty space; negative if the background is not empty.
     likely : (h, w) array, optional
-        Probability of the craft before a textured background, see ``saliency_map``.
+        Probability of the craft in front of a textured background, see ``saliency_map``.
     drawn : dict
-        Drawings of poses by patch.
+        Renderings of poses, by patch.
     straight : tuple, optional
-        Last region that was undistorted, with its box.
+        Last undistorted region, with its box.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class Observation(StageRecord):
         self.black = 0.0
         self.background = -1.0
         self.likely: Optional[Array] = None
-        # a second round begins with poses of the first, which need not be drawn again
+        # a second round starts from poses of the first, whose renderings are reused
         self.drawn: Dict[Any, Dict[Any, Any]] = {}
         self.straight: Optional[Tuple[Any, Array]] = None
 
     @staticmethod
     def of(record: StageRecord) -> Observation:
-        """Return an observation that adds to the times and counters of ``record``."""
+        """Return an observation that continues the times and counters of ``record``."""
         if isinstance(record, Observation):
             return record
         made = Observation(record.image, record.trace, record.sun_camera)
@@ -64,6 +64,6 @@ class Observation(StageRecord):
 
     @cached_property
     def clipped(self) -> float:
-        """Standard deviation of noise that is cut off at zero, 0 if none is."""
-        # a limb or a coast beside zeros is no noise
+        """Standard deviation of the noise that is clipped at zero; 0 if none is."""
+        # a limb or a coastline next to zeros is not noise
         return min(clipped_noise(self.image), 1.25 * self.noise)

@@ -1,4 +1,4 @@
-"""The light regime of an image, decided once from its statistics."""
+"""Light regime of an image, decided once from its statistics."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import Enum
 
 
 class Regime(Enum):
-    """Light that an image was taken in, which chooses search settings and confidence weights.
+    """Illumination of an image, which selects search settings and confidence weights.
 
-    In ``SUNLIGHT`` black space has level zero, and half of the noise is cut off. ``LAMPS`` are those of a laboratory,
-    whose camera has a black level; images smoothed by compression or a filter resemble its images.
+    In ``SUNLIGHT``, black space has level zero and half of the noise is clipped. ``LAMPS`` illuminate a laboratory,
+    whose camera has a black level; images smoothed by compression or filtering resemble laboratory images.
     """
 
     SUNLIGHT = "sunlight"
@@ -22,9 +22,9 @@ class Regime(Enum):
         Parameters
         ----------
         black : float
-            Level of black in the image, 0 where nothing lifts it above zero.
+            Black level of the image; 0 if none is measured.
         trained : bool
-            True if the target has a network that was trained in the light of lamps. The confidence weights of that
-            light were fitted to it; a target without one is searched as in sunlight.
+            True if the target has a network trained on lamp-lit images. The confidence weights of that regime were
+            fitted with one; a target without a network is searched as in sunlight.
         """
         return Regime.LAMPS if trained and black > 0 else Regime.SUNLIGHT
