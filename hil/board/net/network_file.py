@@ -132,8 +132,8 @@ class NetworkFile:
             "training": training,
         }
         data = io.BytesIO()
-        np.savez(data, sheet=np.frombuffer(json.dumps(sheet).encode(), np.uint8), **self.weights)  # type:
-        ignore[arg-type] return data.getvalue()
+        np.savez(data, sheet=np.frombuffer(json.dumps(sheet).encode(), np.uint8), **self.weights)  # type: ignore[arg-type]
+        return data.getvalue()
 
     def run(self, picture: Array) -> Tuple[Array, Array]:
         """Return the position outputs (3,) and attitude logits (K,) of one float32 image (h, w)."""
