@@ -1,4 +1,4 @@
-"""The prepared target and its synthetic views: edges, faces, shadows.
+"""Prepared target and its synthetic views: edges, faces, shadows.
 
-Nothing here searches.
+Nothing here searches for a pose.
 """

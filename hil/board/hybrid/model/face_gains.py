@@ -1,4 +1,4 @@
-"""Brightness of the craft's faces, measured on the image, and the synthetic view with it."""
+"""Brightness of the target's faces, fitted to the image, and the synthetic view rendered with it."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
-# Blur of the optics [image px], blur of the background's local brightness [patch px].
+# Standard deviation of the optical blur [image px], and of the blur that gives the local background [patch px].
 OPTICS_PX, LOCAL_PX = 1.0, 8.0
 
 # Number of the largest groups that are checked for saturation.
 SATURATED = 4
 
-# Candidates for the brightness of a saturated face above full scale [full scales].
+# Candidates for a saturated face's brightness above full scale [full scales].
 OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
 def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
-    """Measure the brightness of each face group on the image, and return the synthetic view with it.
+    """Fit the brightness of each face group to the image, and return the synthetic view rendered with it.
 
     Parameters
     ----------
     faces : Faces
         Faces of the target.
     seen : (H, W) array
-        Faces drawn by ``draw_faces``.
+        Visible faces, from ``draw_faces``.
     patch : ImagePatch
         Reduced region of the image around the target.
     dark : (H, W) array, optional
-        True for drawn pixels in the shadow of another face.
+        True for rendered pixels in the shadow of another face.
     """
     h, w = patch.gray.shape
     group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, patch, dark)
@@ -68,9 +68,9 @@ def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float)
         Reduced region of the image around the target.
     made : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
-        and its mean.
+        and the background's mean.
     blur_px : float
-        Blur, in units of 4 x 4 pixels.
+        Standard deviation of the blur, in units of 4 x 4 pixels.
     """
     if made[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
         return many_groups.with_background(patch, made, blur_px)
@@ -80,17 +80,19 @@ def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float)
     curve, blur, picture = response_tables(patch.response), gaussian(blur_px), contiguous(picture, "float32")
     ground = float(shown[0]), float(level[0])
     if library().fly_background(gray, core, centre, h, w, *ground, curve, blur, empty, out, picture) < 0:
-        raise MemoryError("no memory for the background about the craft")
+        raise MemoryError("out of memory while computing the background")
     return out, picture
 
 
 def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
-    """Return the groups of drawn pixels, their levels, and the synthetic view of them.
+    """Return the groups of the rendered pixels, their levels, and the synthetic view.
 
     Returns
     -------
-    Groups (H, W), their levels (n,), the view (h, w), groups at pixel centres (h, w), areas (n,), pixels well inside a
-    group (h, w), the background's share of each (h, w), empty if it has one level, and the background's mean (1,).
+    tuple of array
+        Groups (H, W), their levels (n,), the view (h, w), groups at pixel centres (h, w), areas (n,), pixels well
+        inside a group (h, w), the background's share of each pixel (h, w) or an empty array if the background is
+        uniform, and the background's mean (1,).
     """
     (h, w), f, count = patch.gray.shape, patch.fine, len(faces.corners)
     shape = h * f, w * f
@@ -120,14 +122,14 @@ def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array])
         share if patch.textured else None,
     )
     if n < 0:
-        raise MemoryError("no memory to find the brightness of faces")
+        raise MemoryError("out of memory while fitting the brightness of faces")
     if n == 0:
         return many_groups.shaded(faces, seen, patch, dark)
     return group, level[:n], picture, centre, area[:n], core, share, ground
 
 
 def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
-    """Return the excess of a saturated face's true brightness over full scale, which blur carries over its border."""
+    """Return a saturated face's excess over full scale, estimated from the blur that it spreads over its border."""
     optics = OPTICS_PX / patch.factor
     base, own = blurred(picture, optics), blurred(part, optics)
     ring = (own > 0.02) & (own < 0.98)

@@ -1,4 +1,4 @@
-"""Blur and response of the camera in the layout of the native library."""
+"""Blur and response of the camera as structures of the native library."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.response import Response
 from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure
 
-# Largest reach of a blur in the library [px].
+# Largest radius of a blur kernel in the library [px].
 WIDEST = 64
 
-# Blurs narrower than this are left out [px].
+# Standard deviation below which a blur is skipped [px].
 LEAST_BLUR_PX = 0.2
 
 
 def blur_reach(sigma_px: float) -> int:
-    """Return how far OpenCV's Gaussian of this width reaches in a float picture [px]."""
+    """Return the radius of OpenCV's Gaussian kernel for float images [px]."""
     return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > LEAST_BLUR_PX else 0
 
 
 @functools.lru_cache(maxsize=256)
 def gaussian(sigma_px: float) -> Structure:
-    """Return OpenCV's Gaussian; one of no reach where it is narrower than ``LEAST_BLUR_PX``.
+    """Return OpenCV's Gaussian kernel; one of radius 0 below ``LEAST_BLUR_PX``.
 
     Raises
     ------
     ValueError
-        If it is wider than the library takes.
+        If the radius exceeds the library's limit.
     """
     r = blur_reach(sigma_px)
     if r > WIDEST:
@@ -43,7 +43,7 @@ def gaussian(sigma_px: float) -> Structure:
 
 @functools.lru_cache(maxsize=16)
 def response_tables(curve: Response) -> Structure:
-    """Return the response and its tables."""
+    """Return the camera response with its tables as a structure."""
     lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
     x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
     end = round(curve.full * response.STEPS / curve.sigma) if curve.sigma > 0 else 0
@@ -60,7 +60,7 @@ def response_tables(curve: Response) -> Structure:
 
 
 def pinhole_view(camera: CameraIntrinsics, patch: ImagePatch) -> Structure:
-    """Return what a patch shows of a pinhole's picture."""
+    """Return the pinhole view of a patch as a structure."""
     across, down = patch.scale
     return STRUCTURES["view"](
         fx=camera.fx_px,

@@ -1,4 +1,4 @@
-"""Regions of the image cut out and undistorted for comparison with the drawn target."""
+"""Image regions, cut out and undistorted for comparison with the rendered target."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 Array = np.ndarray
 Box = Tuple[int, int, int, int]
 
-# Drawn pixels per pixel of a patch, each way.
+# Rendered pixels per patch pixel, in each direction.
 FINE = 2
 
-# Error of the synthetic view as a share of full scale: a lower bound of the noise, below which any pose would be
-# refused.
+# Model error of the synthetic view as a share of full scale. It bounds the noise from below; without it, bright images
+# would reject every pose.
 UNDRAWN = 0.02
 
 
@@ -35,7 +35,7 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     frame : Observation
         Image with its noise and background.
     box : tuple of int
-        The region: x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
+        Region: x0, y0, x1, y1 in the pixels of ``target.camera.pinhole``.
     longest_px : int
         Longest side of the patch.
     """
@@ -68,12 +68,12 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     )
 
 
-# Distortion is smooth: it is computed at every eighth pixel, and in a margin about the box [px].
+# Distortion is smooth, so it is evaluated at every eighth pixel and interpolated; margin around the box [px].
 EVERY_PX, ROUND_PX = 8, 16
 
 
 def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
-    """Return the region (h, w) of a pinhole camera's image; black outside of the camera's."""
+    """Return the region (h, w) of the pinhole camera's image; black outside the original image."""
     w, h = box[2] - box[0], box[3] - box[1]
     x = box[0] + (np.arange(-EVERY_PX, w + ROUND_PX, EVERY_PX) - camera.cx_px)
     y = box[1] + (np.arange(-EVERY_PX, h + ROUND_PX, EVERY_PX) - camera.cy_px)
@@ -87,7 +87,7 @@ def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
 
 
 def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
-    """Return the box in the pinhole's pixels that holds a box of the image."""
+    """Return the bounding box, in pixels of the pinhole, of a box of the image."""
     if not camera.distorted:
         return box
     s = np.linspace(0.0, 1.0, 9)
@@ -96,7 +96,7 @@ def pinhole_box(camera: CameraIntrinsics, box: Box) -> Box:
     rays = undistorted_rays(camera, np.array(rim))
     p = rays * (camera.fx_px, camera.fy_px) + (camera.cx_px, camera.cy_px)
     p = p[np.isfinite(p).all(axis=1)]
-    # of a fisheye lens no more than about twice the image's size is of use
+    # a fisheye's pinhole image is unbounded: keep about twice the image's size
     far = np.array([camera.width_px, camera.height_px])
     low, high = np.clip(p.min(axis=0), -0.5 * far, 1.5 * far), np.clip(p.max(axis=0), -0.5 * far, 1.5 * far)
     return int(low[0]), int(low[1]), int(max(high[0], low[0] + 32)), int(max(high[1], low[1] + 32))

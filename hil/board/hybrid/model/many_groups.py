@@ -1,7 +1,7 @@
-"""Brightness of a craft with more than 255 groups of faces in view, in NumPy.
+"""Brightness of a target with more than 255 visible face groups, in NumPy.
 
-The native library numbers groups by bytes; round craft with many materials have more. For fewer groups this equals the
-library to rounding, and is the reference that it is tested against.
+The native library labels groups with bytes, which curved craft with many materials exceed. For fewer groups the result
+equals the library's to rounding; the library is tested against this implementation.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from flyaround.hil.board.hybrid.model.image_formation import LEAST_BLUR_PX, blur
 
 Array = np.ndarray
 
-# Largest number of groups that a byte numbers.
+# Largest number of groups that fits a byte.
 LABELS = 255
 
-# Weight of a pixel beside a border in its face's brightness.
+# Weight of pixels beside a border in the brightness of their face.
 BESIDE = 0.05
 
-# Least share of a pixel that counts when brightness is estimated with the pose.
+# Least share of a pixel that counts when brightness is fitted together with the pose.
 LITTLE = 2e-4
 
 
@@ -34,9 +34,10 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) 
 
     Returns
     -------
-    Groups (H, W), their brightness levels (n,), the synthetic view (h, w), groups at pixel centres (h, w), areas (n,),
-    mask of pixels well inside a group (h, w), share of background in each pixel (h, w) or an empty array if the
-    background is uniform, and the mean of the background (1,).
+    tuple of array
+        Groups (H, W), their brightness levels (n,), the synthetic view (h, w), groups at pixel centres (h, w), areas
+        (n,), mask of pixels well inside a group (h, w), share of background in each pixel (h, w) or an empty array if
+        the background is uniform, and the mean of the background (1,).
     """
     f, (h, w) = patch.fine, patch.gray.shape
     n = faces.groups + 1
@@ -69,9 +70,9 @@ def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) 
         Reduced region of the image around the target.
     made : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
-        and its mean.
+        and the background's mean.
     blur_px : float
-        Blur, in units of 4 x 4 pixels.
+        Standard deviation of the blur, in units of 4 x 4 pixels.
     """
     _, level, picture, centre, core, empty, ground = made
     shown = float(ground[0])
@@ -79,7 +80,7 @@ def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) 
     behind = _wide_mean(own * (patch.gray - np.float32(shown)), own, blur_px)
     if patch.clipped > 0:
         behind = patch.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
-    # the background's share of each pixel, of which the border pixels have a part
+    # the background's share of each pixel is fractional at borders
     return behind, picture + empty * behind
 
 
@@ -93,9 +94,9 @@ def look_up(table: Array, labels: Array) -> Array:
 
 
 def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
-    """Return the visible groups renumbered, those in light before those in shadow, and their number.
+    """Return the visible groups renumbered, lit ones before shadowed ones, and their number.
 
-    Invisible ones get no number, so that a byte usually suffices, which is fastest to compare.
+    Invisible groups are not numbered, so that a byte usually suffices, which compares fastest.
     """
     if group.dtype == np.uint8:
         shadow = dark.view(np.uint8)
@@ -115,7 +116,7 @@ def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
 
 
 def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int) -> Tuple[Array, Array]:
-    """Return the brightness (n,) of each group, a mean without outliers, and its number of pixels (n,) in ``core``."""
+    """Return the brightness (n,) of each group, an outlier-free mean, and its number of pixels (n,) in ``core``."""
     where = np.flatnonzero(solid | (centre > 0))
     label = centre.ravel().take(where)
     # sort by group: sums over contiguous ranges are faster than sums by label
@@ -157,20 +158,21 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
         Standard deviation of the blur.
     rows : (N,) array
         Flat indices of the pixels, ascending.
-    out : (most + 1 or more, N) array
-        Float32 zeros; receives the shares above ``LITTLE``.
+    out : (R, N) array
+        Float32 zeros, R > ``most``; receives the shares above ``LITTLE``.
 
     Returns
     -------
-    Number of groups filled in.
+    int
+        Number of groups filled in.
 
     Notes
     -----
-    Most groups are small: each is processed within its own box.
+    Most groups are small, so each is processed within its bounding box.
     """
     h, w = shading.centre.shape
     f = patch.fine
-    # thin ones too: their brightness is the most uncertain
+    # count thin groups as well, because their brightness is the least certain
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
     order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
     chosen = np.concatenate([[0], order[count[order] > 3]])
@@ -178,7 +180,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
     slot[chosen] = np.arange(len(chosen))
     byte = shading.group.dtype == np.uint8
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
-    # one pixel more than the blur reaches, so that it mirrors empty pixels at the box's edge
+    # one pixel beyond the blur's radius, so that border reflection at the box's edge sees empty pixels
     far = blur_reach(blur_px) + 1
     x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
     x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
@@ -191,7 +193,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
         if left >= right or a >= b:
             continue
         mask = (slots[top * f : bottom * f, left * f : right * f] == k).view(np.uint8)
-        # a mean of 0 and f^2 over f x f pixels is a whole number
+        # exact in integers: the mean of 0 and f^2 over f x f pixels is a whole number
         share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
         own = plane[top:bottom, left:right]
         if blur_px > LEAST_BLUR_PX:
@@ -207,18 +209,19 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
 
 
 def _boxes(slots: Array, n: int, f: int) -> Array:
-    """Return the bounding boxes (4, n) of the labels 0 .. n - 1: x0, y0, x1, y1 [patch px of ``f`` x ``f`` drawn ones].
+    """Return the bounding boxes (4, n) of labels 0..n - 1: x0, y0, x1, y1 [patch px of ``f`` x ``f`` rendered px].
 
-    An absent label has x0 > x1. All are found at once: a label is a bit, and a row or column is the union of its bits.
+    An absent label has x0 > x1. All boxes are computed at once: a label is a bit, and a row or column is the union of
+    its bits.
     """
     kind = np.uint32 if n <= 32 else np.uint64
     place = np.arange(n, dtype=kind)
     bit = np.zeros(256, kind)
     bit[:n] = np.left_shift(kind(1), place)
-    # OpenCV's table looks bytes up several times faster, and has no whole numbers of this size
+    # OpenCV's table lookup is several times faster than NumPy's but has no integers of this size: reinterpret as floats
     bits = cv2.LUT(slots, bit.view(np.float32 if n <= 32 else np.float64)).view(kind)
     for _ in range(2):
-        # rows of each patch pixel first, then columns, as rows of what lies on its side
+        # the rows of each patch pixel, then the columns after a transposition
         bits = reduce(np.bitwise_or, [bits[k::f] for k in range(f)]).T
     out = []
     for axis in (0, 1):
@@ -235,7 +238,7 @@ def _boxes(slots: Array, n: int, f: int) -> Array:
 
 
 def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
-    """Return the weighted mean of ``value`` within four times the blur, near zero where there is little weight."""
+    """Return the weighted mean of ``value`` within four sigma of the blur, near zero where the weight is small."""
     h, w = value.shape
     size = (max(2, w // 4), max(2, h // 4))
     num, den = (
@@ -246,16 +249,16 @@ def _wide_mean(value: Array, weight: Array, blur_px: float) -> Array:
 
 
 def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch: ImagePatch) -> None:
-    """Estimate the brightness of groups that fill no pixel, from the residual over the area that they cover.
+    """Fit the brightness of groups that fill no pixel to the residual over the area that they cover.
 
     Parameters
     ----------
     level : (G + 1,) array
         Brightness of each group, changed in place.
     picture : (h, w) array
-        Synthetic view with it, changed in place.
+        Synthetic view with this brightness, changed in place.
     group : (H, W) array
-        Group of each drawn pixel.
+        Group of each rendered pixel.
     thin : (G + 1,) array
         True for groups that fill no pixel.
     patch : ImagePatch
@@ -271,11 +274,11 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     if not len(where):
         return
     own = group.ravel()[where]
-    # the remainder operator would be much slower
+    # faster than the remainder operator
     row = where // (w * f)
     cell = (row // f) * w + (where - row * (w * f)) // f
     number = np.bincount(cell, minlength=h * w)
-    # few pixels hold any: only those are processed from here on
+    # only the few pixels that hold thin groups are processed below
     cells = np.flatnonzero(number > 0)
     place = np.empty(h * w, np.intp)
     place[cells] = np.arange(len(cells))
@@ -302,5 +305,5 @@ def _borders(centre: Array) -> Array:
 
 
 def blurred(image: Array, sigma: float) -> Array:
-    """Return an image (h, w) or (h, w, channels) through a Gaussian, unchanged if that is narrower than a pixel."""
+    """Return an image (h, w) or (h, w, channels) after a Gaussian blur, unchanged below ``LEAST_BLUR_PX``."""
     return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > LEAST_BLUR_PX else image

@@ -1,4 +1,4 @@
-"""The target prepared for one camera: tables that are computed once, before the first image."""
+"""Target prepared for one camera: tables that are computed once, before the first image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class PreparedTarget:
-    """Tables of one target for one camera.
+    """Precomputed tables of one target for one camera.
 
     Parameters
     ----------
@@ -30,19 +30,19 @@ class PreparedTarget:
     camera : CameraIntrinsics
         Intrinsics of every image.
     samples : EdgeSamples
-        Points on the wireframe.
+        Sample points on the wireframe.
     spacing_m : float
-        Distance between them [m].
+        Distance between samples [m].
     occ : OccludingTriangles
-        Mesh that occludes them.
+        Mesh that occludes the samples.
     tables : tuple of ViewTable
-        Views from near and far.
+        View tables for short and long range.
     centre_m : (3,) array
         Centre of the bounding sphere, target frame [m].
     radius_m : float
-        Its radius [m].
+        Radius of the bounding sphere [m].
     suns : ShadowMapTable, optional
-        Shadow maps of many Sun directions; None without faces.
+        Shadow maps for many Sun directions; None without faces.
     round : bool
         True if much of the outline lies on curved surfaces.
     """
@@ -66,7 +66,7 @@ class PreparedTarget:
         radius = model.radius_m
         spacing = radius / 30.0
         samples, occ = sample_edges(model, spacing), occluders(model)
-        # perspective changes shapes near by: one table near, one far
+        # perspective changes the shape at short range: one table near, one far
         tables = tuple(build_views(model, samples, occ, d * radius) for d in (4.5, 14.0))
         curved = is_round(model)
         if model.outlines is not None and curved:
@@ -79,7 +79,7 @@ class PreparedTarget:
 
 
 def faces_of(target: PreparedTarget) -> Faces:
-    """Return the faces of a target that has them."""
+    """Return the faces of a target that has faces."""
     faces = target.model.faces
-    assert faces is not None  # noqa: S101 - the caller asked
+    assert faces is not None  # noqa: S101 - guaranteed by the caller
     return faces

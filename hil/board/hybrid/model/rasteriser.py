@@ -1,7 +1,7 @@
-"""The craft drawn as faces of unknown brightness, for alignment on the whole image rather than on edges.
+"""Rendering of the target as faces of unknown brightness, for alignment on the whole image rather than on edges.
 
-The pose determines which face each pixel shows; the brightness of a face is the mean of its pixels, so that the Sun
-need not be known. The residual is a difference of images, and its derivative by the pose is non-zero where faces meet.
+The pose determines the visible face of each pixel. A face's brightness is the mean of its pixels, so the Sun direction
+is not needed. The residual is the image difference; its derivative by the pose is non-zero where faces meet.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Array = np.ndarray
 
 
 def order_faces(faces: Faces, C_m: Array) -> Array:
-    """Return the faces that look at the camera centre ``C_m`` (3,), the farthest first."""
+    """Return the faces visible from the camera centre ``C_m`` (3,), back to front."""
     out = np.empty(len(native_faces(faces).values["members"]), np.int64)
     n = library().fly_order_faces(native_faces(faces), contiguous(C_m, "float64", (3,)), out)
     if n < 0:
-        raise MemoryError("no memory to order the faces")
+        raise MemoryError("out of memory while sorting faces")
     return out[:n]
 
 
@@ -39,22 +39,24 @@ def draw_faces(
     patch: ImagePatch,
     least_px: float = 0.5,
 ) -> Array:
-    """Return the number + 1 of the face that each drawn pixel shows (h * fine, w * fine), int32; 0 for none.
+    """Return the visible face of each rendered pixel (h * fine, w * fine), int32: face index + 1, or 0 for none.
 
     Parameters
     ----------
     faces : Faces
         Faces of the target.
     order : (P,) array
-        Faces to draw, the farthest first.
+        Faces to draw, back to front.
     camera : CameraIntrinsics
-        A pinhole.
-    R, t : (3, 3), (3,) array
-        Camera from target.
+        Pinhole camera.
+    R : (3, 3) array
+        Rotation, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     patch : ImagePatch
-        Patch to draw on.
+        Patch to render.
     least_px : float
-        Least area of a face [drawn px^2]; smaller ones are left to their neighbours.
+        Least area of a face [rendered px^2]; smaller ones are skipped, so their neighbours show.
     """
     h, w = (side * patch.fine for side in patch.gray.shape)
     seen, order = np.zeros((h, w), np.int32), contiguous(order, "int64")
@@ -69,20 +71,20 @@ def draw_faces(
 def fill_faces(
     p: Array, order: Array, shape: Tuple[int, int], least_px: float, *, exact: bool = False
 ) -> Array:
-    """Fill convex polygons one over the other, and return the number + 1 that each pixel shows.
+    """Fill convex polygons back to front, and return the index + 1 of the polygon visible in each pixel.
 
     Parameters
     ----------
     p : (P, 4, 2) array
-        Corners [px].
+        Polygon corners [px].
     order : (P,) array
-        Number of each.
+        Index of each polygon.
     shape : tuple of int
         Rows and columns.
     least_px : float
-        Least area that is filled [px^2].
+        Least area of a polygon that is filled [px^2].
     exact : bool
-        Give polygons narrower than a pixel their true area.
+        Preserve the area of polygons narrower than a pixel.
     """
     seen, order = np.zeros(shape, np.int32), contiguous(order, "int64")
     p = contiguous(p, "float64", (len(order), 4, 2))

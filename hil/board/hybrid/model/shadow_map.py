@@ -1,4 +1,4 @@
-"""Shadows that the craft casts on itself, by shadow maps (Williams 1978)."""
+"""Shadows that the target casts on itself, by shadow maps (Williams 1978)."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ Array = np.ndarray
 # Side of a shadow map [px].
 MAP_PX = 256
 
-# Least number of points on the craft for a search of the Sun.
+# Least number of pixels on the target for a search of the Sun direction.
 LEAST_POINTS = 40
 
-# Candidate directions of the Sun, side of each one's shadow map [px], and image pixels that they are compared on.
+# Number of candidate Sun directions, side of their shadow maps [px], and number of image pixels compared.
 DIRECTIONS, TABLE_PX, PIXELS = 240, 80, 700
 
-# Least cosine between the Sun and the direction to the camera: the Sun behind the craft lights nothing that is seen.
+# Least cosine between Sun and camera directions: a Sun behind the target lights no visible face.
 BEHIND = -0.6
 
 AXES = np.eye(3)
 
-NO_MEMORY = "no memory for the Sun's pictures"
+NO_MEMORY = "out of memory while rendering shadow maps"
 
-# Largest cosine of the angle between two directions that are both proposed.
+# Largest cosine between two proposed Sun directions.
 APART = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """Orthographic view of the craft from the Sun.
+    """Orthographic depth map of the target, seen from the Sun.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ class ShadowMap:
     axes : (2, 3) array
         Axes of the map, target frame.
     origin : (2,) array
-        Coordinates of the first pixel's centre along them [m].
+        Coordinates of the first pixel's centre along the axes [m].
     pitch_m : float
-        Size of a pixel [m].
+        Pixel size [m].
     height : (n, n) array
         Height of the visible surface along ``direction``, float32 [m]; very low where there is none.
     seen : (n, n) array
-        Face + 1.
+        Index of the visible face plus 1.
     native : Structure
-        The map in the layout of the native library.
+        C structure of the map for the native library.
     """
 
     direction: Array
@@ -88,7 +88,7 @@ class ShadowMap:
 
     @staticmethod
     def of(faces: Faces, direction: Array, n: int = MAP_PX) -> ShadowMap:
-        """Draw the map from ``direction`` (3,), target frame, ``n`` pixels wide."""
+        """Render the map of ``direction`` (3,), target frame, ``n`` pixels wide."""
         s = direction / length(direction)
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
@@ -98,20 +98,22 @@ class ShadowMap:
     def shadows(
         self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
     ) -> Array:
-        """Return True for drawn pixels (H, W) that face the Sun but lie in shadow.
+        """Return True for rendered pixels (H, W) that face the Sun but lie in shadow.
 
         Parameters
         ----------
         faces : Faces
             Faces of the target.
         seen : (H, W) array
-            Faces drawn at the pose by ``draw_faces``.
+            Visible faces at the pose, from ``draw_faces``.
         patch : ImagePatch
-            Its patch.
+            Patch on which they were rendered.
         camera : CameraIntrinsics
-            A pinhole.
-        R, t : (3, 3), (3,) array
-            The pose, camera from target.
+            Pinhole camera.
+        R : (3, 3) array
+            Rotation, camera from target.
+        t : (3,) array
+            Target position, camera frame [m].
         """
         h, w = seen.shape
         R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)
@@ -123,18 +125,22 @@ class ShadowMap:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMapTable:
-    """Shadow maps from all directions, to find the Sun by the shadows on the image.
+    """Shadow maps for directions all around, for estimating the Sun direction from the shadows in an image.
 
     Parameters
     ----------
     directions : (S, 3) array
-        Unit vectors, target frame.
+        Unit vectors to the Sun, target frame.
     frames : (3, S, 3) array
         Two axes and the direction of each map.
-    origin, pitch_m, height : (S, 2), (S,), (S, n, n) array
+    origin : (S, 2) array
+        See `ShadowMap`.
+    pitch_m : (S,) array
+        See `ShadowMap`.
+    height : (S, n, n) array
         See `ShadowMap`.
     native : Structure
-        The maps in the layout of the native library.
+        C structure of the maps for the native library.
     painted : dict
         Cache of ``sunlight``.
     """
@@ -161,7 +167,7 @@ class ShadowMapTable:
 
     @staticmethod
     def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
-        """Draw the maps of ``number`` directions on a Fibonacci lattice."""
+        """Render the maps of ``number`` directions on a Fibonacci lattice."""
         directions = sphere_directions(number)
         suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
         return ShadowMapTable(
@@ -183,27 +189,29 @@ class ShadowMapTable:
         number: int = 1,
         pixels: int = PIXELS,
     ) -> List[int]:
-        """Return the directions of the Sun whose shadows explain the image best, the best first.
+        """Return the Sun directions whose shadows explain the image best, best first.
 
-        Each group of faces has one brightness in light and one in shadow, both measured on the image, so that no
-        materials are needed: the shape of the shadows alone decides.
+        Each group of faces has one lit and one shadowed brightness, both measured on the image. No material properties
+        are needed, because the shape of the shadows alone decides.
 
         Parameters
         ----------
         faces : Faces
             Faces of the target.
         shading : Shading
-            View at the pose.
+            Synthetic view at the pose.
         patch : ImagePatch
             Reduced region of the image around the target.
         camera : CameraIntrinsics
-            A pinhole.
-        R, t : (3, 3), (3,) array
-            The pose, camera from target.
+            Pinhole camera.
+        R : (3, 3) array
+            Rotation, camera from target.
+        t : (3,) array
+            Target position, camera frame [m].
         number : int
-            Most directions to return; there are none if too little of the craft is visible.
+            Largest number of directions returned; none if too little of the target is visible.
         pixels : int
-            Most image pixels to compare.
+            Largest number of image pixels compared.
         """
         side = self.directions @ (-R.T @ t) / length(t)
         some = np.flatnonzero(side > BEHIND)
@@ -230,7 +238,7 @@ class ShadowMapTable:
         pixels: int,
     ) -> Optional[Array]:
         """Return the residual (S,) of each of the directions ``some`` (S,); None if too little is visible."""
-        # shot noise grows with the square root of the light: the root has uniform noise
+        # variance-stabilising transform: shot noise is uniform on the square root of brightness
         dim = max(2.0 * patch.full / 255.0, patch.sigma)
         good = shading.area > 0
         good[0] = False
@@ -262,7 +270,7 @@ class ShadowMapTable:
         return out if points >= LEAST_POINTS else None
 
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
-        """Return the map of direction ``k``, ``n`` pixels wide, drawn once for all images."""
+        """Return the map of direction ``k``, ``n`` pixels wide, cached for all images."""
         if (k, n) not in self.painted:
             sun = ShadowMap.of(faces, self.directions[k], n)
             kind = np.uint16 if len(faces.corners) < np.iinfo(np.uint16).max else np.int32

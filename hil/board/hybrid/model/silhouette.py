@@ -1,4 +1,4 @@
-"""The model's silhouette on the image, and the side of an edge on which the craft lies."""
+"""Silhouette of the model, and the side of an edge on which the target lies."""
 
 from __future__ import annotations
 
@@ -29,14 +29,16 @@ def silhouette(
 
     Parameters
     ----------
-    R, t : (3, 3), (3,) array
-        Camera from target.
+    R : (3, 3) array
+        Rotation, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     occ : OccludingTriangles
         Mesh of the model.
     camera : CameraIntrinsics
-        Intrinsics.
+        Intrinsics of the camera.
     origin : tuple of float
-        Corner of the region [image px].
+        Upper left corner of the region [image px].
     factor : float
         Image pixels per mask pixel.
     size : tuple of int
@@ -54,16 +56,16 @@ def silhouette(
 
 
 def inward_sign(mask: Array, uv: Array, n: Array) -> Array:
-    """Return (M,) +1 where the craft lies along the normal and space against it, -1 the other way, else 0.
+    """Return +1 (M,) where the target lies on the side of the normal, -1 where it lies on the other, 0 if undecided.
 
     Parameters
     ----------
     mask : (h, w) array
-        The silhouette.
+        Silhouette.
     uv : (M, 2) array
-        Points on it [px].
+        Points on its outline [px].
     n : (M, 2) array
-        Unit normals.
+        Unit normals of the outline.
     """
     return _inside(mask, uv + PROBE_PX * n).astype(int) - _inside(mask, uv - PROBE_PX * n).astype(int)
 

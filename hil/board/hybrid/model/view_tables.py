@@ -1,6 +1,6 @@
-"""Views of the target from all directions: the visible samples of the wireframe, and a template of each.
+"""Views of the target from directions all around: visible wireframe samples, and a template for each view.
 
-Half of a round body's template lies on its occluding contour, because its wireframe has few edges on the sides.
+For targets with curved surfaces, half of a template lies on the occluding contour, where the wireframe has no edges.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from flyaround.hil.board.hybrid.model.visibility import visible_samples
 
 Array = np.ndarray
 
-# Directions of the templates, 9 deg apart, and in-plane turns of each, 10 deg apart: alignment on edges converges
-# from there (docs/lab/2026-11-estimator.md).
+# Number of view directions, 9 deg apart, and of in-plane rotations, 10 deg apart: within the convergence range of edge
+# alignment (docs/lab/2026-11-estimator.md).
 VIEWS, TURNS = 500, 36
 
 # Samples of a template and of a view, few enough for thousands of poses at once.
 SHAPE_SAMPLES, TRACK_SAMPLES = 40, 120
 
-# Least share of outline points on gently curved surfaces for a round target, and their least radius of curvature
-# [radii of the target].
+# A target is curved if at least this share of its outline has a radius of curvature of at least the second value [radii
+# of the target].
 ROUND, GENTLE = 0.08, 0.1
 
-# Share of a round body's template on the outline.
+# Share of a curved target's template on the occluding contour.
 SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class ViewTable:
-    """Views of a camera at each of V directions.
+    """Camera views from V directions.
 
     Parameters
     ----------
@@ -49,13 +49,13 @@ class ViewTable:
     weight : (V, M) array
         1, or 0 for padding.
     shape_xy : (V, N, 2) array
-        Template: samples on the plane at unit distance, times range [m].
+        Template: projections at unit distance, times range [m].
     shape_angle : (V, N) array
-        Orientation of their normals.
+        Orientation of the template's normals.
     box : (V, TURNS, 4) array
-        Bounding box of the view after each in-plane turn [m].
+        Bounding box of the view after each in-plane rotation [m].
     distance_m : float
-        Range of the views.
+        Range of the views [m].
     """
 
     directions: Array
@@ -74,7 +74,7 @@ class ViewTable:
 
 
 def look_at(direction: Array) -> Array:
-    """Return the rotation camera-from-target of a camera along ``direction`` that looks back at the target."""
+    """Return the rotation, camera from target, of a camera in ``direction`` that looks at the target."""
     z = -direction
     helper = np.array([1.0, 0, 0]) if abs(z[0]) < 0.8 else np.array([0, 1.0, 0])
     x = np.cross(helper, z)
@@ -121,7 +121,7 @@ def build_views(
 
 
 def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return at most ``count`` of ``ids``, one from each of ``count`` equal stretches of the list."""
+    """Return at most ``count`` of ``ids``, one from each of ``count`` equal sections of the list."""
     if len(ids) <= count:
         return ids
     edges = np.linspace(0, len(ids), count + 1)
@@ -130,20 +130,20 @@ def _spread(ids: Array, count: int, rng: np.random.Generator) -> Array:
 
 
 def is_round(model: BoardModel) -> bool:
-    """Return True if much of the craft's outline lies on curved surfaces, where the wireframe has no edges."""
+    """Return True if much of the target's outline lies on curved surfaces, where the wireframe has no edges."""
     if model.outlines is None:
         return False
     return float(np.mean(curved(model))) > ROUND
 
 
 def curved(model: BoardModel) -> Array:
-    """Return True for points (V, N) of the outlines on gently curved surfaces."""
-    assert model.outlines is not None  # noqa: S101 - the caller asked
+    """Return True for contour points (V, N) on surfaces of large radius of curvature."""
+    assert model.outlines is not None  # noqa: S101 - guaranteed by the caller
     return np.asarray(model.outlines.radius_m > GENTLE * model.radius_m)
 
 
 def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> ViewTable:
-    """Return the table with half of each template on the outline, and boxes that hold it."""
+    """Return the table with half of each template on the occluding contour, and boxes that include it."""
     rng = np.random.default_rng(0)
     xy, angle, box = table.shape_xy.copy(), table.shape_angle.copy(), table.box.copy()
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
@@ -157,7 +157,7 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
         low = np.stack([px.min(axis=0), py.min(axis=0)], axis=-1)
         high = np.stack([px.max(axis=0), py.max(axis=0)], axis=-1)
         box[v] = np.concatenate([np.minimum(box[v, :, :2], low), np.maximum(box[v, :, 2:], high)], axis=-1)
-        # evenly along the outline, in place of every second sample of the wireframe
+        # evenly spaced contour points replace every second wireframe sample
         stretch = len(p) / taken
         pick = np.floor((np.arange(taken) + rng.random(taken)) * stretch).astype(int) % len(p)
         at = np.linspace(0, SHAPE_SAMPLES - 1, taken).astype(int)
@@ -166,7 +166,7 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
 
 
 def _seen(outlines: Outlines, R: Array, C_m: Array, distance_m: float) -> Tuple[Array, Array]:
-    """Return the outline (N, 2) from ``C_m`` at unit distance, times range [m], and its normals' angles."""
+    """Return the contour (N, 2) seen from ``C_m`` at unit distance, times range [m], and the angles of its normals."""
     points, normals = outlines.seen_from(int(outlines.nearest(C_m[None])[0]), C_m)
     P, n = (points - C_m) @ R.T, normals @ R.T
     p = P[:, :2] / np.maximum(P[:, 2:], 1e-6) * distance_m

@@ -1,4 +1,4 @@
-"""Visibility of the wireframe's samples from a camera: back faces and occlusion."""
+"""Visibility of the wireframe samples: back-face and occlusion tests."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def occluders(model: BoardModel) -> OccludingTriangles:
 
 
 def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Array:
-    """Return True for points (S, 3) that are hidden from camera centre (3,), by Moeller and Trumbore's test (1997).
+    """Return True for points (S, 3) that are hidden from the camera centre (3,).
 
-    With one ray origin for all points the triple products become three matrix products.
+    Moeller and Trumbore's test (1997); with a common ray origin its triple products become three matrix products.
     """
     if not len(occ.v0):
         return np.zeros(len(X_m), bool)
     T = C_m - occ.v0
-    # a closed mesh occludes with its near side: back faces need no test
+    # a closed mesh occludes with its front faces, so back faces need no test
     front = np.einsum("ij,ij->i", T, occ.n) > 0
     T, e1, e2, n = T[front], occ.e1[front], occ.e2[front], occ.n[front]
     if not len(T):
@@ -74,7 +74,7 @@ def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Ar
     B = D @ A.T
     m = len(T)
     det, u, v = B[:, :m], B[:, m : 2 * m], B[:, 2 * m :]
-    # near side only: the ray runs against the normal, det = -D.n > 0
+    # front faces only: the ray runs against the normal, det = -D.n > 0
     depth = np.einsum("ij,ij->i", e2, q).astype(np.float32)
     length = np.linalg.norm(D, axis=1)
     limit = (1.0 - skin_m / np.maximum(length, 1e-6)).astype(np.float32)
@@ -83,12 +83,12 @@ def hidden(occ: OccludingTriangles, C_m: Array, X_m: Array, skin_m: Array) -> Ar
 
 
 def visible_samples(samples: EdgeSamples, occ: OccludingTriangles, C_m: Array) -> Tuple[Array, Array]:
-    """Return flags (S,) of the visible samples and of those on the outline, from camera centre ``C_m`` (3,).
+    """Return masks (S,) of the visible samples and of those on the outline, from camera centre ``C_m`` (3,).
 
-    Moeller and Trumbore's test (1997) of each sample against each triangle that faces the camera.
+    Moeller and Trumbore's test (1997) of each sample against each front-facing triangle.
     """
     visible, outline = np.empty(len(samples), bool), np.empty(len(samples), bool)
     C = contiguous(C_m, "float64", (3,))
     if library().fly_visible_samples(samples.native, occ.native, C, visible, outline):
-        raise MemoryError("no memory to see what hides the wireframe")
+        raise MemoryError("out of memory while testing the wireframe's visibility")
     return visible, outline

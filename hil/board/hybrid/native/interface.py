@@ -1,4 +1,4 @@
-"""Types of the library's functions and structures, read from kernels.h: the one place that declares them."""
+"""ctypes types of the library's functions and structures, parsed from kernels.h, which alone declares them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALARS: Dict[str, Any] = {
     "double": ctypes.c_double,
 }
 
-# Kinds of arrays behind a pointer; any, by its address, behind one to void.
+# Array dtypes allowed for a pointer type; a void pointer takes any array, or an address.
 ELEMENTS = {
     "uint8_t": ("uint8", "bool"),
     "uint16_t": ("uint16",),
@@ -33,19 +33,19 @@ ELEMENTS = {
     "double": ("float64",),
 }
 
-# Built once: to compare a dtype with a name builds one each time.
+# Built once, because comparing a dtype with a name builds one each time.
 DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
 
 _FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
-    """Return the array in C order and of this dtype: itself if it is so already, else a copy.
+    """Return the array C-contiguous and of dtype ``kind``, without a copy if possible.
 
     Parameters
     ----------
     a : array
-        The array.
+        Array.
     kind : str
         Name of the dtype.
     shape : tuple of int, optional
@@ -54,7 +54,7 @@ def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> 
     Raises
     ------
     ValueError
-        If its shape is another: the library would read beside it.
+        If the shape differs, which would cause out-of-bounds reads.
     """
     if shape is not None and a.shape != shape:
         raise ValueError(f"the library takes {kind} {shape}, not {a.shape}")
@@ -64,15 +64,15 @@ def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> 
 def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
-        # a fifth of the time of ``__array_interface__``
+        # five times faster than ``__array_interface__``
         return ctypes.addressof(_FIRST(a))
     except (TypeError, ValueError):
-        # read-only, or empty
+        # read-only or empty array
         return int(a.__array_interface__["data"][0])
 
 
 class ArrayPointer:
-    """Type of a pointer argument: takes a C-contiguous array of its kind, or None for NULL."""
+    """Type of a pointer argument: a C-contiguous array of its dtype, or None for NULL."""
 
     dtypes: Tuple[Any, ...] = ()
 
@@ -83,7 +83,7 @@ class ArrayPointer:
         Raises
         ------
         TypeError
-            If the array is of another kind: the library would read beside it.
+            If the array has another dtype or layout, which would cause out-of-bounds reads.
         """
         if a is None:
             return ctypes.c_void_p()
@@ -94,7 +94,7 @@ class ArrayPointer:
 
 
 class Structure(ctypes.Structure):
-    """A structure of the header, made of all its fields by name; it keeps the arrays that it points to alive."""
+    """Structure of the header, constructed from all fields by name; it keeps the arrays that it points to alive."""
 
     pointers: Dict[str, Any] = {}  # noqa: RUF012 - filled where a structure is declared
 
@@ -106,7 +106,7 @@ class Structure(ctypes.Structure):
         super().__init__(**{**values, **{k: t.from_param(values[k]) for k, t in self.pointers.items()}})
 
     def __reduce__(self) -> Tuple[Any, ...]:
-        # pointers mean nothing to another process: it makes the structure anew
+        # pointers are not valid in another process: pickle the values instead
         return make_structure, (type(self).__name__, self.values)
 
 
@@ -116,7 +116,7 @@ def _array_pointer(element: str) -> Type[ArrayPointer]:
 
 
 class AnyPointer(ArrayPointer):
-    """Type of a pointer to void: takes any array, or an address in one."""
+    """Type of a void pointer: any array, or an address."""
 
     @classmethod
     def from_param(cls, a: Any) -> ctypes.c_void_p:  # noqa: ANN401 - see the class
@@ -131,7 +131,7 @@ POINTERS: Dict[str, Type[ArrayPointer]] = {
 
 
 def _declarations(text: str) -> Iterator[Tuple[str, bool, str]]:
-    """Yield type, whether it is a pointer, and name of fields or arguments in plain C."""
+    """Yield type, pointer flag and name of the fields or arguments declared in plain C."""
     for declaration in filter(None, (part.strip() for part in text.split(";"))):
         match = re.match(r"(?:const )?((?:struct )?\w+) (.+)", declaration, re.DOTALL)
         if match is None:
@@ -183,21 +183,21 @@ STRUCTURES = _structures(_TEXT)
 """The header's structures by name."""
 
 FUNCTIONS = _functions(_TEXT)
-"""Type of the result and types of the arguments of each of the header's functions."""
+"""Result type and argument types of the header's functions, by name."""
 
 
 def make_structure(name: str, values: Dict[str, Any]) -> Structure:
-    """Return a structure of the header by its name."""
+    """Return a structure of the header by name."""
     return STRUCTURES[name](**values)
 
 
 def checksum() -> str:
-    """Return the header's checksum, which a library of the same header names."""
+    """Return the checksum of the header, which the compiled library must report."""
     return hashlib.sha256(HEADER.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def layout() -> List[int]:
-    """Return the size of each structure and the offsets of its fields, as ``fly_layout`` does."""
+    """Return the size of each structure and the offsets of its fields, like ``fly_layout``."""
     out: List[int] = []
     for structure in STRUCTURES.values():
         out.append(ctypes.sizeof(structure))

@@ -1,6 +1,6 @@
-"""The compiled library for this processor: found in lib/, checked, and loaded once.
+"""Loading of the compiled library for this processor: selected from lib/, verified, and loaded once.
 
-Wheels and board.pyz carry what hatch_build.py compiled; nothing is compiled where an estimate runs.
+Wheels and board.pyz contain the libraries compiled by hatch_build.py; nothing is compiled at run time.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ import numpy as np
 from flyaround.hil.board.errors import KernelError
 from flyaround.hil.board.hybrid.native.interface import FUNCTIONS, checksum, layout
 
-# As sha256sum writes them, of each file of the folder.
+# In the format of sha256sum, one line for each file of the folder.
 CHECKSUMS = "SHA256SUMS"
 
 SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("macos", ".dylib"), "win32": ("windows", ".dll")}
 
-# Names that the same processor has on different systems.
+# Names of the same processor on different systems.
 PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}
 
 CURE = (
@@ -37,12 +37,12 @@ CURE = (
 
 
 def library() -> ctypes.CDLL:
-    """Return the library with all its types declared.
+    """Return the library with the types of all functions declared.
 
     Raises
     ------
     KernelError
-        If none can be used here; the message is one sentence.
+        If no library can be used; the message is one sentence.
     """
     loaded, text = _loaded()
     if loaded is None:
@@ -51,12 +51,12 @@ def library() -> ctypes.CDLL:
 
 
 def is_available() -> bool:
-    """Return True if the library can be used here."""
+    """Return True if a library can be used."""
     return _loaded()[0] is not None
 
 
 def describe_library() -> str:
-    """Return ``native`` and the loaded file, or ``none`` and the reason, in brackets."""
+    """Return ``native`` and the loaded file in brackets, or ``none`` and the reason."""
     loaded, text = _loaded()
     return f"native ({text})" if loaded is not None else f"none ({text})"
 
@@ -71,13 +71,13 @@ def _loaded() -> Tuple[Optional[ctypes.CDLL], str]:
         return None, str(error)
 
 
-def library_folder() -> Any:  # noqa: ANN401 - a Path, or its like inside a zip
+def library_folder() -> Any:  # noqa: ANN401 - a Path, or a Traversable inside a zip
     """Return the folder of the libraries."""
     return files("flyaround.hil.board.hybrid.native").joinpath("lib")
 
 
 def choose_library() -> str:
-    """Return the name of the widest library that this processor runs.
+    """Return the name of the library with the widest vector instructions that this processor supports.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def choose_library() -> str:
             return name
     has = ", ".join(name.rsplit(".", 1)[0] for name in there) or "none"
     raise KernelError(
-        f"the estimator has no compiled library for {system}-{machine} (there are: {has}): {CURE}"
+        f"the estimator has no compiled library for {system}-{machine} (available: {has}): {CURE}"
     )
 
 
@@ -103,7 +103,7 @@ def load_library(name: str) -> ctypes.CDLL:
     Raises
     ------
     KernelError
-        If it is not the file that was installed, of another version, or cannot run here.
+        If the file is not the installed one, belongs to another version, or cannot be loaded.
     """
     where = library_folder().joinpath(name)
     try:
@@ -112,23 +112,23 @@ def load_library(name: str) -> ctypes.CDLL:
         raise KernelError(f"the estimator's library {where} cannot be read ({error}): {CURE}") from error
     # a truncated library may crash the process that loads it
     if hashlib.sha256(data).hexdigest() != _checksums().get(name):
-        raise KernelError(f"the estimator's library {where} is damaged or of another build: {CURE}")
+        raise KernelError(f"the estimator's library {where} is damaged or from another build: {CURE}")
     try:
         loaded = ctypes.CDLL(str(where)) if isinstance(where, Path) else _load_bytes(name, data)
         _declare(loaded)
     except (OSError, AttributeError) as error:
-        raise KernelError(f"the estimator's library {where} does not load here ({error}): {CURE}") from error
+        raise KernelError(f"the estimator's library {where} cannot be loaded ({error}): {CURE}") from error
     _check(loaded, str(where))
     return loaded
 
 
 def _declare(loaded: ctypes.CDLL) -> None:
-    """Set the types of all functions.
+    """Set the result and argument types of all functions.
 
     Raises
     ------
     AttributeError
-        If one is missing.
+        If a function is missing.
     """
     for name, (result, arguments) in FUNCTIONS.items():
         function = getattr(loaded, name)
@@ -136,7 +136,7 @@ def _declare(loaded: ctypes.CDLL) -> None:
 
 
 def _check(loaded: ctypes.CDLL, where: str) -> None:
-    """Raise KernelError unless the library was made from the header that Python reads."""
+    """Raise KernelError unless the library was built from the header that Python parsed."""
     expected = layout()
     offsets = np.zeros(len(expected), np.int64)
     count = loaded.fly_layout(offsets, len(offsets))
@@ -149,9 +149,9 @@ def _check(loaded: ctypes.CDLL, where: str) -> None:
 
 
 def _load_bytes(name: str, data: bytes) -> ctypes.CDLL:
-    """Load a library out of a zip: from memory where Linux lets it, else from a file of this user alone."""
+    """Load a library from a zip: through memory on Linux, otherwise through a private temporary file."""
     if hasattr(os, "memfd_create"):
-        with contextlib.suppress(OSError):  # may be forbidden
+        with contextlib.suppress(OSError):  # memfd_create may be forbidden
             memory = os.memfd_create(name)
             try:
                 with os.fdopen(os.dup(memory), "wb") as file:
@@ -162,22 +162,22 @@ def _load_bytes(name: str, data: bytes) -> ctypes.CDLL:
     with tempfile.TemporaryDirectory(prefix="flyaround-") as folder:
         path = Path(folder) / name
         path.write_bytes(data)
-        # it stays loaded when its file is gone
+        # the library stays loaded after its file is removed
         return ctypes.CDLL(str(path))
 
 
 def _checksums() -> Dict[str, str]:
-    """Return the checksum of each library that came with this program."""
+    """Return the checksum of each library shipped with this program."""
     try:
         rows = library_folder().joinpath(CHECKSUMS).read_text(encoding="utf-8").splitlines()
-    except (OSError, KeyError):  # a zip has its own
+    except (OSError, KeyError):  # a zip carries its own
         return {}
     pairs = [row.split("  ", 1) for row in rows if "  " in row]
     return {name: digest for digest, name in pairs}
 
 
 def _machine(system: str) -> str:
-    """Return the processor of the Python that runs: a 64-bit kernel may run a 32-bit one."""
+    """Return the processor of the running interpreter: a 64-bit kernel may run a 32-bit one."""
     machine = platform.machine().lower()
     wide = sys.maxsize > 2**32
     if system == "linux" and not wide and machine in ("armv7l", "armv8l", "aarch64"):
@@ -189,7 +189,7 @@ def _machine(system: str) -> str:
 
 
 def _has_avx2() -> bool:
-    """Return True if Linux says that the processor has AVX2."""
+    """Return True if Linux reports AVX2."""
     try:
         cpuinfo = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

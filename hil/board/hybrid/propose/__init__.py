@@ -1,1 +1,1 @@
-"""Proposal of regions and pose hypotheses. Refines and decides nothing."""
+"""Proposal of image regions and pose hypotheses, without refinement or decision."""

@@ -1,4 +1,4 @@
-"""Correspondences: figures of the image paired with figures of the wireframe, and the poses of each pair."""
+"""Correspondences between line figures of the image and of the wireframe, and the poses of each pair."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Factors of the arms of an open triad, which a shadow or another part may have cut short.
+# Factors on the arms of an open triad, which shadow or occlusion may have shortened.
 ARM_LENGTHS = (1.0, 1.4)
 
 
 def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Array:
-    """Return the figures (T', 4, 2), open ones also with each longer arm."""
+    """Return the figures (T', 4, 2), open ones also with each arm lengthened."""
     out = [chains.points]
     p = chains.points[~chains.closed]
     for f in factors:
@@ -42,9 +42,9 @@ def pose_hypotheses(
     radius_m: float,
     field: EdgeField,
 ) -> Tuple[Array, Array]:
-    """Return poses q (N, 4), t (N, 3) of every image figure seen as every model figure.
+    """Return poses q (N, 4), t (N, 3) for every image figure matched with every model figure.
 
-    Poses with the target in front of the camera, at a range that fits the region and centred near it, are kept.
+    Only poses in front of the camera, at a range that fits the region's size and centred near it, are kept.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def pose_hypotheses(
     model_point_groups : (M, 4, 3) array
         Figures of the model [m].
     camera : CameraIntrinsics
-        Intrinsics.
+        Intrinsics of the camera.
     region : Region
-        The region.
+        Image region.
     centre_m : (3,) array
         Centre of the target, target frame [m].
     radius_m : float
@@ -71,8 +71,8 @@ def pose_hypotheses(
     T, M = len(rays), len(model_point_groups)
     obj = np.broadcast_to(model_point_groups[None], (T, M, 4, 3)).reshape(-1, 4, 3)
     img = np.broadcast_to(rays[:, None], (T, M, 4, 2)).reshape(-1, 4, 2)
-    # a picture figure and its model are wound alike when the face looks at the camera; the batch holds each
-    # model figure both ways round, so half of the pairs fall out here by their own geometry
+    # an image figure and its model have the same orientation if the face looks at the camera; the batch holds each
+    # model figure in both orientations, so half of the pairs are geometrically invalid
     q, t, valid = plane_poses(obj, img)
     q, t = q[valid].reshape(-1, 4), t[valid].reshape(-1, 3)
     f = 0.5 * (camera.fx_px + camera.fy_px)

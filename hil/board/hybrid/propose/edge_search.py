@@ -1,6 +1,6 @@
-"""Poses of one region by its edges: perceptual groups with PnP, and viewpoint templates.
+"""Pose hypotheses of one region from its edges: perceptual groups with PnP, and viewpoint templates.
 
-Numbers of poses were set on development frames: docs/lab/2026-11-estimator.md.
+The numbers of poses were tuned on development frames: docs/lab/2026-11-estimator.md.
 """
 
 from __future__ import annotations
@@ -26,38 +26,40 @@ from flyaround.hil.board.svd.segment_merging import merge_segments
 
 Array = np.ndarray
 
-# Margin of a search region [share of its diagonal], because parts in shadow make it too small.
+# Margin of a search region [share of its diagonal], because a region misses parts in shadow.
 MARGIN = 0.3
 
 # Longest side of the two edge fields [px].
 COARSE_PX, FINE_PX = 170, 360
 
-# Poses kept of the templates and of the perceptual groups for the first alignment.
+# Number of template poses and of perceptual-group poses kept for the first alignment.
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
-# Longest lines kept, the reach of a corner and the shortest line of LSD in shares of the region's diagonal.
+# Largest number of lines, corner radius and shortest LSD line, the latter two as shares of the region's diagonal.
 MOST_LINES, CORNER_REACH, SHORTEST = 45, 0.08, 0.04
 
 # Least number of edge pixels of a region.
 LEAST_EDGES = 20
 
-# Ranking of thousands of poses: stride of a view's samples and poses kept, in each step; distance beyond which an
-# edge costs no more [field px].
+# Ranking of thousands of poses in two steps: stride through a view's samples and number of poses kept; truncation
+# distance [field px].
 RANKINGS, RANK_CAP_PX = ((10, 1200), (3, GROUP_POSES)), 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class RegionEdges:
-    """Edges of a region, and the views of the target that fit its size.
+    """Edges of a region, and the target's views at the range that fits its size.
 
     Parameters
     ----------
     region : Region
-        The region.
-    coarse, fine : EdgeField
-        Edges at two scales.
+        Image region.
+    coarse : EdgeField
+        Edges at the coarse scale.
+    fine : EdgeField
+        Edges at the fine scale.
     views : ViewTable
-        Views from the range that follows from the region's size.
+        Views at the range that follows from the region's size.
     """
 
     region: Region
@@ -67,7 +69,7 @@ class RegionEdges:
 
 
 def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> Optional[RegionEdges]:
-    """Return the edges of a region at two scales; None if there are hardly any."""
+    """Return the edges of a region at two scales; None if there are too few."""
     h, w = frame.image.shape
     box = region.grown(MARGIN, w, h)
     coarse, fine = (
@@ -99,7 +101,7 @@ def template_poses(target: PreparedTarget, frame: Observation, edges: RegionEdge
 def group_poses(
     target: PreparedTarget, figures: Chains, frame: Observation, edges: RegionEdges
 ) -> Tuple[Array, Array]:
-    """Return poses q (N, 4), t (N, 3) of perceptual groups of line segments, the best by the coarse edges.
+    """Return poses q (N, 4), t (N, 3) of perceptual groups of line segments, ranked on the coarse edges.
 
     Parameters
     ----------

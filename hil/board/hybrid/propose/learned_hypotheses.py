@@ -1,4 +1,4 @@
-"""Hypotheses of the keypoint network: the poses that it proposes for a place, with the edges there."""
+"""Hypotheses of the keypoint network: its proposed poses, with the image edges of their region."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
 from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import LearnedProposal
 
-# Longest side of the edge field of a place [px], and margin round it [share of the diagonal].
+# Longest side of the edge field [px], and margin around the crop [share of the diagonal].
 FIELD_PX, FIELD_MARGIN = 200, 0.05
 
-# Least side of a place [px].
+# Least side of a region [px].
 SMALLEST_PX = 24.0
 
 
 def learned_hypotheses(
     target: PreparedTarget, frame: Observation, proposal: LearnedProposal
 ) -> List[Hypothesis]:
-    """Return the poses of one place, the most likely first, without support by edges."""
+    """Return the hypotheses of one proposal, most likely first, without edge support."""
     region = proposal.region(target.camera)
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(FIELD_MARGIN, w, h)

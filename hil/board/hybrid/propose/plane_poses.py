@@ -1,4 +1,4 @@
-"""Pose from four coplanar points (IPPE), in batches, with both solutions of each."""
+"""Pose from four coplanar points (IPPE), vectorised, with both solutions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Array = np.ndarray
 
 
 def plane_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
-    """Solve the two poses of each set of four coplanar points: q (N, 2, 4), t (N, 2, 3), valid (N,).
+    """Return both poses of each set of four coplanar points: q (N, 2, 4), t (N, 2, 3), valid (N,).
 
-    Both are returned because under weak perspective the second fits the image as well as the first.
+    Under weak perspective the second solution may fit the image as well as the first.
 
     Parameters
     ----------
     object_m : (N, 4, 3) array
         Coplanar points, target frame [m].
     rays : (N, 4, 2) array
-        Undistorted image points at z = 1.
+        Undistorted normalised image points.
 
     References
     ----------
@@ -30,7 +30,7 @@ def plane_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
     n = len(object_m)
     centre = object_m.mean(axis=1)
     X = object_m - centre[:, None]
-    # axes of the figure's plane
+    # axes of the points' plane
     e1 = X[:, 2] - X[:, 1]
     e1 = e1 / np.maximum(np.linalg.norm(e1, axis=1, keepdims=True), 1e-12)
     e3 = np.cross(e1, X[:, 0] - X[:, 1])
@@ -64,7 +64,7 @@ def plane_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
         R[:, :2, :2] = M
         R[:, 2, :2] = sign * b
         R[:, :, 2] = np.cross(R[:, :, 0], R[:, :, 1])
-        # a target's attitude: plane axes from target axes, then plane to camera
+        # target to plane axes, then plane to camera
         full = Rv @ R @ E
         full = np.where(valid[:, None, None], full, np.eye(3))
         qs.append(quat.from_matrix(full))

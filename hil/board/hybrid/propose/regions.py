@@ -1,4 +1,4 @@
-"""Regions of interest, in which the target may be."""
+"""Regions of interest that may contain the target."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
 Array = np.ndarray
 
-# Reduction of the image that is searched: 16 pixels averaged, noise a quarter.
+# Reduction of the searched image: averaging 16 pixels divides the noise by four.
 REDUCTION = 4
 
 # Shortest segment that counts for a window [px of the reduced image].
 LONG_PX = 8.0
 
-# Edges nearer than these are one group [px of the reduced image]; those of other objects are farther apart.
+# Edges closer than this form one group [px of the reduced image]; those of other objects are farther apart.
 APART = 31
 JOINS = (13, APART, 7)
 
-# Least share of the edges on the craft before empty space.
+# Least share of the edges on the target in front of empty space.
 OWN_EDGES = 0.8
 
 
@@ -41,13 +41,13 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
     rows, columns = (np.flatnonzero(mask.any(axis=k)).tolist() for k in (1, 0))
     if not rows:
         return []
-    # groups join between edges: the rest of the image is left out
+    # crop to the extent of the edges
     y0, x0 = rows[0], columns[0]
     part = mask[y0 : rows[-1] + 1, x0 : columns[-1] + 1]
     joined = cv2.dilate(part.view(np.uint8), np.ones((size, size), np.uint8))
     at = np.flatnonzero(part)
     which = cv2.connectedComponents(joined, connectivity=8)[1].ravel().take(at)
-    # group by group, and within each row by row
+    # sort by group, then by row
     at = at.take(np.argsort(which, kind="stable"))
     number = np.bincount(which)
     number = number[number > 0]
@@ -64,11 +64,11 @@ def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
 def propose_regions(
     small: Array, wge: WeakGradientElimination, noise_small: float
 ) -> Tuple[List[Region], float, Optional[Array]]:
-    """Return regions, the most likely first, the share of the frame that is not empty, and the map of the craft.
+    """Return regions, most likely first, the share of the frame that is not empty, and the probability map.
 
-    Before black space everything above the noise belongs to the target, dim parts as well: the box of the edge cluster
-    is the best region. Before the Earth that box grows to nearly the whole frame; there dense clusters of *strong,
-    straight* edges are proposed beside it.
+    In front of black space everything above the noise belongs to the target, dim parts included: the box of the edge
+    cluster is the best region. In front of the Earth that box grows to nearly the whole frame, so dense clusters of
+    *strong, straight* edges are proposed as well.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def propose_regions(
             continue
         x0, y0, x1, y1, _ = groups[0]
         add(x0, y0, x1, y1, f"cluster-{join}")
-        # lit parts may be apart from each other: join all large groups near the main one
+        # lit parts may be separate: merge all large groups near the main one
         diagonal = np.hypot(x1 - x0, y1 - y0)
         for g in groups[1:]:
             gap = max(g[0] - x1, x0 - g[2], g[1] - y1, y0 - g[3], 0)
@@ -109,13 +109,13 @@ def propose_regions(
         if busy < 0.2:
             add(x0, y0, x1, y1, f"clusters-{join}")
     if busy >= 0.2:
-        # before a texture: artefacts have many straight lines together
+        # in front of a texture: artificial objects have many straight lines close together
         segments = straight_segments(small)
         weights = shipped_weights()
         if weights is not None:
             likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
             if _on_craft(mask, likely) > OWN_EDGES:
-                # a near craft fills the frame with its own edges
+                # a near target fills the frame with its own edges
                 return regions, 0.0, None
             for box in boxes(likely, 2):
                 add(CELL_PX * box[0], CELL_PX * box[1], CELL_PX * box[2], CELL_PX * box[3], "saliency")
@@ -135,7 +135,7 @@ def propose_regions(
 def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]:
     """Return boxes around the densest groups of long straight segments (N, 4), best first [px of ``small``].
 
-    Coastlines and clouds break into short pieces; a segment counts by the square of its length.
+    A segment counts by its squared length, because coastlines and clouds break into short pieces.
     """
     segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= LONG_PX]
     if not len(segments):
@@ -144,10 +144,10 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
     ends = segments.reshape(-1, 2, 2)
     middle = ends.mean(axis=1)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    # the limb of the Earth is one very long line; no edge of the craft outweighs it by length alone
+    # clamp the length: the Earth's limb is one very long line that would outweigh all edges of the target
     weight = np.minimum(length, 60.0) ** 2
     d = (ends[:, 1] - ends[:, 0]) / length[:, None]
-    # a window's place need not be finer than two pixels
+    # a resolution of two pixels suffices for windows
     h, w = (h + 1) // 2, (w + 1) // 2
     x, y = np.clip((0.5 * middle + 0.25).astype(int), 0, [w - 1, h - 1]).T
     turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
@@ -160,8 +160,8 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
             cv2.boxFilter(layer, -1, (half, half), normalize=False, borderType=cv2.BORDER_CONSTANT)
             for layer in heat
         )
-        # in texture the number of segments is proportional to the area; the craft has more, in crossing directions,
-        # unlike waves and limbs
+        # in texture the number of segments is proportional to the area; the target has more of them, in crossing
+        # directions, unlike waves and limbs
         crossed = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
         score = (total - mean * side * side) * crossed / side
         own = half // 2
@@ -170,9 +170,9 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
             if score[row, col] <= 0:
                 break
             here = 2.0 * np.array([col, row]) + 0.5
-            # by the counted pixel: a centre just outside would leave the window empty
+            # include the centre's own pixel: one just outside would leave the window empty
             inside = (np.abs(x - col) <= own) & (np.abs(y - row) <= own)
-            # segments that leave the window belong to it no more than halfway
+            # clip segments that leave the window
             p = np.clip(ends[inside].reshape(-1, 2), here - 0.6 * side, here + 0.6 * side)
             (x0, y0), (x1, y1) = p.min(axis=0), p.max(axis=0)
             windows.append((float(score[row, col]), (float(x0), float(y0), float(x1), float(y1))))
@@ -182,7 +182,7 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
 
 
 def _on_craft(mask: Array, likely: Array) -> float:
-    """Return the share of the edges that lie on the craft by its map."""
+    """Return the share of the edges on the target according to the probability map."""
     h, w = likely.shape
     cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
     near = cv2.dilate((likely > 0.3).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -190,7 +190,7 @@ def _on_craft(mask: Array, likely: Array) -> float:
 
 
 def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
-    """Return the share of ``total`` edges outside of the main group; 0 for a few specks."""
+    """Return the share of ``total`` edges outside the main group; 0 for a few specks."""
     if len(groups) < 2 or total < 200:
         return 0.0
     x0, y0, x1, y1, count = groups[0]
@@ -202,7 +202,7 @@ def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> floa
 
 
 def _busy_share(mask: Array) -> float:
-    """Return the share of 16 x 16 tiles of the frame that hold edges: small for black space, large for the Earth."""
+    """Return the share of 16 x 16 tiles of the frame with edges: small for black space, large for the Earth."""
     h, w = mask.shape
     th, tw = h // 16, w // 16
     if not th or not tw:

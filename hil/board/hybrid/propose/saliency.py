@@ -1,7 +1,7 @@
-"""Saliency of the target before a textured background: a small network on local measures of texture.
+"""Saliency of the target in front of a textured background: a small network on local texture measures.
 
-Before an Earth full of clouds no single measure tells a spacecraft. Brightness, edges, their straightness and long
-segments, each at several scales, do together: two layers trained on rendered images weigh them.
+No single measure separates a spacecraft from a cloudy Earth. Brightness, edge strength, straightness and long segments
+at several scales do so together, weighted by two layers trained on rendered images.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flyaround.hil.board.svd.region_of_interest import Box, overlap
 
 Array = np.ndarray
 
-# Pixels of the reduced image in a cell, each way; scales of the measures [cells].
+# Side of a cell [px of the reduced image], and scales of the measures [cells].
 CELL_PX = 2
 REACHES = (3, 7, 15, 31)
 
@@ -36,7 +36,7 @@ WEIGHTS = "saliency.npz"
 
 @dataclass(frozen=True, eq=False)
 class SaliencyWeights:
-    """Weights of two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
+    """Network weights of two layers: mean and scale of the measures (F,), then (F, H), (H,), (H,), bias."""
 
     mean: Array
     scale: Array
@@ -47,7 +47,7 @@ class SaliencyWeights:
 
     @staticmethod
     def read(file: Union[str, BinaryIO]) -> SaliencyWeights:
-        """Read an ``.npz`` file."""
+        """Read the weights from an ``.npz`` file."""
         with np.load(file) as f:
             return SaliencyWeights(
                 f["mean"],
@@ -61,8 +61,8 @@ class SaliencyWeights:
 
 @lru_cache(maxsize=1)
 def shipped_weights() -> Optional[SaliencyWeights]:
-    """Return the weights of this package, None if the installation lacks them."""
-    # a bundle is a zip file: its members are read through the importer
+    """Return the shipped weights; None if the installation lacks them."""
+    # a bundle is a zip file, so its members are read through the importer
     data = pkgutil.get_data("flyaround.hil.board.hybrid.propose", WEIGHTS)
     return None if data is None else SaliencyWeights.read(io.BytesIO(data))
 
@@ -82,9 +82,9 @@ def measures(
     noise : float
         Standard deviation of its noise.
     segments : (N, 4) array, optional
-        Its ``straight_segments``, if computed before.
+        Result of ``straight_segments``, if known.
     slopes : tuple of array, optional
-        Its gradient, if computed before.
+        Gradient of the image, if known.
     """
     top = max(float(np.percentile(small[::4, ::4], 99.5)), 8.0 * noise)
     level = np.sqrt(np.clip(small / top, 0.0, 1.5))
@@ -120,7 +120,7 @@ def _cells(layer: Array, w: int, h: int) -> Array:
 
 
 def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
-    """Return the coherence of the gradient about a cell: 1 along a straight edge, 0 in texture."""
+    """Return the coherence of the gradient around a cell: 1 along a straight edge, 0 in texture."""
     xx, yy = gx * gx, gy * gy
     energy = xx + yy
     weight = np.minimum(energy, (20 * sigma) ** 2)
@@ -132,7 +132,7 @@ def _straightness(gx: Array, gy: Array, sigma: float, w: int, h: int) -> Array:
 
 
 def straight_segments(small: Array) -> Array:
-    """Return the straight segments (N, 4) of the reduced image, from five pixels on."""
+    """Return the straight segments (N, 4) of the reduced image, at least ``SEGMENT_PX`` long."""
     return lsd_stream(cv2.GaussianBlur(small, (0, 0), 0.8), SEGMENT_PX)
 
 
@@ -190,7 +190,8 @@ def saliency_map(
 def boxes(probability: Array, most: int = 4) -> List[Box]:
     """Return boxes around the most salient regions, best first [cells].
 
-    At several thresholds, because a craft half in shadow breaks up at a high one and joins a cloud at a low one.
+    Several thresholds are used, because a half-shadowed target breaks up at a high one and merges with clouds at a low
+    one.
     """
     smooth = cv2.GaussianBlur(probability.astype(np.float32), (0, 0), 1.0)
     candidates: List[Tuple[float, Box]] = []
@@ -202,7 +203,7 @@ def boxes(probability: Array, most: int = 4) -> List[Box]:
             if area < 6 or min(bw, bh) < 2:
                 continue
             inside = smooth[y : y + bh, x : x + bw][labels[y : y + bh, x : x + bw] == k]
-            # evidence within the box, minus a penalty for the area without
+            # probability within the box, with a penalty for area
             score = float((inside - 0.3).sum()) / float(np.sqrt(bw * bh))
             candidates.append((score, (float(x), float(y), float(x + bw), float(y + bh))))
     candidates.sort(key=lambda f: -f[0])

@@ -1,6 +1,6 @@
-"""Viewpoint templates: views of the target fitted to a region, scored by directional chamfer distance.
+"""Viewpoint templates: views of the target fitted to a region and scored by directional chamfer distance.
 
-A few hundred directions times in-plane turns (Shotton et al. 2008; Liu et al. 2010).
+A few hundred directions times in-plane rotations (Shotton et al. 2008; Liu et al. 2010).
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ def match_views(
 ) -> Tuple[Array, Array, Array]:
     """Return poses of the best views fitted to the region: q (B, 4), t (B, 3), cost (B,).
 
-    Each turned view is scaled to cover the region, and moved to either end if its shape leaves room: a part in shadow
-    makes the region too small, never too large.
+    Each rotated view is scaled to cover the region, and shifted to either end if its shape leaves room: parts in shadow
+    make the region too small, never too large.
 
     Parameters
     ----------
     table : ViewTable
-        The views.
+        View table.
     field : EdgeField
         Edges of the region.
     region : Region
-        The region.
+        Image region.
     camera : CameraIntrinsics
-        Intrinsics.
+        Intrinsics of the camera.
     centre_m : (3,) array
         Centre of the target, target frame [m].
     keep : int
@@ -49,7 +49,7 @@ def match_views(
     bw, bh = box[..., 2] - box[..., 0], box[..., 3] - box[..., 1]
     sw, sh = rw / np.maximum(bw, 1e-6), rh / np.maximum(bh, 1e-6)
     cover, middle = np.maximum(sw, sh), np.sqrt(sw * sh)
-    # skip views whose shape cannot be the region's, even with a part in shadow
+    # skip views whose aspect ratio cannot be the region's, even with a part in shadow
     ratio = np.maximum(sw / sh, sh / sw)
     v_all, k_all = np.nonzero(ratio < 2.2)
     cap = 0.12 * max(w, h)
@@ -118,7 +118,7 @@ def _poses(
         [(u - camera.cx_px) / camera.fx_px, (w - camera.cy_px) / camera.fy_px, np.ones(len(u))], -1
     )
     t_centre = ray * depth[:, None]
-    # the view looks straight at the target: rotate it to the ray
+    # the view looks straight at the target: rotate it to the line of sight
     zero = np.zeros(len(v))
     Rz = quat.matrix(quat.from_rotvec(np.stack([zero, zero, turn], axis=-1)))
     d = ray / np.linalg.norm(ray, axis=1, keepdims=True)

@@ -16,7 +16,7 @@ from flyaround.hil.board.hybrid.native.library import library
 
 Array = np.ndarray
 
-# Rotations [deg, camera axes] and scales of the range from which alignment on edges is repeated.
+# Rotations [deg, camera axes] and range factors at which edge alignment restarts.
 NEIGHBOURS = (
     ((10.0, 0.0, 0.0), 1.0),
     ((-10.0, 0.0, 0.0), 1.0),
@@ -29,13 +29,13 @@ NEIGHBOURS = (
 # Half turns about the model's x and y axes, near-symmetries of a box.
 HALF_TURNS = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
-# Number of tilts, and their angle [rad]: near minima of a nearly flat target lie 5 to 17 deg apart
+# Number of tilts, and their angle [rad]: local minima of a nearly flat target lie 5 to 17 deg apart
 # (docs/svd_results.md).
 TILTS, TILT_RAD = 6, float(np.radians(12.0))
 
 
 def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.0) -> List[Hypothesis]:
-    """Return starts around good poses: edges come in pairs, and an alignment may have locked on the wrong one."""
+    """Return starts around good poses: edges come in pairs, and alignment may have locked on the wrong one."""
     out = []
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
@@ -46,7 +46,7 @@ def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.
 
 
 def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypothesis]:
-    """Return near-symmetries, half turns, and the half turn in the image of good poses."""
+    """Return near-symmetries of good poses, half turns, and half turns about the line of sight."""
     out = []
     for h in best:
         centre = quat.matrix(h.q) @ target.centre_m + h.t
@@ -54,13 +54,13 @@ def near_symmetries(target: PreparedTarget, best: List[Hypothesis]) -> List[Hypo
         others = [quat.multiply(h.q, s) for s in (*target.model.symmetry_wxyz, *HALF_TURNS)]
         for other in (*others, quat.multiply(sight, h.q)):
             q = quat.normalise(other)
-            # the centre stays where it was seen
+            # keep the centre in place
             out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))
     return out
 
 
 def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
-    """Return a pose tilted to every side, about axes perpendicular to the line of sight; the centre keeps its place."""
+    """Return a pose tilted about axes perpendicular to the line of sight, with its centre in place."""
     centre = quat.matrix(h.q) @ target.centre_m + h.t
     sight = centre / np.linalg.norm(centre)
     across = np.cross(sight, np.eye(3)[int(np.argmin(np.abs(sight)))])
@@ -76,10 +76,9 @@ def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
 def over_its_image(
     target: PreparedTarget, patch: ImagePatch, variants: List[Hypothesis], held: Hypothesis
 ) -> List[Hypothesis]:
-    """Return poses moved across the line of sight so that their silhouettes have the centroid of that of ``held``.
+    """Return poses shifted across the line of sight until their silhouettes' centroids match that of ``held``.
 
-    A rotation about the centre of the bounding sphere displaces the silhouette if an antenna or a panel is on one side:
-    by 27 px of 200 for a half turn of Tango.
+    A rotation about the centre of the bounding sphere displaces the silhouette if an antenna or a panel is on one side.
     """
     middle = _middle(target, patch, held)
     out = []

@@ -1,1 +1,1 @@
-"""Tracking: after an accepted pose, each frame is aligned on the edges near their predicted places."""
+"""Tracking: after an accepted pose, each frame is aligned on edges near their predicted positions."""

@@ -1,4 +1,4 @@
-"""Alignment of a predicted pose on profiles across the model's visible edges, without a search of regions."""
+"""Alignment of a predicted pose on search profiles across the model's visible edges."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from flyaround.hil.board.svd.refinement import gauss_newton_step, parameter_scal
 
 Array = np.ndarray
 
-# Variance over that of as many independent samples, because neighbouring samples and frames share their errors: those
-# on ``tango-flyaround`` have the median of chi-square.
+# Covariance inflation, because neighbouring samples and successive frames share their errors: with it, the errors on
+# ``tango-flyaround`` have the median of chi-square.
 SHARED = 12.0
 
-# Edge samples of a frame, and pixels to either side that are averaged along an edge.
+# Edge samples per frame, and pixels averaged along an edge to either side.
 SAMPLES, ALONG = 220, 2
 
-# Edges kept of a profile: the model's own may not be the strongest.
+# Edge candidates kept per profile, because the model's own edge may not be the strongest.
 CANDIDATES = 3
 
-# Half length of a profile and of the derivative's kernel [px of the reduced image].
+# Half length of a profile and of the derivative kernel [px of the reduced image].
 REACH, KERNEL = 12, 2
 
-# Distance that a stronger edge may be farther off, per sigma of strength [px].
+# Additional distance at which a stronger edge is preferred, per sigma of strength [px].
 STRENGTH = 0.04
 
 # Least strength of an edge [sigma of the noise].
 STRONG = 4.5
 
-# Gauss-Newton steps at each reduction.
+# Gauss-Newton iterations at each reduction.
 STEPS = 6
 
-# The derivative of a Gaussian of one pixel, for unit steps.
+# Derivative of a Gaussian of one pixel, normalised to a unit step.
 _DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534 * 1.0
 
 
@@ -50,18 +50,22 @@ class TrackFit:
 
     Parameters
     ----------
-    q, t : (4,), (3,) array
-        The pose, camera from target.
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     covariance : (6, 6) array
         Covariance of rotation [rad] and translation [m], camera axes.
-    found, near : float
-        Share of the visible samples with an edge near the model's, and with one within a pixel.
+    found : float
+        Share of the visible samples with an image edge nearby.
+    near : float
+        Share of the visible samples with an image edge within a pixel.
     rms_px : float
-        RMS of the used residuals.
+        RMS of the inlier residuals [px].
     used : int
-        Their number.
+        Number of inliers.
     polarity : (S,) array
-        Sign and reliability of each sample's edge, -1..1: brighter along the normal or against it.
+        Sign and reliability of each sample's edge, -1..1: positive if it is brighter along the normal.
     """
 
     q: Array
@@ -91,30 +95,32 @@ def track_edges(
     *,
     empty: bool = False,
 ) -> Optional[TrackFit]:
-    """Align a pose on the edges within ``reach_px`` of the model's; return None if nothing is visible.
+    """Align a pose on edges within ``reach_px`` of the model's edges; return None if nothing is visible.
 
     Parameters
     ----------
     target : PreparedTarget
         Target with its precomputed tables.
     image : (H, W) array
-        Uint8 or uint16.
+        Image, uint8 or uint16.
     noise : float
-        Standard deviation of its noise.
-    q, t : (4,), (3,) array
-        Predicted pose.
+        Standard deviation of the image noise.
+    q : (4,) array
+        Predicted attitude quaternion, camera from target.
+    t : (3,) array
+        Predicted target position, camera frame [m].
     reach_px : float
-        Reach of the search [px].
+        Search range [px].
     polarity : (S,) array
         See `TrackFit`.
     empty : bool
-        True if the background is empty space, darker than the craft.
+        True if the background is empty space, darker than the target.
 
     Notes
     -----
-    RAPID's one-dimensional search (Harris & Stennett 1990) with several candidates kept for each sample, so
-    that the pose as a whole chooses between the parallel edges of a frame (Vacchetti et al. 2004). First on a
-    reduced picture as far as the prediction may be off, then at full resolution.
+    RAPID's one-dimensional search (Harris & Stennett 1990), with several candidates kept for each sample so that the
+    pose as a whole chooses between the parallel edges of a frame (Vacchetti et al. 2004). It runs first on a reduced
+    image over the range of the prediction error, then at full resolution.
     """
     R = quat.matrix(q)
     visible, _ = visible_samples(target.samples, target.occ, -R.T @ t)
@@ -126,7 +132,7 @@ def track_edges(
     fit: Optional[TrackFit] = None
     factors = (max(1, int(np.ceil(reach_px / REACH))), 1)
     for factor in dict.fromkeys(factors):
-        # the reduced picture blurs less in its own pixels: fewer iterations and a wider loss
+        # at the coarse scale: fewer iterations and a wider loss
         fit = _one_scale(target, image, noise, q, t, idx, factor, polarity)
         if fit is None:
             return None
@@ -135,9 +141,9 @@ def track_edges(
 
 
 def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
-    """Return the expected polarity (S,) of outlines before empty space, -0.5..0.5 along the projected normal.
+    """Return the expected polarity (S,) of outlines in front of empty space, -0.5..0.5 along the projected normal.
 
-    It counts half, because another part of the craft may lie behind an outline.
+    The magnitude is 0.5, because another part of the target may lie behind an outline.
     """
     C = -R.T @ t
     idx = np.arange(len(samples))[None]
@@ -149,7 +155,7 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
     round_member = samples.radius_m != 0
     grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
     outward = np.where(round_member[:, None], grazed, outward)
-    # the projected normal is the projected tangent turned by a quarter: its sense in space is sight x tangent
+    # the projected normal is the projected tangent rotated by 90 degrees: its sense in space is sight x tangent
     n = cross(T, sight)
     side = np.sign(np.einsum("sj,sj->s", outward, n))
     return np.asarray(np.where(turned_away | round_member, -0.5 * side, 0.0))
@@ -211,13 +217,15 @@ def _edge_candidates(
     image : (H, W) array
         The image.
     noise : float
-        Standard deviation of its noise.
-    at, n : (M, 2) array
-        Samples and their normals on the image.
+        Standard deviation of the image noise.
+    at : (M, 2) array
+        Samples [px].
+    n : (M, 2) array
+        Unit normals of the projected edges.
     factor : int
         Reduction of the image.
     polarity : (M,) array
-        Polarity of each sample's edge in the frames before.
+        Polarity of each sample's edge in earlier frames.
     """
     crop = _crop(image, at, factor * (REACH + KERNEL + 2))
     if crop is None:
@@ -228,27 +236,27 @@ def _edge_candidates(
         small = cv2.resize(small[: h * factor, : w * factor], (w, h), interpolation=cv2.INTER_AREA)
     profile = _profiles(np.asarray(small, np.float32), ((at - (x0, y0)) + 0.5) / factor - 0.5, n)
     offset, strength = _peaks(profile, noise / factor)
-    # a candidate of the other polarity is another edge
+    # a candidate of opposite polarity belongs to another edge
     sign = np.sign(strength)
     strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
     return np.where(strength > STRONG, offset * factor, np.nan), strength, sign
 
 
 def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tuple[Array, Array, Array]:
-    """Return residual [px], weight and number of the candidate chosen for each sample, in iteration ``k``.
+    """Return residual [px], weight and index of the selected candidate of each sample, in iteration ``k``.
 
     Parameters
     ----------
     gaps : (M, CANDIDATES) array
-        Distance from the model's edge to each candidate [px], NaN if there is none.
+        Distance from the model's edge to each candidate [px]; NaN if there is none.
     strength : (M, CANDIDATES) array
         Strength of each candidate [sigma].
     factor : int
         Reduction of the image.
     k : int
-        Number of the iteration.
+        Index of the iteration.
     """
-    # distance counts first, but a faint near edge does not beat a clear one a little farther off
+    # the nearest edge is preferred, unless it is faint and a clear one is little farther away
     cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
     choice = cost.argmin(axis=1)
     r = gaps[np.arange(len(gaps)), choice]
@@ -270,7 +278,7 @@ def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int,
 
 
 def _profiles(image: Array, at: Array, n: Array) -> Array:
-    """Return the derivative (M, 2 REACH + 1) across the edge at each sample, averaged along it."""
+    """Return the derivative (M, 2 REACH + 1) across the edge at each sample, averaged along the edge."""
     k = np.arange(-(REACH + KERNEL), REACH + KERNEL + 1, dtype=np.float32)
     along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
     s = np.arange(-ALONG, ALONG + 1, dtype=np.float32) * 1.2
@@ -304,7 +312,7 @@ def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
 
 
 def _profile_noise() -> float:
-    """Return the noise of the derivative for white noise of unit variance, through the same sampling."""
+    """Return the noise of the derivative for white noise of unit variance after the same sampling."""
     rng = np.random.default_rng(3)
     field = rng.standard_normal((96, 96)).astype(np.float32)
     angle = rng.uniform(0, 2 * np.pi, 200)

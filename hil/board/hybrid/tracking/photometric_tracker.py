@@ -1,4 +1,4 @@
-"""Photometric alignment while tracking: a synthetic view with cast shadows, the Sun near its last direction."""
+"""Photometric alignment during tracking: a synthetic view with cast shadows, the Sun near its last direction."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from flyaround.hil.board.hybrid.refine.shadows import search_sun
 Array = np.ndarray
 Pose = Tuple[Array, Array]
 
-# Longest side of the drawing [px], and the blur of each step.
+# Longest side of the rendering [px], and the blur of each alignment step [px].
 PICTURE_PX, BLURS = 120, (1.2, 0.6)
 
-# Least gain of score by another pose than the most likely: a drawing this small hardly resolves a tilt of 5 deg.
+# Least score gain by which a candidate replaces the most likely pose: a rendering this small hardly resolves 5 deg.
 WORTH = 0.02
 
-# Variance over that of ``photo_step``, whose is of poses from any start; those here are nearly right (fly-arounds of
-# Tango at 7 to 11 m, three starts).
+# Factor on the covariance of ``photo_step``, which is calibrated for arbitrary starts; predicted poses are closer
+# (fly-arounds of Tango at 7 to 11 m).
 HELD = 0.6
 
-# Side of the shadow map [px], and angle between the last direction of the Sun and its alternatives [rad]: the camera
-# of a fly-around turns by a degree or two each frame.
+# Side of the shadow map [px], and angle between the last Sun direction and its alternatives [rad]: in a fly-around the
+# camera turns by one or two degrees per frame.
 SUN_PX, SUN_STEP_RAD = 96, float(np.radians(4.0))
 
 
@@ -43,9 +43,9 @@ class PhotometricTrack:
     Parameters
     ----------
     fit : PoseFit
-        The pose.
+        Aligned pose.
     sun : (3,) array, optional
-        Direction to the Sun, camera axes; None if no shadows are visible.
+        Unit vector to the Sun, camera axes; None if no shadows are visible.
     """
 
     fit: PoseFit
@@ -53,7 +53,7 @@ class PhotometricTrack:
 
 
 def find_sun(craft: PreparedTarget, frame: Observation, pose: Pose) -> Optional[Array]:
-    """Return the direction (3,) to the Sun, camera axes, by the shadows at a pose; None if none explain the image."""
+    """Return the direction (3,) to the Sun, camera axes, from the shadows at a pose; None if none explain the image."""
     if craft.model.faces is None:
         return None
     sun = search_sun(craft, _patch(craft, frame, pose), *pose).sun
@@ -68,7 +68,7 @@ def align_photometrically(
     *,
     follow_sun: bool = True,
 ) -> PhotometricTrack:
-    """Return the pose whose synthetic view explains the image best, refined on it.
+    """Return the pose whose synthetic view explains the image best, refined.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ def align_photometrically(
     frame : Observation
         Image with its noise and background.
     poses : tuple of pose
-        Candidates, the most likely first: locked on wrong edges, alignment leaves a good prediction; and after a
-        change of rates the prediction is wrong.
+        Candidates, most likely first. Both the edge-aligned and the predicted pose are needed: alignment may lock on
+        wrong edges, and the prediction is wrong after a change of rates.
     sun : (3,) array, optional
-        Direction to the Sun of the last call.
+        Sun direction from the previous call.
     follow_sun : bool
-        Search the Sun beside that direction as well.
+        Search around that direction as well.
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
     patch = _patch(craft, frame, poses[0])
@@ -107,16 +107,16 @@ def align_photometrically(
 
 
 def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
-    """Return the patch about a pose."""
+    """Return the patch around a pose."""
     return replace(cut_patch(craft, frame, target_box(craft, *pose), PICTURE_PX), exact=True)
 
 
 def _followed_sun(
     craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
 ) -> Tuple[ShadowMap, Shading]:
-    """Return the Sun, or a direction beside it whose shadows explain the image better, and the view with these.
+    """Return a Sun direction whose shadows explain the image at least as well, and the view shaded with it.
 
-    The four sides are tried until one helps.
+    Four neighbouring directions are tried until one is better.
     """
     best = explained(drawn, patch)
     for k in range(4):

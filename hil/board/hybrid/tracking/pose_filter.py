@@ -1,4 +1,4 @@
-"""A multiplicative extended Kalman filter on the target's pose in the camera frame and its rates."""
+"""Multiplicative extended Kalman filter of the target's pose in the camera frame and its rates."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from flyaround.hil.board.estimation import quaternion as quat
 
 Array = np.ndarray
 
-# Process noise: angular [rad s-2] and linear [m s-2] acceleration, one sigma.
+# Process noise, one sigma: angular [rad s-2] and linear [m s-2] acceleration.
 TURN_ACCELERATION, SHIFT_ACCELERATION = 0.01, 0.02
 
-# Initial sigma of the rates [rad/s, m/s].
+# Initial one-sigma errors of the rates [rad/s, m/s].
 FIRST_TURN_RATE, FIRST_SHIFT_RATE = float(np.radians(6.0)), 0.3
 
 
@@ -23,10 +23,14 @@ class TrackState:
 
     Parameters
     ----------
-    q, t : (4,), (3,) array
-        The pose: ``x_camera = R(q) x_target + t``.
-    w, v : (3,) array
-        Angular rate [rad/s] and velocity [m/s], camera axes.
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
+    w : (3,) array
+        Angular rate, camera axes [rad/s].
+    v : (3,) array
+        Velocity, camera axes [m/s].
     P : (12, 12) array
         Covariance of rotation, translation, angular rate and velocity, camera axes.
     """
@@ -39,14 +43,16 @@ class TrackState:
 
 
 def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
-    """Return the state after one pose; its rates are unknown.
+    """Return the state after a first pose; its rates are unknown.
 
     Parameters
     ----------
-    q, t : (4,), (3,) array
-        Pose of the target: quaternion and position [m].
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
     covariance : (6, 6) array
-        Its covariance.
+        Covariance of rotation and translation.
     """
     P = np.zeros((12, 12))
     P[:6, :6] = covariance
@@ -56,16 +62,17 @@ def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
 
 
 def predict(state: TrackState, dt_s: float) -> TrackState:
-    """Return the state ``dt_s`` later: constant rates, white accelerations.
+    """Return the state ``dt_s`` later: constant rates, white-noise accelerations.
+
+    The attitude error is a small rotation that multiplies the attitude.
 
     References
     ----------
-    Lefferts, Markley & Shuster (1982), Kalman filtering for spacecraft attitude estimation, J. Guidance 5(5): the
-    attitude's error is a small turn that multiplies it.
+    Lefferts, Markley & Shuster (1982), Kalman filtering for spacecraft attitude estimation, J. Guidance 5(5).
     """
     turn = quat.from_rotvec(state.w * dt_s)
     F = np.eye(12)
-    # an error of the attitude turns with it
+    # the attitude error rotates with the attitude
     F[:3, :3] = quat.matrix(turn)
     F[:3, 6:9] = np.eye(3) * dt_s
     F[3:6, 9:] = np.eye(3) * dt_s
@@ -85,7 +92,7 @@ def predict(state: TrackState, dt_s: float) -> TrackState:
 
 
 def innovation(state: TrackState, q: Array, t: Array) -> Array:
-    """Return rotation and translation (6,) from the state's pose to a measured one, camera axes."""
+    """Return the rotation and translation (6,) from the state's pose to a measured one, camera axes."""
     d = quat.normalise(quat.multiply(q, state.q * (1.0, -1.0, -1.0, -1.0)))
     size = float(np.linalg.norm(d[1:]))
     turn = d[1:] * (2 * np.arctan2(size, float(d[0])) / size if size > 1e-12 else 2.0)
@@ -93,12 +100,12 @@ def innovation(state: TrackState, q: Array, t: Array) -> Array:
 
 
 def update(state: TrackState, q: Array, t: Array, covariance: Array) -> "tuple[TrackState, float]":
-    """Return the state updated with a pose, and the innovation's squared Mahalanobis length (6 degrees of freedom).
+    """Return the state updated with a pose, and the squared Mahalanobis distance of the innovation (6 DOF).
 
     Parameters
     ----------
     covariance : (6, 6) array
-        Of the measured pose.
+        Covariance of the measured pose.
     """
     y = innovation(state, q, t)
     S = state.P[:6, :6] + covariance
@@ -106,7 +113,7 @@ def update(state: TrackState, q: Array, t: Array, covariance: Array) -> "tuple[T
     x = K @ y
     I_KH = np.eye(12)
     I_KH[:, :6] -= K
-    # Joseph's form stays symmetric and positive
+    # Joseph form: stays symmetric and positive
     P = I_KH @ state.P @ I_KH.T + K @ covariance @ K.T
     return (
         TrackState(

@@ -1,4 +1,4 @@
-"""The method ``hybrid-track``: ``hybrid`` until a pose is accepted, then edges and a filter, frame to frame."""
+"""Method ``hybrid-track``: ``hybrid`` until a pose is accepted, then edge tracking with a filter."""
 
 from __future__ import annotations
 
@@ -31,56 +31,56 @@ from flyaround.hil.board.method_names import HYBRID_TRACK
 
 Array = np.ndarray
 
-# Time between frames if the caller gives none [s].
+# Default time between frames [s].
 FRAME_S = 1.0
 
-# Largest reach of the edge search, beyond which the target is initialised instead, and least reach [px].
+# Largest search range of edges, beyond which the target is initialised again, and least range [px].
 WIDEST_PX, NARROWEST_PX = 60.0, 6.0
-
-# Sigma of an initialisation: attitude [rad], position across and along the line of sight over range.
+# One-sigma errors of an initialisation: attitude [rad], position across and along the line of sight [share of range].
 FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
-
-# Least share of edges, least number, largest RMS and least confidence of a fit that is accepted.
+# Criteria for an accepted fit: least share of edges, least number of edges, largest RMS, least confidence.
 LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
-# Confidence below which, and sigma of the attitude above which [rad], the synthetic view is compared as well: the
-# edges of a single visible face determine its tilt badly.
+# Confidence below which, and attitude sigma above which [rad], the synthetic view is compared as well, because the
+# edges of a single visible face constrain its tilt weakly.
 SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
 
-# Sigma of the predicted attitude above which it cannot detect a lock on wrong edges [rad], as long as the rates are
+# Sigma of the predicted attitude above which it cannot detect a lock on wrong edges [rad], while the rates are
 # uncertain.
 UNFORESEEN_RAD = float(np.radians(1.8))
 
-# Squared Mahalanobis length of an innovation above which the synthetic view is compared: 95 % of chi-square.
+# Squared Mahalanobis distance of an innovation above which the synthetic view is compared: 95 % of chi-square.
 SURPRISE = 12.6
 
-# Most frames in a row by edges alone, because the synthetic view detects their drift.
+# Largest number of successive frames tracked by edges alone; the synthetic view detects their drift.
 ALONE = 5
 
-# Angle between edges and prediction below which these are not compared [rad]; alignments per search of the Sun.
+# Angle between edge fit and prediction below which these are not compared [rad]; alignments per search of the Sun.
 NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
 
-# Gate of the innovation: 99.99 % of chi-square with 6 degrees of freedom.
+# Innovation gate: 99.99 % of chi-square with 6 degrees of freedom.
 GATE = 27.9
 
-# Log-likelihood by which the keypoint network must prefer another pose for the track to be lost.
+# Log-likelihood by which the keypoint network must prefer another pose for the track to be dropped.
 DISBELIEVED = 6.0
 
-# Most frames in a row without a good fit that the filter bridges.
+# Largest number of successive frames without a good fit that the filter bridges.
 COAST = 2
 
 
 class TrackingEstimator(Estimator):
-    """Estimator that follows the target through the frames of a sequence.
+    """Estimator that tracks the target through the frames of a sequence.
 
     Parameters
     ----------
-    model, camera
+    model : BoardModel
+        See `Estimator`.
+    camera : CameraIntrinsics
         See `Estimator`.
 
     Notes
     -----
-    Frames must come in the order of exposure; a ``t_s`` that does not increase begins a new sequence.
+    Frames must come in order of exposure; a ``t_s`` that does not increase starts a new sequence.
     """
 
     method = HYBRID_TRACK
@@ -94,7 +94,7 @@ class TrackingEstimator(Estimator):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the target."""
+        """Drop the track."""
         self.state: Optional[TrackState] = None
         self.at_s: Optional[float] = None
         self.polarity = np.zeros(len(self.craft.samples))
@@ -106,12 +106,12 @@ class TrackingEstimator(Estimator):
 
     def estimate(
         self,
-        image: Any,  # noqa: ANN401 - as Estimator
+        image: Any,  # noqa: ANN401 - see Estimator.estimate
         trace: Optional[Trace] = None,
         t_s: Optional[float] = None,
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
-        """Estimate the pose as ``Estimator.estimate`` does; ``t_s`` defaults to ``FRAME_S`` after the last frame."""
+        """Estimate the pose like ``Estimator.estimate``; ``t_s`` defaults to ``FRAME_S`` after the last frame."""
         if t_s is not None and not np.isfinite(t_s):
             t_s = None
         dt = FRAME_S if t_s is None or self.at_s is None else t_s - self.at_s
@@ -137,7 +137,7 @@ class TrackingEstimator(Estimator):
         return self._initialise(frame)
 
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
-        """Return the pose by tracking; None if the track is lost."""
+        """Return the tracked pose; None if the track is lost."""
         fit = self._by_edges(frame, state)
         if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
             return None
@@ -152,7 +152,7 @@ class TrackingEstimator(Estimator):
             q, t, covariance = self._by_picture(frame, state, fit)
             if self._disbelieved(frame, q, t):
                 return None
-            # edges that the image contradicts update no polarity, and do not count in the next frame
+            # edges that the image contradicts must not update the polarity used in the next frame
             if distance_of(fit, q, t) > SURPRISE:
                 polarity, alone = self.polarity, ALONE
             else:
@@ -170,7 +170,7 @@ class TrackingEstimator(Estimator):
         )
 
     def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
-        """Return the predicted pose aligned on edges near it; None if the prediction is too uncertain or too near."""
+        """Return the predicted pose aligned on edges; None if it is too uncertain or the target too near."""
         craft, reach = self.craft, self._reach(state)
         if reach is None or state.t[2] < 1.2 * craft.radius_m:
             return None
@@ -186,9 +186,9 @@ class TrackingEstimator(Estimator):
     def _by_picture(
         self, frame: Observation, state: TrackState, edges: TrackFit
     ) -> "tuple[Array, Array, Array]":
-        """Return a pose aligned on the synthetic view, and its covariance.
+        """Return the pose aligned on the synthetic view, and its covariance.
 
-        The edges of a craft that shows one lit face let a pose drift a little in each frame, with small residuals.
+        If only one face is lit, a pose aligned on edges drifts a little in each frame, with small residuals.
         """
         if self.empty:
             frame.background = float(np.median(self._strip(frame.image, state.t)))
@@ -210,7 +210,7 @@ class TrackingEstimator(Estimator):
         return track.fit.q, track.fit.t, track.fit.covariance
 
     def _disbelieved(self, frame: Observation, q: Array, t: Array) -> bool:
-        """Return True if the keypoint network sees the craft in another pose."""
+        """Return True if the keypoint network prefers another pose."""
         learned = self.first.setup.learned
         if learned is None:
             return False
@@ -231,13 +231,13 @@ class TrackingEstimator(Estimator):
         return replace(result, method=self.method)
 
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
-        """Update with an initialisation: a second one that agrees gives the rates, one that does not begins anew."""
+        """Update with an initialisation. A second one that agrees gives the rates; otherwise tracking restarts."""
         z = float(t[2])
         covariance = np.diag([FIRST_RAD] * 3 + [FIRST_ACROSS * z] * 2 + [FIRST_ALONG * z]) ** 2
         if self.state is not None:
             after, distance = update(self.state, q, t, covariance)
             if distance < GATE:
-                # a declined pose at its predicted place is right
+                # a declined pose near the prediction is correct
                 self.state, self.missed = after, 0
                 return
         if accepted:
@@ -245,7 +245,7 @@ class TrackingEstimator(Estimator):
             self.polarity = np.zeros(len(self.craft.samples))
 
     def _reach(self, state: TrackState) -> Optional[float]:
-        """Return the reach of the edge search: three sigma of the prediction [px]; None if that is too far."""
+        """Return the search range of edges, three sigma of the prediction [px]; None if it is too large."""
         z = max(float(state.t[2]), self.craft.radius_m)
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         turn = float(np.sqrt(np.trace(state.P[:3, :3]) / 3)) * self.craft.radius_m
@@ -255,13 +255,13 @@ class TrackingEstimator(Estimator):
         return None if reach > WIDEST_PX else max(reach, NARROWEST_PX)
 
     def _noise(self, image: Array, state: TrackState) -> float:
-        """Return the noise around the target, measured on a strip of the frame."""
+        """Return the noise around the target, measured on a strip of the image."""
         full_scale = 255.0 if image.dtype == np.uint8 else float(image.max())
         centre = quat.matrix(state.q) @ self.craft.centre_m + state.t
         return max(noise_sigma(self._strip(image, centre), full_scale), 0.15 * full_scale / 255)
 
     def _strip(self, image: Array, at_m: Array) -> Array:
-        """Return 96 rows of the image about a point (3,), camera axes."""
+        """Return 96 rows of the image around a point (3,), camera axes."""
         v = float(self.camera.pixels(at_m)[1])
         h = image.shape[0]
         y0 = int(np.clip(v - 48, 0, max(0, h - 96)))
@@ -269,15 +269,15 @@ class TrackingEstimator(Estimator):
 
 
 def distance_of(fit: TrackFit, q: Array, t: Array) -> float:
-    """Return the squared Mahalanobis distance of another pose from one aligned on edges, by the latter's covariance."""
+    """Return the squared Mahalanobis distance of a pose from one aligned on edges, by the latter's covariance."""
     off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
     return float(off @ np.linalg.solve(fit.covariance, off))
 
 
 def track_confidence(fit: TrackFit) -> float:
-    """Return a confidence 0..1 from the share of samples with an edge, and with one within a pixel.
+    """Return a confidence 0..1 from the share of samples with an edge, and the share with one within a pixel.
 
-    A logistic function set on 60 frames of ``tango-flyaround``.
+    A logistic function fitted on ``tango-flyaround``.
     """
     z = 14.0 * (fit.near - 0.33) + 8.0 * (fit.found - 0.48) - max(0.0, fit.rms_px - 1.0)
     return float(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30))))

@@ -1,1 +1,1 @@
-"""The keypoint network: crops of an image, distributions of keypoints in them, poses from the distributions."""
+"""Keypoint network: image crops, keypoint distributions in them, and poses from the distributions."""

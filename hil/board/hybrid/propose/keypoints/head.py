@@ -1,6 +1,6 @@
-"""The head of one craft: from the trunk's features to distributions of its keypoints, in NumPy; its file.
+"""Keypoint head of one target, in NumPy: from the trunk's features to keypoint distributions; its file format.
 
-The file is an ``.npz`` of half-precision arrays and a JSON sheet, read as one that anybody may have written.
+The file is an ``.npz`` archive of half-precision arrays with JSON metadata, and is treated as untrusted input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = np.ndarray
 
 SCHEMA, VERSION = "flyaround.keypoint_head", 1
 
-# Channels and side of the trunk's features; maps of a keypoint, and units between them and its bins.
+# Channels and side of the trunk's features; feature maps per keypoint, and hidden units.
 FEATURES, CELLS, MAPS, HIDDEN = 192, 8, 4, 128
 
 SHAPES: Dict[str, Tuple[int, ...]] = {
@@ -36,24 +36,24 @@ SHAPES: Dict[str, Tuple[int, ...]] = {
     "keypoints_m": (KEYPOINTS, 3),
 }
 
-# Largest file, unpacked [bytes].
+# Largest unpacked size [bytes].
 MOST_BYTES = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class KeypointHead:
-    """Weights of a craft's head.
+    """Weights of a target's keypoint head.
 
     Parameters
     ----------
     craft : str
-        Name of the craft that it was trained for.
+        Name of the target that it was trained for.
     trunk_sha256 : str
-        Hash of the trunk that it was trained on.
+        Hash of the trunk that it was trained with.
     keypoints_m : (KEYPOINTS, 3) array
         Keypoints that it locates, target frame [m].
     weights : dict of str to array
-        As of ``SHAPES``, float32.
+        Arrays listed in ``SHAPES``, float32.
     """
 
     craft: str
@@ -62,14 +62,14 @@ class KeypointHead:
     weights: Dict[str, Array]
 
     def __call__(self, features: Array) -> Tuple[Array, Array, Array]:
-        """Return (B, K, 2, BINS) log-probabilities, (B,) logits of the craft being there, and (B,) its log size.
+        """Return keypoint log-probabilities (B, K, 2, BINS), presence logits (B,) and log sizes (B,).
 
-        The size is the logarithm of the bounding sphere's diameter over the one that the crop was made for.
+        The log size is the logarithm of the bounding sphere's diameter over the diameter that the crop assumes.
 
         Parameters
         ----------
         features : (B, FEATURES, CELLS, CELLS) array
-            The trunk's, float32.
+            Features of the trunk, float32.
         """
         w, n = self.weights, len(features)
         padded = np.pad(features, ((0, 0), (0, 0), (1, 1), (1, 1)))
@@ -91,21 +91,21 @@ class KeypointHead:
         Parameters
         ----------
         data : bytes
-            The file.
+            Contents of the file.
         name : str
-            Its name, for messages.
+            Name of the file, for messages.
 
         Raises
         ------
         BoardModelError
-            If it is no head, of another version, or holds something that is no number.
+            If the data are not a head of this version, or hold values that are not finite.
         """
         try:
             arrays = unpack_arrays(data, MOST_BYTES)
             sheet = json.loads(bytes(arrays["sheet"]).decode("utf-8"))
             weights = {key: np.asarray(arrays[key], np.float32) for key in SHAPES}
             if sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
-                raise ValueError(f"its sheet is not {SCHEMA} version {VERSION}")
+                raise ValueError(f"its metadata is not {SCHEMA} version {VERSION}")
             for key, shape in SHAPES.items():
                 if weights[key].shape != shape:
                     raise ValueError(f"{key} has shape {weights[key].shape}, expected {shape}")
@@ -124,7 +124,7 @@ class KeypointHead:
             ) from error
 
     def to_bytes(self) -> bytes:
-        """Return the file, weights in half precision."""
+        """Return the contents of a file, weights in half precision."""
         sheet = {
             "schema": SCHEMA,
             "version": VERSION,

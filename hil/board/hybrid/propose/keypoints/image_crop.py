@@ -1,4 +1,4 @@
-"""Crops of an image by a small virtual camera turned to a part of it."""
+"""Image crops: views of a virtual camera turned towards a part of the image."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class ImageCrop:
-    """A crop: the direction of its centre, and the diameter of the target's sphere there.
+    """Crop of an image: direction of its centre, and assumed diameter of the target's bounding sphere.
 
     Parameters
     ----------
     direction : (3,) array
-        Unit vector, camera axes.
+        Unit vector to the centre, camera axes.
     diameter_px : float
-        Of the target's sphere were it on the boresight, which is its focal length times twice the tangent of its half
-        angle.
+        Diameter that the bounding sphere would have on the boresight: twice the focal length times the tangent of its
+        angular radius.
     """
 
     direction: Array
@@ -34,24 +34,24 @@ class ImageCrop:
 
     @staticmethod
     def at(camera: CameraIntrinsics, u_px: float, v_px: float, diameter_px: float) -> ImageCrop:
-        """Centred on a pixel, without the lens's distortion: a second pass corrects the first."""
+        """Return a crop centred on a pixel, undistorted by two fixed-point iterations."""
         d = np.array([(u_px - camera.cx_px) / camera.fx_px, (v_px - camera.cy_px) / camera.fy_px, 1.0])
         return ImageCrop(d / np.linalg.norm(d), diameter_px)
 
     def moved(self, f_px: float, shift: Array, log_size: float) -> ImageCrop:
-        """Corrected by the network's output: shift (2,) in half sides of its input, logarithm of the size.
+        """Return the crop corrected by network outputs: shift (2,) [half sides of the input], and log size.
 
         Parameters
         ----------
         f_px : float
-            Focal length of the camera.
+            Focal length of the camera [px].
         """
         half = 0.5 * self.diameter_px / (INPUT_FILL * f_px)
         d = self.swing() @ np.array([half * shift[0], half * shift[1], 1.0])
         return ImageCrop(d / length(d), self.diameter_px * float(np.exp(log_size)))
 
     def swing(self) -> Array:
-        """(3, 3) the shortest rotation from the boresight to this direction."""
+        """Shortest rotation (3, 3) from the boresight to the crop's direction."""
         return swing(self.direction)
 
 
@@ -63,25 +63,25 @@ def crop_image(
     sphere_px: float,
     reduced: Optional[Array] = None,
 ) -> Array:
-    """Return (side, side) float32 the image in a crop, averaged over the area of each pixel.
+    """Return the crop (side, side) of an image, float32, averaged over the area of each pixel.
 
     Parameters
     ----------
     image : (H, W) array
         The image.
     camera : CameraIntrinsics
-        Its camera.
+        Intrinsics of the camera.
     crop : ImageCrop
-        Where to look.
+        Crop to take.
     side_px : int
-        Side of the result.
+        Side of the result [px].
     sphere_px : float
-        Diameter of the craft's sphere there.
+        Diameter of the bounding sphere in the result [px].
     reduced : (h, w) array, optional
-        The whole image reduced by area averaging, from which much wider crops are taken.
+        Whole image reduced by area averaging, from which much wider crops are taken.
     """
     f = 0.5 * (camera.fx_px + camera.fy_px)
-    # picture pixels per pixel of the small one
+    # image pixels per pixel of the crop
     factor = crop.diameter_px / sphere_px
     step = (np.arange(side_px) - 0.5 * (side_px - 1)) * factor / f
     x, y = np.meshgrid(step, step)
@@ -89,7 +89,7 @@ def crop_image(
     if reduced is not None:
         scale = np.array([image.shape[1] / reduced.shape[1], image.shape[0] / reduced.shape[0]])
         if factor > 2.0 * scale.max():
-            # its pixels are averages of averages then
+            # averages of averages
             image, at, factor = reduced, (at + 0.5) / scale - 0.5, factor / float(scale.max())
     h, w = image.shape
     x0, y0 = (int(np.clip(np.floor(at[..., k].min()) - factor, 0, size - 2)) for k, size in ((0, w), (1, h)))
@@ -114,22 +114,22 @@ def network_inputs(
     reduced: Optional[Array] = None,
     black: float = 0.0,
 ) -> Array:
-    """Return (B, 2, S, S) float32 inputs of the keypoint network for crops of an image.
+    """Return inputs (B, 2, S, S) of the keypoint network for crops of an image, float32.
 
     Parameters
     ----------
     image : (H, W) array
         The image.
     noise : float
-        Standard deviation of its noise.
+        Standard deviation of the image noise.
     camera : CameraIntrinsics
         Intrinsics of the camera.
     crops : sequence of ImageCrop
-        Where to look.
+        Crops to take.
     reduced : (h, w) array, optional
-        The image reduced by area averaging; crops much wider than the input are taken from it.
+        Image reduced by area averaging, from which much wider crops are taken.
     black : float
-        Level of black, which is subtracted.
+        Black level, which is subtracted.
     """
     sphere = INPUT_FILL * INPUT_PX
     pictures = np.stack([crop_image(image, camera, g, INPUT_PX, sphere, reduced) for g in crops])

@@ -1,12 +1,12 @@
-"""Poses that the keypoint network proposes for the regions of an image.
+"""Pose proposals of the keypoint network for the regions of an image.
 
-A first look corrects the place and size of each region's crop, a second rates it; of the best the modes of the pose's
-likelihood are proposed.
+A first pass corrects the position and size of each region's crop, and a second one scores it. The modes of the pose
+likelihood in the best crops are proposed.
 
 References
 ----------
 Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft (keypoints,
-then geometry).
+Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft
 """
 
 from __future__ import annotations
@@ -35,19 +35,16 @@ from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
 
-# Diameter of the bounding sphere over the diagonal of a region, and of one of a source that often holds a part.
+# Diameter of the bounding sphere over the diagonal of a region; the same for sources that often detect a part only.
 SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = 1.15, 1.7, ("saliency", "straight")
-
-# Poses proposed for one crop; those of a second look, and the looks that it takes the mean of.
+# Poses proposed per crop; the same in the second round, and the number of rolled crops that it averages.
 POSES, MORE_POSES, QUARTERS = 16, 24, 4
-
-# Logit of a craft by which a crop may be behind the surest.
+# Largest deficit of a crop's presence logit relative to the best one.
 DOUBT = 5.0
-
-# Looks at most, crops that get a second one, and the correction too small for another [diameters of the sphere].
+# Largest number of passes, crops in the second pass, and correction below which there is no further pass [sphere
+# diameters].
 LOOKS, SECOND, SETTLED = 3, 3, 0.06
-
-# Largest corrections of one look: shift [half sides], logarithm of the size.
+# Largest correction in one pass: shift [half sides], log size.
 SHIFT, SIZE = 0.9, 0.9
 
 
@@ -58,19 +55,21 @@ class LearnedProposal:
     Parameters
     ----------
     source : Region
-        The region that it started from.
+        Region that the crop started from.
     crop : ImageCrop
-        Direction and size of the corrected crop.
-    q, t : (N, 4) array
-        (N, 3) arrays Poses, the most likely first.
+        Corrected crop.
+    q : (N, 4) array
+        Attitude quaternions, camera from target, most likely first.
+    t : (N, 3) array
+        Target positions, camera frame [m].
     log_likely : (N,) array
-        Their log-likelihoods.
+        Log-likelihoods of the poses.
     craft : float
-        Logit of there being a craft.
+        Logit of the target's presence.
     p : (K, 2, BINS) array
-        Probabilities of the keypoints.
+        Keypoint distributions along columns and rows.
     log_size : float
-        Logarithm of the craft's size over the crop's.
+        Logarithm of the target's size over the size that the crop assumes.
     """
 
     source: Region
@@ -84,11 +83,11 @@ class LearnedProposal:
 
     @cached_property
     def table(self) -> Array:
-        """(K, 2, BINS) log-probabilities, smoothed for attitudes as far apart as the grid's."""
+        """Log-probabilities (K, 2, BINS), smoothed to the angular spacing of the attitude grid."""
         return likelihood_table(self.p)
 
     def region(self, camera: CameraIntrinsics) -> Region:
-        """Return the square about the bounding sphere; it may reach beyond the image."""
+        """Return the square around the bounding sphere; it may extend beyond the image."""
         u, v = camera.pixels(self.crop.direction)
         r = 0.5 * self.crop.diameter_px
         return Region(float(u - r), float(v - r), float(u + r), float(v + r), "learned")
@@ -96,7 +95,7 @@ class LearnedProposal:
 
 @dataclass(frozen=True, eq=False)
 class LearnedProposer:
-    """A craft's keypoint network, for images of one camera.
+    """Keypoint network of a target, for images of one camera.
 
     Parameters
     ----------
@@ -105,9 +104,9 @@ class LearnedProposer:
     camera : CameraIntrinsics
         Intrinsics of the camera.
     centre_m : (3,) array
-        Centre of the craft's bounding sphere, target frame [m].
+        Centre of the bounding sphere, target frame [m].
     radius_m : float
-        Its radius [m].
+        Radius of the bounding sphere [m].
     """
 
     network: KeypointNetwork
@@ -117,7 +116,7 @@ class LearnedProposer:
 
     @staticmethod
     def prepare(model: BoardModel, camera: CameraIntrinsics) -> Optional[LearnedProposer]:
-        """Return the proposer of a craft, None if no network was trained for it or the model has no faces."""
+        """Return the proposer of a target; None if no network was trained for it or the model has no faces."""
         network = network_for(model)
         if network is None or model.faces is None:
             return None
@@ -125,7 +124,7 @@ class LearnedProposer:
 
     @property
     def points(self) -> Array:
-        """(K, 3) keypoints from the sphere's centre [radii]."""
+        """Keypoints (K, 3) relative to the sphere's centre [radii]."""
         return np.asarray((self.network.head.keypoints_m - self.centre_m) / self.radius_m)
 
     def propose(
@@ -137,22 +136,22 @@ class LearnedProposer:
         reduced: Optional[Array] = None,
         black: float = 0.0,
     ) -> List[LearnedProposal]:
-        """Return proposals for the most likely crops of these regions, the surest of a craft first.
+        """Return proposals for the most likely crops of the regions, by decreasing presence logit.
 
         Parameters
         ----------
         image : (H, W) array
             The image.
         noise : float
-            Standard deviation of its noise.
+            Standard deviation of the image noise.
         regions : sequence of Region
-            Where the craft may be.
+            Regions that may contain the target.
         keep : int
-            Number of proposals at most.
+            Largest number of proposals.
         reduced : (h, w) array, optional
-            The image reduced by area averaging.
+            Image reduced by area averaging.
         black : float
-            Level of black.
+            Black level.
         """
         if not regions:
             return []
@@ -172,7 +171,7 @@ class LearnedProposer:
             log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
             sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - DOUBT]
             moved = {k: self._corrected(crops[k], log_p[k], size[k]) for k in sure}
-            # starts that lead to one place are one
+            # merge crops that converged to the same place
             sure = self._apart(sure, moved, keep if look else SECOND)
             if look == LOOKS - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
                 break
@@ -187,16 +186,22 @@ class LearnedProposer:
         reduced: Optional[Array] = None,
         black: float = 0.0,
     ) -> LearnedProposal:
-        """Return the proposal for a place from four quarter turns of its crop.
+        """Return the proposal averaged over four quarter turns of its crop.
 
-        The network was trained on every roll, so it errs differently on each: their mean errs less.
+        The network was trained on every roll and its errors differ between rolls, so that averaging reduces them.
 
         Parameters
         ----------
-        image, noise, reduced, black
-            As of `propose`.
+        image : (H, W) array
+            See `propose`.
+        noise : float
+            See `propose`.
         first : LearnedProposal
-            A proposal of the first looks.
+            Proposal of the first round.
+        reduced : (h, w) array, optional
+            See `propose`.
+        black : float
+            See `propose`.
         """
         crop = self._corrected(first.crop, np.log(first.p), first.log_size)
         look = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
@@ -206,7 +211,7 @@ class LearnedProposer:
         for k in range(QUARTERS):
             back = np.exp(log_p[k])
             for _ in range(k):
-                # a quarter turn takes (x, y) to (y, -x)
+                # a quarter turn maps (x, y) to (y, -x)
                 back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
             p += back / QUARTERS
         return self._proposal(
@@ -214,14 +219,16 @@ class LearnedProposer:
         )
 
     def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
-        """Return the log-likelihood of a pose by the network alone, less that of the most likely pose.
+        """Return the network's log-likelihood of a pose relative to that of the most likely pose.
 
         Parameters
         ----------
         learned : sequence of LearnedProposal
-            Of one image; the one in whose crop the pose is nearest to the middle is asked.
-        q, t : (4,) array
-            (3,) arrays The pose.
+            Proposals of one image; the one whose crop centre is nearest to the pose is used.
+        q : (4,) array
+            Attitude quaternion, camera from target.
+        t : (3,) array
+            Target position, camera frame [m].
         """
         centre = t + quat.matrix(q) @ self.centre_m
         away = float(np.linalg.norm(centre))
@@ -237,14 +244,20 @@ class LearnedProposer:
         return float(score[0] / CORRELATED - g.log_likely[0])
 
     def disbelief(self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0) -> float:
-        """Return the log-likelihood by which the most likely pose in a crop about a pose is ahead of it.
+        """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
 
         Parameters
         ----------
-        image, noise, black
-            As of `propose`.
-        q, t : (4,) array
-            (3,) arrays The pose; its craft is within the image.
+        image : (H, W) array
+            See `propose`.
+        noise : float
+            See `propose`.
+        q : (4,) array
+            Attitude quaternion, camera from target.
+        t : (3,) array
+            Target position, camera frame [m], within the image.
+        black : float
+            See `propose`.
         """
         centre = t + quat.matrix(q) @ self.centre_m
         away = float(np.linalg.norm(centre))
@@ -258,7 +271,7 @@ class LearnedProposer:
         )
 
     def _apart(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
-        """Return the first of these crops that show different things."""
+        """Return the first ``most`` of the crops that do not overlap."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         kept: List[int] = []
         for k in order:
@@ -267,7 +280,7 @@ class LearnedProposer:
         return kept
 
     def _moved(self, before: ImageCrop, after: ImageCrop) -> bool:
-        """Return True if a correction is worth another look."""
+        """Return True if a correction is large enough for another pass."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         shift = f * float(np.linalg.norm(before.direction - after.direction)) / after.diameter_px
         return shift > SETTLED or abs(np.log(after.diameter_px / before.diameter_px)) > 2 * SETTLED
@@ -277,7 +290,7 @@ class LearnedProposer:
         return (self.camera.fx_px + self.camera.fy_px) * INPUT_FILL / crop.diameter_px
 
     def _corrected(self, crop: ImageCrop, log_p: Array, log_size: float) -> ImageCrop:
-        """Return the crop about the craft at its most likely pose."""
+        """Return the crop centred on the target at its most likely pose."""
         focal, log_size = self._focal(crop), float(np.clip(log_size, -SIZE, SIZE))
         t = likeliest_place(log_p, self.points, focal, log_size)
         shift = np.clip(focal * t[:2] / t[2], -SHIFT, SHIFT)
@@ -301,7 +314,7 @@ class LearnedProposer:
 
 
 def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
-    """Return True if two crops show different things: a quarter of the craft's size apart, or of another size."""
+    """Return True if two crops differ by a quarter of the target's size or in scale."""
     size = min(a.diameter_px, b.diameter_px)
     ratio = max(a.diameter_px, b.diameter_px) / size
     return bool(ratio > 1.3 or f_px * np.linalg.norm(a.direction - b.direction) > 0.25 * size)

@@ -1,4 +1,4 @@
-"""The keypoint network: one trunk for all craft, run by OpenCV, and a head for each."""
+"""Keypoint network: one trunk for all targets, evaluated by OpenCV, and a head for each target."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ Array = np.ndarray
 
 PACKAGE = "flyaround.hil.board.hybrid.propose.keypoints"
 
-# Craft of another's shape in other paint: they share its head.
+# Targets with the same shape but other surfaces share a head.
 SAME_SHAPE = {"tango-mockup": "tango"}
 
-# Largest move of a keypoint since the training [radii of the bounding sphere].
+# Largest displacement of a keypoint since the training [radii of the bounding sphere].
 SAME_RADII = 0.03
 
 
 @dataclass(frozen=True, eq=False)
 class KeypointNetwork:
-    """A trunk and the head of one craft.
+    """Trunk, and the head of one target.
 
     Parameters
     ----------
-    trunk : Net
-        Cv2.dnn.Net Features of an input.
+    trunk : cv2.dnn.Net
+        Computes the features of an input.
     head : KeypointHead
-        Distributions of the craft's keypoints from them.
+        Computes the keypoint distributions from the features.
     """
 
     trunk: cv2.dnn.Net
     head: KeypointHead
 
     def __call__(self, inputs: Array) -> Tuple[Array, Array, Array]:
-        """Return log-probabilities, logits of a craft and its log size, as of `KeypointHead`.
+        """Return log-probabilities, presence logits and log sizes, see `KeypointHead`.
 
         Parameters
         ----------
@@ -56,11 +56,11 @@ class KeypointNetwork:
 
 @lru_cache(maxsize=1)
 def trunk_bytes() -> bytes:
-    """Return the shipped trunk, ONNX."""
-    # a bundle is a zip file: its members are read through the importer
+    """Return the shipped trunk, an ONNX file."""
+    # a bundle is a zip file, so its members are read through the importer
     data = pkgutil.get_data(PACKAGE, "weights/trunk.onnx")
     if data is None:
-        raise BoardModelError("the keypoint network's trunk is missing; install flyaround anew")
+        raise BoardModelError("the keypoint network's trunk is missing; reinstall flyaround")
     return data
 
 
@@ -75,14 +75,14 @@ def trunk_sha256() -> str:
 
 
 def network_for(model: BoardModel) -> Optional[KeypointNetwork]:
-    """Return the network of a craft: the one that its model carries, or the shipped one; None if there is neither.
+    """Return the network of a target: with the head in its model, or the shipped one; None if there is neither.
 
-    A shipped one whose keypoints have moved since the training is not used.
+    A shipped head is not used if a keypoint has moved since the training.
 
     Raises
     ------
     BoardModelError
-        If the model carries a head that is none, that of another craft, or was trained on another trunk.
+        If the head in the model is invalid, or was trained for another shape or with another trunk.
     """
     if model.network is not None:
         head = KeypointHead.read(model.network, f"of {model.name}")
@@ -114,7 +114,7 @@ def _shipped_head(name: str) -> Optional[bytes]:
 
 
 def has_shipped_head(name: str) -> bool:
-    """Return True if a head is shipped for a craft of this name."""
+    """Return True if a head is shipped for the target."""
     return _shipped_head(SAME_SHAPE.get(name, name)) is not None
 
 

@@ -1,4 +1,4 @@
-"""Input of the keypoint network: a crop in two channels that do not depend on exposure."""
+"""Input of the keypoint network: an image crop as two exposure-invariant channels."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ import numpy as np
 
 Array = np.ndarray
 
-# Side of the input [px], and share of it that the target's bounding sphere fills when the crop is right.
+# Side of the input [px], and share of it that the bounding sphere fills in a correct crop.
 INPUT_PX, INPUT_FILL = 128, 0.72
 
 # Side of the neighbourhood of the contrast channel [px].
 NEIGHBOURHOOD_PX = 23
 
-# Share of the pixels brighter than the one that measures the level.
+# Share of pixels above the reference level of brightness.
 BRIGHT = 0.005
 
-# Noise below which brightness and contrast are not amplified [standard deviations]; share of the brightest level.
+# Floors of the normalisation: brightness and contrast [standard deviations of the noise], share of the reference level.
 LEAST_BRIGHT, LEAST_CONTRAST, LEAST_SHARE = 6.0, 2.0, 0.004
 
 
 def channels(pictures: Array, noise: Array) -> Array:
-    """Return (B, 2, S, S) float32 level and local contrast of crops.
+    """Return the brightness and local contrast (B, 2, S, S) of crops, float32.
 
     Parameters
     ----------
     pictures : (B, S, S) array
-        Crops, float32, on any scale.
+        Crops, float32, of any scale.
     noise : (B,) array
-        Standard deviation of the noise of each.
+        Standard deviation of each crop's noise.
     """
     out = np.empty((len(pictures), 2, *pictures.shape[1:]), np.float32)
     side = (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX)

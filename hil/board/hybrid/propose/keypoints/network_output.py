@@ -1,4 +1,4 @@
-"""Output of the keypoint network: which keypoints, and the bins of their distributions."""
+"""Output of the keypoint network: its keypoints, and the bins of their distributions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 
 Array = np.ndarray
 
-# Keypoints of a craft, and bins along each axis of the input.
+# Keypoints of a target, and bins along each axis of the input.
 KEYPOINTS, BINS = 24, 160
 
-# Half the width of the bins' range [half sides of the input]: keypoints beside the crop are located as well.
+# Half width of the binned range [half sides of the input]: keypoints outside the crop are located as well.
 REACH = 1.25
 
 # Width of a bin [half sides].
@@ -19,14 +19,14 @@ STEP = 2 * REACH / BINS
 
 
 def bin_centres() -> Array:
-    """Return (BINS,) centres of the bins from the middle of the input [half sides]."""
+    """Return the bin centres (BINS,) relative to the input's centre [half sides]."""
     return (np.arange(BINS) + 0.5) * STEP - REACH
 
 
 def keypoints_m(model: BoardModel) -> Array:
-    """Return (KEYPOINTS, 3) points of a craft that the network locates, target frame [m].
+    """Return the points (KEYPOINTS, 3) of a target that the network locates, target frame [m].
 
-    The model's keypoints, then ends of its wireframe, each the farthest from those before (Gonzalez 1985).
+    The model's keypoints come first, then wireframe ends by farthest-point sampling (Gonzalez 1985).
     """
     points = np.array(list(model.keypoints.values()), float).reshape(-1, 3)[:KEYPOINTS]
     if not len(points):

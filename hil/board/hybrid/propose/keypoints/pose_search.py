@@ -1,8 +1,8 @@
-"""Poses from distributions of keypoints: their likelihood over evenly spread attitudes, then its maxima.
+"""Poses from keypoint distributions: likelihood over an attitude grid, then refinement of its maxima.
 
-The sum of the keypoints' log-probabilities at the places where a pose projects them is compared at every attitude of a
-grid, and Newton's method on the same sum finishes the best of those that are apart. So a craft with near-symmetries
-gets one pose for each of its modes, which marginal means and PnP on peaks cannot give.
+The likelihood of a pose is the product of the keypoints' probabilities at their projections. It is evaluated at every
+attitude of a grid, and Newton's method refines the best distinct ones. A target with near-symmetries so yields one pose
+for each mode, unlike PnP on marginal means or peaks.
 """
 
 from __future__ import annotations
@@ -20,41 +20,41 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, RE
 
 Array = np.ndarray
 
-# Attitudes of the grid: neighbours are about 15 degrees apart; and of the one that only places the craft.
+# Number of attitudes of the grid, about 15 degrees apart, and of the coarser one used for positioning.
 ATTITUDES, PLACING_ATTITUDES = 3200, 1200
 
-# Sizes compared about the network's, and the standard deviation of its logarithm.
+# Size factors tried around the network's size, and the standard deviation of its logarithm.
 SIZES, SIZE_SIGMA = (0.92, 1.0, 1.09), 0.08
 
-# Widths by which the distributions are smoothed for the grid and for the two halves of the refinement [bins].
+# Smoothing of the distributions for the grid and for the two halves of the refinement [bins].
 GRID_BINS, REFINE_BINS = 6.0, (3.0, 1.0)
 
-# Share of probability spread over all bins: what one keypoint alone can take off a pose is bounded.
+# Share of probability spread over all bins, which bounds the penalty of a single keypoint.
 OUTLIERS = 0.05
 
-# Log-likelihoods count this much too much: the errors of a craft's keypoints are those of one pose, not independent.
+# Divisor of the log-likelihoods, because the errors of one image's keypoints are correlated.
 CORRELATED = 8.0
 
-# Attitudes refined, the least angle between them [rad], and steps of each half of the refinement.
+# Number of refined attitudes, least angle between them [rad], and iterations in each half of the refinement.
 REFINED, APART_RAD, STEPS = 20, float(np.radians(11.0)), 5
 
-# Least curvature of a log-probability [1 / bins^2], which keeps steps short where it is flat or convex.
+# Least curvature of a log-probability [1 / bins^2], which limits the step where it is flat or convex.
 LEAST_CURVATURE = 0.01
 
-# Nearest that a keypoint may come to the camera [radii].
+# Least depth of a keypoint in front of the camera [radii].
 LEAST_DEPTH = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class PoseModes:
-    """Poses in a crop's camera, the most likely first.
+    """Poses in a crop's camera, most likely first.
 
     Parameters
     ----------
     q : (N, 4) array
-        Attitudes of the target.
+        Attitude quaternions, camera from target.
     t : (N, 3) array
-        Positions of the sphere's centre [radii of the sphere].
+        Positions of the sphere's centre [radii].
     log_likelihood : (N,) array
         Sums of the keypoints' log-probabilities over both axes.
     """
@@ -65,20 +65,20 @@ class PoseModes:
 
 
 def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most: int) -> PoseModes:
-    """Return the maxima of the likelihood of poses.
+    """Return the maxima of the pose likelihood.
 
     Parameters
     ----------
     log_p : (K, 2, BINS) array
         Log-probabilities of the keypoints along the columns and rows of a crop.
     points : (K, 3) array
-        Keypoints from the sphere's centre, target frame [radii].
+        Keypoints relative to the sphere's centre, target frame [radii].
     focal : float
         Focal length of the crop's camera [half sides].
     log_size : float
-        Logarithm of the craft's size over that of a crop that its sphere fills as it should.
+        Logarithm of the target's size over the size that the crop assumes.
     most : int
-        Number of poses returned at most.
+        Largest number of poses.
     """
     p = with_outliers(log_p)
     sizes = np.exp(log_size) * np.array(SIZES)
@@ -92,7 +92,7 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
     table = likelihood_table(p)
     score = log_likelihoods(table, points, focal, q, t)
     order = np.argsort(-score)
-    # after the modes the grid's maxima: where the distributions are wide, a mode stands for many poses
+    # the grid's maxima follow, because a mode of wide distributions covers many poses
     q, t = np.concatenate([q[order], coarse]), np.concatenate([t[order], at])
     kept: List[int] = []
     for k in range(len(q)):
@@ -102,12 +102,18 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
 
 
 def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
-    """Return (3,) the position of the sphere's centre at the most likely pose of a coarse grid [radii].
+    """Return the position (3,) of the sphere's centre at the most likely pose of a coarse grid [radii].
 
     Parameters
     ----------
-    log_p, points, focal, log_size
-        As of `pose_modes`.
+    log_p : (K, 2, BINS) array
+        See `pose_modes`.
+    points : (K, 3) array
+        See `pose_modes`.
+    focal : float
+        See `pose_modes`.
+    log_size : float
+        See `pose_modes`.
     """
     size = np.exp([log_size])
     _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, PLACING_ATTITUDES, size, 1)
@@ -115,28 +121,30 @@ def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) 
 
 
 def with_outliers(log_p: Array) -> Array:
-    """Return the probabilities of log-probabilities, mixed with those of an outlier."""
+    """Return probabilities from log-probabilities, mixed with a uniform outlier distribution."""
     return np.asarray((1 - OUTLIERS) * np.exp(log_p.astype(np.float32)) + np.float32(OUTLIERS / BINS))
 
 
 def likelihood_table(p: Array) -> Array:
-    """Return (K, 2, BINS) log-probabilities as smooth as the grid's, of probabilities with their share of outliers."""
+    """Return log-probabilities (K, 2, BINS) smoothed as for the grid, from probabilities with outliers."""
     return np.asarray(np.log(_smoothed(p, GRID_BINS)))
 
 
 def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Array) -> Array:
-    """Return (N,) sums of the keypoints' log-probabilities at poses.
+    """Return the sums (N,) of the keypoints' log-probabilities at poses.
 
     Parameters
     ----------
     table : (K, 2, BINS) array
-        Of `likelihood_table`.
+        Log-probabilities from `likelihood_table`.
     points : (K, 3) array
-        Keypoints [radii].
+        Keypoints relative to the sphere's centre [radii].
     focal : float
-        Focal length [half sides].
-    q, t : (N, 4) array
-        (N, 3) arrays Poses.
+        Focal length of the crop's camera [half sides].
+    q : (N, 4) array
+        Attitude quaternions, camera from target.
+    t : (N, 3) array
+        Positions of the sphere's centre [radii].
     """
     uv, _ = _projected(points, focal, quat.matrix(q), t)
     value, _, _ = _looked_up(table, uv)
@@ -144,7 +152,7 @@ def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Arra
 
 
 def _smoothed(p: Array, width: float) -> Array:
-    """Return distributions smoothed by a Gaussian [bins]."""
+    """Return distributions after a Gaussian blur of ``width`` bins."""
     reach = int(3 * width)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
     kernel /= kernel.sum()
@@ -164,13 +172,13 @@ def _grid(n: int) -> Tuple[Array, Array]:
 def _grid_maxima(
     p: Array, points: Array, focal: float, attitudes: int, sizes: Array, most: int
 ) -> Tuple[Array, Array, Array]:
-    """Return the best poses of the grid that are apart, and their log-likelihoods: (N, 4), (N, 3), (N,)."""
+    """Return the best distinct poses of the grid (N, 4), (N, 3), and their log-likelihoods (N,)."""
     q, R = _grid(attitudes)
     table = np.log(_smoothed(p, GRID_BINS)).astype(np.float32)
     row = (np.arange(len(points), dtype=np.int32) * 2 + np.arange(2, dtype=np.int32)[:, None]) * BINS
     centre = (np.arange(BINS) + 0.5) * STEP - REACH
     middle = (p @ centre / p.sum(axis=-1)).mean(axis=0)
-    # weak perspective: the middle of the keypoints is where the middle of their means is
+    # weak perspective: the keypoints' centroid projects to the centroid of their means
     turned = R[:, :2] @ (points - points.mean(axis=0)).astype(np.float32).T
     away = _distance(focal)
     scores = np.empty((len(sizes), len(q)), np.float32)
@@ -200,14 +208,14 @@ def _distance(focal: float) -> float:
 
 
 def _projected(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
-    """Return (N, K, 2) projections [half sides] and (N, K, 3) points in the crop's camera [radii]."""
+    """Return the projections (N, K, 2) [half sides], and the points (N, K, 3) in the crop's camera [radii]."""
     seen = points @ R.transpose(0, 2, 1) + t[:, None]
     z = np.maximum(seen[..., 2:], LEAST_DEPTH)
     return focal * seen[..., :2] / z, seen
 
 
 def _looked_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
-    """Return values, slopes and curvatures (N, K, 2) of tables (K, 2, BINS) at places [half sides; bins]."""
+    """Return values, slopes and curvatures (N, K, 2) of tables (K, 2, BINS) at positions [half sides; bins]."""
     at = np.clip((uv + REACH) / STEP - 0.5, 1.0, BINS - 2.001)
     low = np.floor(at).astype(np.intp)
     part = at - low
@@ -231,7 +239,7 @@ def _newton(
     x, y, z = seen[..., 0], seen[..., 1], np.maximum(seen[..., 2], LEAST_DEPTH)
     arm = seen - t[:, None]
     nought, arm_x, arm_y, arm_z = np.zeros_like(z), arm[..., 0], arm[..., 1], arm[..., 2]
-    # slopes of u and v by a turn about each axis (the arm's cross product with those by a move) and by a move
+    # derivatives of u and v by rotation about each axis (cross product of the arm), then by translation
     a, b, c = focal / z, -focal * x / z**2, -focal * y / z**2
     by_u = np.stack([arm_y * b, arm_z * a - arm_x * b, -arm_y * a, a, nought, b], axis=-1)
     by_v = np.stack([arm_y * c - arm_z * a, -arm_x * c, arm_x * a, nought, a, c], axis=-1)
@@ -240,7 +248,7 @@ def _newton(
     transposed = J.transpose(0, 2, 1)
     H = transposed @ (J * weight.reshape(len(q), -1, 1))
     g = (transposed @ slope.reshape(len(q), -1, 1))[..., 0]
-    # wide distributions shrink towards their middle: without the prior, so would the craft
+    # wide distributions are biased towards the centre, which would shrink the target without the prior
     prior = CORRELATED / (SIZE_SIGMA * distance) ** 2
     H[:, 5, 5] += prior
     g[:, 5] += prior * (distance - t[:, 2])
@@ -255,7 +263,7 @@ def _newton(
     moved /= np.linalg.norm(moved, axis=1, keepdims=True)
     new = t + step[:, 3:]
     new[:, 2] = np.maximum(new[:, 2], 1.05)
-    # a step that makes it less likely is halved once, then left out
+    # reject a step that decreases the likelihood
     before = value.sum(axis=(1, 2)) - 0.5 * prior * (t[:, 2] - distance) ** 2
     after = _looked_up(table, _projected(points, focal, quat.matrix(moved), new)[0])[0].sum(axis=(1, 2))
     after -= 0.5 * prior * (new[:, 2] - distance) ** 2
