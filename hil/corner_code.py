@@ -1,8 +1,8 @@
-"""Time code in a corner of an image: frame number and time, error-checked, readable from the pixels.
+"""Time code in a corner of an image: frame number and time with a checksum, readable from the pixels.
 
-The block is 18 x 10 square cells. Its first row and first column are white, the rest of its rim is black, which gives
-the levels. Inside, row by row, are 128 bits, the most significant first, white for 1: frame number (32), nanoseconds
-since 1970-01-01 UTC (64), CRC-32 of these twelve bytes (32, as in zlib). All numbers are big-endian.
+The block is 18 x 10 square cells. Its first row and first column are white and the rest of its rim is black, which
+gives the reference levels. Inside, row by row, are 128 bits, most significant first, white for 1: frame number (32),
+nanoseconds since 1970-01-01 UTC (64), CRC-32 of these twelve bytes (32, as in zlib). All numbers are big-endian.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ BLOCK_COLUMNS, BLOCK_ROWS = COLUMNS + 2, ROWS + 2
 PAYLOAD = struct.Struct(">IQ")
 CHECK = struct.Struct(">I")
 MIN_CONTRAST = 8.0
-"""Difference of the rim's levels below which there is no code [DN of the image]."""
+"""Least difference between the rim's levels for a code to be detected [DN]."""
 
 
 @dataclass(frozen=True)
 class CornerCode:
-    """Contents of the code.
+    """Contents of the time code.
 
     Parameters
     ----------
     frame_id : int
-        Number of the frame, below 2**32.
+        Frame number, below 2**32.
     time_ns : int
         Nanoseconds since 1970-01-01 UTC, below 2**64.
     """
@@ -43,12 +43,14 @@ class CornerCode:
 
 @dataclass(frozen=True)
 class CodePlace:
-    """Place of the code in an image.
+    """Position of the time code in an image.
 
     Parameters
     ----------
-    left_px, top_px : int, optional
-        First column and row of the block.
+    left_px : int, optional
+        First column of the block.
+    top_px : int, optional
+        First row of the block.
     cell_px : int, optional
         Width and height of a cell.
     """
@@ -59,7 +61,7 @@ class CodePlace:
 
     @property
     def box_px(self) -> tuple[int, int, int, int]:
-        """Columns and rows of the block, ends excluded: left, top, right, bottom."""
+        """Bounds of the block, ends excluded: left, top, right, bottom."""
         right, bottom = self.left_px + BLOCK_COLUMNS * self.cell_px, self.top_px + BLOCK_ROWS * self.cell_px
         return self.left_px, self.top_px, right, bottom
 
@@ -70,7 +72,7 @@ class CodePlace:
 
 
 def code_cells(code: CornerCode) -> NDArray[np.bool_]:
-    """Return the (10, 18) cells of a code's block, True for white."""
+    """Return the cells (10, 18) of a code's block, True for white."""
     payload = PAYLOAD.pack(code.frame_id, code.time_ns)
     bits = np.unpackbits(np.frombuffer(payload + CHECK.pack(zlib.crc32(payload)), np.uint8))
     cells = np.zeros((BLOCK_ROWS, BLOCK_COLUMNS), bool)
@@ -83,14 +85,14 @@ def code_cells(code: CornerCode) -> NDArray[np.bool_]:
 def draw_code(
     image: NDArray[np.unsignedinteger], code: CornerCode, place: CodePlace, white_dn: int
 ) -> NDArray[np.unsignedinteger]:
-    """Return a copy of an image with the code drawn into it.
+    """Return a copy of an image with the time code drawn into it.
 
     Parameters
     ----------
-    image : (H, W) array
-        Or (H, W, 3) digital numbers.
+    image : (H, W) or (H, W, 3) array
+        Digital numbers.
     white_dn : int
-        The number for white; black is 0.
+        Digital number of white; black is 0.
 
     Raises
     ------
@@ -112,7 +114,7 @@ def draw_code(
 def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:
     """Return the code in an image, or `None` if there is none or its check fails.
 
-    Each cell is judged by the mean of its middle half, against the mean of the rim's white and black.
+    Each cell is compared, by the mean of its middle half, with the mean of the rim's white and black levels.
     """
     if not place.fits(image.shape[0], image.shape[1]):
         return None

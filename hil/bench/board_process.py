@@ -1,6 +1,6 @@
-"""Estimator process of the bench: ``FOLDER EVERY_S``; imports nothing but what a board has.
+"""Estimator process of the bench: ``FOLDER EVERY_S``. Imports only what a board has.
 
-Peak memory is that of all of it, Python and OpenCV included.
+Peak memory is that of the whole process, Python and OpenCV included.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from flyaround.hil.board.methods import make_estimator
 
 
 def measure(folder: Path, every_s: float) -> dict[str, Any]:
-    """Return the times [ms] of single frames and of tracked ones, the peak memory [MB], and the kernels in use.
+    """Return the times [ms] of single and tracked frames, the peak memory [MB], and the kernels in use.
 
     Parameters
     ----------
     folder : Path
-        With ``model.json``, ``camera.json``, ``single.npy`` and ``sequence.npy``.
+        Folder with ``model.json``, ``camera.json``, ``single.npy`` and ``sequence.npy``.
     every_s : float
         Time between two frames of the sequence.
     """
@@ -33,7 +33,7 @@ def measure(folder: Path, every_s: float) -> dict[str, Any]:
     model = BoardModel.read(str(folder / "model.json"))
     camera = CameraIntrinsics.from_dict(json.loads((folder / "camera.json").read_bytes()))
     first, track = make_estimator(model, camera), make_estimator(model, camera, HYBRID_TRACK)
-    # one image at a time, as from a link: mapped memory counts as used
+    # one image at a time, as from a link: mapped memory would count as used
     single, sequence = (np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("single", "sequence"))
     alone = [first.estimate(np.array(image)) for image in single]
     followed = [track.estimate(np.array(image), None, k * every_s) for k, image in enumerate(sequence)]
@@ -46,7 +46,7 @@ def measure(folder: Path, every_s: float) -> dict[str, Any]:
 
 
 def _peak_mb() -> float | None:
-    """Return the peak memory; getrusage would include the parent's."""
+    """Return the peak memory of this process; getrusage would include the parent's."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
     except OSError:

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 SCENARIO = "tango-flyaround"
 N_SINGLE = 26  # with fewer, a single slow frame would be the 95th percentile
 
-# Frames of the tracking bench, half a second apart.
+# Number of frames of the tracking bench, and the time between them [s].
 N_TRACKED, EVERY_S = 42, 0.5
 
 BOARD = "flyaround.hil.bench.board_process"
 
 
 def bench_estimator() -> tuple[PartCost, ...]:
-    """Return the times of initialisation on single frames of a flight and of tracking from frame to frame."""
+    """Return the times of initialisation on single frames of a flight, and of tracking from frame to frame."""
     scattered = plan_flight(load_scenario(SCENARIO), n=N_SINGLE)
     close = plan_flight(load_scenario(SCENARIO), every_s=EVERY_S)
     with TemporaryDirectory() as name:
@@ -49,7 +49,7 @@ def bench_estimator() -> tuple[PartCost, ...]:
 
 def _in_a_process(folder: Path) -> tuple[PartCost, ...]:
     """Return the times of all frames, one at a time, in a separate process."""
-    # threads on matrices this small cost more than they give (docs/hybrid.md)
+    # multi-threading slows matrices this small down (docs/hybrid.md)
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     answer = subprocess.run(
         [sys.executable, "-P", "-m", BOARD, str(folder), str(EVERY_S)],

@@ -1,4 +1,4 @@
-"""Latency of the link: frames of noise to a local board that answers at once."""
+"""Latency of the link: noise frames to a local board that answers immediately."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZES_PX = ((1024, 1024), (1920, 1200))
 
 
 class _Answer:
-    """Estimator that takes no time; it is its own result."""
+    """Estimator that takes no time and is its own result."""
 
     accepted = True
     reason = ""
@@ -40,7 +40,7 @@ class _Answer:
 
 
 def _frames(width_px: int, height_px: int, n_frames: int) -> Iterator[Frame]:
-    # noise is the worst case of a compressor and what a real sensor sends
+    # noise is the worst case for compression, and resembles sensor noise
     image = np.random.default_rng(1).normal(60, 8, (height_px, width_px)).clip(0, 255).astype(np.uint8)
     scene = plan_recipe("eval-black", 1).scene(0)
     camera = replace(scene.camera, width_px=width_px, height_px=height_px)
@@ -84,7 +84,7 @@ def link_latency_ms(
 
 
 def bench_link(n_frames: int = 60) -> tuple[PartCost, ...]:
-    """Return the time from frame to pose by image size, compression and key, without the warm-up frames."""
+    """Return the time from frame to pose by image size, compression and key, without warm-up frames."""
     lines: tuple[tuple[Compression, bytes | None], ...] = (("raw", None), ("zstd", None), ("raw", bytes(32)))
     costs = []
     for width, height in SIZES_PX:

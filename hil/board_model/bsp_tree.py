@@ -1,8 +1,10 @@
 """Back-to-front order of faces from any viewpoint: a binary space partition by the planes of large faces.
 
-A board without a depth buffer draws far faces first. The tree gives that order exactly for the large faces from
-any place; small ones lie in its cells whole, and are sorted by distance there.
+A board without a depth buffer draws far faces first. The tree orders the large faces exactly from any viewpoint; small
+faces are stored whole in its cells and sorted by distance there.
 
+References
+----------
 Fuchs, Kedem & Naylor (1980), On visible surface generation by a priori tree structures, SIGGRAPH 14.
 """
 
@@ -14,29 +16,30 @@ import numpy as np
 
 from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
-# A corner nearer to a plane than this lies in it [m]. A small face on a large one is in front of it.
+# Distance within which a corner lies in a plane [m], and limit for a small face on a large one to be in front of it
+# [m].
 ON_PLANE_M, FRONT_M = 2e-5, -2e-4
 
-# Planes tried at a node and nodes on the way to a leaf, at most; faces that are left then count as small ones.
+# Largest number of planes tried at a node, and depth of the tree; remaining faces count as small ones.
 MAX_PLANES, MAX_DEPTH = 200, 250
 
 
 @dataclass
 class FaceTree:
-    """Faces in the tree's order, and its nodes.
+    """Faces in the order of the tree, with its nodes.
 
     Parameters
     ----------
     corners_m : list of (4, 3) array, optional
-        Of each face.
+        Corners of each face [m].
     source : list of int, optional
-        Index of the polygon before large ones were cut.
+        Index of the polygon that a face was cut from.
     plane : list of tuple of float, optional
-        (nx, ny, nz, d) of each node, zero at leaves.
+        Splitting plane (nx, ny, nz, d) of each node, zero at leaves.
     children : list of tuple of int, optional
-        Nodes in front of it and behind, -1 for none.
+        Child nodes in front of and behind the plane; -1 for none.
     members : list of list of int, optional
-        Faces of each node.
+        Indices of the faces of each node.
     """
 
     corners_m: list[FloatArray] = field(default_factory=list)
@@ -47,12 +50,12 @@ class FaceTree:
 
 
 def build_tree(faces_m: FloatArray, large: BoolArray) -> FaceTree:
-    """Partition (F, 4, 3) faces; the root is node 0.
+    """Build the tree of faces (F, 4, 3); the root is node 0.
 
     Parameters
     ----------
     large : BoolArray
-        (F,) which planes divide space.
+        Faces (F,) whose planes may split space.
     """
     tree = FaceTree()
     index = np.arange(len(faces_m))
@@ -74,7 +77,7 @@ def _grow(
         return me
     plane, n, d = _best_plane(big, small)
     s = big @ n - d
-    # a quadrilateral is not quite flat: count it as in its own plane, or it would be cut endlessly
+    # a quadrilateral is not exactly planar: treat it as lying in its own plane, or it would be cut for ever
     s[plane] = 0.0
     front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
     on = ~front & ~behind
@@ -101,7 +104,7 @@ def _emit(tree: FaceTree, corners: FloatArray, source: IntArray) -> list[int]:
 
 
 def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, float]:
-    """Return number and plane of the face that cuts the fewest others and divides them most evenly."""
+    """Return the index and plane of the face that cuts the fewest others and divides them most evenly."""
     best: tuple[float, int, FloatArray, float] | None = None
     for k in range(0, len(big), -(-len(big) // MAX_PLANES)):
         face = big[k]
@@ -125,7 +128,7 @@ def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, fl
 
 
 def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
-    """Return the part of a convex face where ``s`` is positive, as faces of four corners."""
+    """Return the part of a convex face where ``s`` is positive, as quadrilaterals."""
     count = 3 if np.allclose(face[2], face[3]) else 4
     inside = []
     for i in range(count):

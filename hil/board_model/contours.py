@@ -1,13 +1,13 @@
-"""Occluding contours of a craft from all sides, since the creases of a wireframe miss round bodies.
+"""Occluding contours of a target from all sides, which the wireframe's edges do not cover on curved bodies.
 
-For some hundred directions the outer outline is taken as points on the mesh itself, each with its outward normal and
-the surface's radius of curvature along the line of sight. From another direction the contour of a smooth body slides
-over it; sphere, cylinder and crease all obey `p' = p + radius (n' - n)`, so that few views are enough.
+For a few hundred directions, the outer contour is sampled as points on the mesh, each with its outward normal and the
+surface's radius of curvature along the line of sight. Seen from another direction, the contour of a smooth body slides
+over it; sphere, cylinder and sharp edge all obey `p' = p + radius (n' - n)`, so a few views suffice.
 
 References
 ----------
-Koenderink (1984), What does the occluding contour tell us about solid shape? Perception 13: the radial curvature.
-Cipolla and Giblin (2000), Visual Motion of Curves and Surfaces, section 3: how the contour moves with the eye.
+Koenderink (1984), What does the occluding contour tell us about solid shape? Perception 13 (radial curvature).
+Cipolla and Giblin (2000), Visual Motion of Curves and Surfaces, section 3 (motion of the contour with the camera).
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ if TYPE_CHECKING:
 
 VIEWS, POINTS = 200, 72
 RANGE_RADII = 10.0
-"""Range of the views, in radii of the craft; typical of cameras, the board corrects for others."""
+"""Range of the views [radii of the target]; the board corrects for other ranges."""
 SIZE_PX = 384
 FILL = 0.92
-"""Share of the image covered by the craft's bounding sphere."""
+"""Share of the image covered by the target's bounding sphere."""
 NEAR_PX = 1.6
-"""Largest distance between an outline pixel and the mesh point that represents it [px]."""
+"""Largest distance between a contour pixel and the mesh point that represents it [px]."""
 CREASE_COSINE = float(np.cos(np.deg2rad(20.0)))
-"""Cosine of the angle between corner normals beyond which two faces make a sharp edge."""
+"""Cosine of the angle between corner normals beyond which two faces form a sharp edge."""
 KERNEL = np.ones((3, 3), np.uint8)
 LARGEST_RADIUS = 1.0
-"""Limit of the radii of curvature, as a share of the craft's radius: flatter surfaces end at an edge first."""
+"""Largest radius of curvature [radii of the target]: flatter surfaces end at an edge first."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OccludingContours:
-    """Outlines from V directions of N points each.
+    """Occluding contours from V directions, with N points each.
 
     Parameters
     ----------
     center_m : (3,) array
-        Centre of the craft.
+        Centre of the target [m].
     range_m : float
-        Distance of the camera from it.
+        Distance of the camera from the centre [m].
     directions : (V, 3) array
-        Unit vectors from the middle to the camera, model frame.
+        Unit vectors from the centre to the camera, model frame.
     points_m : (V, N, 3) array
-        Evenly spaced along the outline.
+        Points evenly spaced along the contour [m].
     normals : (V, N, 3) array
-        Unit, outward, across the line of sight.
+        Outward unit normals, perpendicular to the line of sight.
     radius_m : (V, N) array
-        Of curvature along the line of sight; 0 at sharp edges.
+        Radius of curvature along the line of sight [m]; 0 at sharp edges.
     """
 
     center_m: FloatArray
@@ -72,8 +72,8 @@ class OccludingContours:
 class _Surface:
     """Surface as one mesh: triangles and the edges between them.
 
-    ``corner_normals`` (F, 3, 3); ``ends`` (E, 2) vertices of each edge; ``faces`` (E, 2) that meet there (the same one
-    twice at a ``rim``); ``smooth`` (E,) whether their corner normals agree there.
+    ``corner_normals`` (F, 3, 3); ``ends`` (E, 2), vertices of each edge; ``faces`` (E, 2), its adjacent faces (twice
+    the same at a ``rim``); ``smooth`` (E,), True if the faces' corner normals agree along the edge.
     """
 
     positions_m: FloatArray
@@ -88,7 +88,7 @@ class _Surface:
 
 
 def outlines_of(target: Target, views: int = VIEWS, points: int = POINTS) -> OccludingContours:
-    """Return the outlines of a target from ``views`` directions spread evenly over the sphere."""
+    """Return the contours of a target from ``views`` directions spread evenly over the sphere."""
     surface = _surface(target)
     low, high = surface.positions_m.min(axis=0), surface.positions_m.max(axis=0)
     center = (low + high) / 2
@@ -124,7 +124,7 @@ def _surface(target: Target) -> _Surface:
     count = np.diff(np.append(begin, len(key)))
     h0 = order[begin]
     h1 = np.where(count == 2, order[np.minimum(begin + 1, len(order) - 1)], h0)
-    # corner normals at the start of one half-edge and at the same place in the other face
+    # corner normals at the start of a half-edge, and at the same position in the other face
     flat = n.reshape(-1, 3)
     across = np.where(a[h1] == a[h0], h1, 3 * (h1 // 3) + (h1 + 1) % 3)
     smooth = (np.einsum("ij,ij->i", flat[h0], flat[across]) > CREASE_COSINE) & (count == 2)
@@ -137,7 +137,7 @@ def _surface(target: Target) -> _Surface:
         unit,
         np.einsum("ij,ij->i", unit, p[t[:, 0]]),
         np.stack([low[h0], high[h0]], axis=1),
-        # columns in memory: each is gathered by itself
+        # Fortran order, because the columns are gathered separately
         np.asfortranarray(np.stack([h0 // 3, h1 // 3], axis=1)),
         h0 == h1,
         smooth,
@@ -147,7 +147,7 @@ def _surface(target: Target) -> _Surface:
 def _view(
     s: _Surface, center: FloatArray, radius: float, direction: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points, normals and radii of the outline from one direction."""
+    """Return points, normals and radii of the contour from one direction."""
     eye = center + RANGE_RADII * radius * direction
     front = s.face_normals @ eye > s.face_offsets_m
     edge = np.flatnonzero((front[s.faces[:, 0]] != front[s.faces[:, 1]]) | s.rim)
@@ -155,7 +155,7 @@ def _view(
     axes = _camera(direction)
     focal = FILL * SIZE_PX / 2 * np.sqrt(RANGE_RADII**2 - 1)
     pixels = _project(ends.reshape(-1, 3), eye, axes, focal).reshape(-1, 2, 2)
-    # points along the edges, ends included, at most 0.7 pixels apart: rounded, they leave no gap
+    # points along the edges, ends included, at most 0.7 pixels apart, so that rounding leaves no gap
     steps = np.ceil(np.hypot(*(pixels[:, 1] - pixels[:, 0]).T) / 0.7).astype(int) + 1
     owner = np.repeat(np.arange(len(edge)), steps)
     share = (np.arange(len(owner)) - np.repeat(np.cumsum(steps) - steps, steps)) / (steps[owner] - 1 + 1e-9)
@@ -166,7 +166,7 @@ def _view(
     x, y = np.rint(xy).astype(int).T
     kept = np.flatnonzero(border[y, x])
     owner, share, xy = owner[kept], share[kept], xy[kept]
-    # the outermost of the points near a place of the outline
+    # the outermost mesh point near each contour pixel
     neighbours = cKDTree(xy).query(places, k=min(12, len(xy)))
     distance, near = (np.asarray(x).reshape(count, -1) for x in neighbours)
     depth = np.einsum("ijk,ik->ij", xy[near] - places[:, None], inward)
@@ -178,7 +178,7 @@ def _view(
 
 
 def _camera(direction: FloatArray) -> FloatArray:
-    """Return (2, 3) axes normal to a direction, right-handed with it."""
+    """Return axes (2, 3) perpendicular to a direction, right-handed with it."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     x = np.cross(helper, direction)
     x /= np.linalg.norm(x)
@@ -186,7 +186,7 @@ def _camera(direction: FloatArray) -> FloatArray:
 
 
 def _project(points: FloatArray, eye: FloatArray, axes: FloatArray, focal: float) -> FloatArray:
-    """Return (N, 2) pixels of points in the square image, with the craft's centre at its centre."""
+    """Return pixels (N, 2) of points in the square image, with the target's centre at its centre."""
     ray = points - eye
     depth = -ray @ np.cross(axes[0], axes[1])
     return np.asarray((ray @ axes.T) * (focal / depth)[:, None] + (SIZE_PX - 1) / 2)
@@ -203,7 +203,7 @@ def _filled(xy: FloatArray) -> ByteArray:
 
 
 def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return pixels (count, 2) evenly spaced along the outlines, and unit vectors inwards (count, 2)."""
+    """Return pixels (count, 2) evenly spaced along the contours, and unit vectors inwards (count, 2)."""
     outlines, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     loops = [c.reshape(-1, 2).astype(float) for c in outlines]
     length = [float(np.hypot(*(np.roll(c, -1, axis=0) - c).T).sum()) for c in loops]
@@ -215,7 +215,7 @@ def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
         k = np.searchsorted(np.cumsum(step) - step, at, side="right") - 1
         places.append(loop[k])
         start += size
-        # OpenCV walks outer contours with the inside on the left of the image's axes: the tangent turned by a quarter
+        # OpenCV traces outer contours with the inside on the left in image axes: rotate the tangent by 90 degrees
         tangent = np.roll(loop, -3, axis=0)[k] - np.roll(loop, 3, axis=0)[k]
         inwards.append(np.stack([tangent[:, 1], -tangent[:, 0]], axis=1))
     inward = np.concatenate(inwards)[:count]
@@ -227,14 +227,14 @@ def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
 def _shape(
     s: _Surface, edge: IntArray, front: BoolArray, point: FloatArray, share: FloatArray, eye: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return outward normals across the line of sight, and radii of curvature along it, at outline points."""
+    """Return outward normals perpendicular to the line of sight, and radii of curvature along it, at contour points."""
     sight = eye - point
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
     faces = s.faces[edge]
     nearer = np.where(front[faces[:, 0]], faces[:, 0], faces[:, 1])
     along = s.positions_m[s.ends[edge, 1]] - s.positions_m[s.ends[edge, 0]]
     sharp = np.cross(along, sight)
-    # the visible face is inside the outline
+    # the visible face is inside the contour
     inside = s.positions_m[s.triangles[nearer]].mean(axis=1) - point
     sharp *= -np.sign(np.einsum("ij,ij->i", sharp, inside))[:, None]
     smooth = s.smooth[edge]

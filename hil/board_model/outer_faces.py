@@ -1,4 +1,4 @@
-"""Outer faces of a craft, few enough for a board to draw."""
+"""Outer faces of a target, few enough for a board to render."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.targets.model import Part
 
-# Visible area below which a triangle, and a part that a coarser level leaves out, is not worth drawing [m2].
+# Least visible area of a triangle, and of a part that a coarser level of detail omits [m2].
 MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 
-# View directions, and the spacing of the points that sample the surface [share of the craft's size].
+# Number of view directions, and spacing of the surface sample points [share of the target's size].
 DIRECTIONS, PITCH = 32, 0.0022
 
-# Share of a hidden face's points that seem visible where the cover of one in front has a gap.
+# Largest share of a hidden face's points that appear visible through gaps between the sample points in front.
 LEAK_SHARE = 0.015
 
-# More triangles than this no board can draw in time.
+# Largest number of triangles that a board renders in time.
 MAX_TRIANGLES = 9000
 
-# Largest number of visible triangles, those of the parts with the largest visible area per triangle first. Triangles
-# within NEW of the coarse craft's surface and of its material add no information [share of the craft's size]. Least
-# visible area of a triangle and of a part [share of the size, squared].
+# Largest number of visible triangles; parts with the largest visible area per triangle come first. Triangles within
+# NEW_SHARE of the coarse model's surface and of the same material add no information [share of the target's size].
+# Least visible area of a triangle and of a part [share of the size, squared].
 MAX_SEEN, NEW_SHARE, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
 
-# Weight of the area of parts that stand off the craft: they shape the outline and cast shadows.
+# Weight of the area of parts that stand off the body, because they shape the outline and cast shadows.
 ALOFT_WEIGHT = 3.0
 
 
 def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
-    """Return corners (T, 3, 3) [m] of every triangle, and the part (T,) it belongs to."""
+    """Return the corners (T, 3, 3) [m] of every triangle, and the part (T,) that it belongs to."""
     corners = [p.positions_m.astype(float)[p.triangles] for p in parts]
     owner = [np.full(len(p.triangles), k) for k, p in enumerate(parts)]
     if not corners:
@@ -47,10 +47,10 @@ def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
 
 
 def visible_area(triangles_m: FloatArray) -> FloatArray:
-    """Return the (T,) area of each triangle times the share of directions that see it [m2].
+    """Return the area (T,) of each triangle times the share of directions from which it is visible [m2].
 
-    Points spread over the surface are sorted by depth along each direction; the nearest of each cell of a grid
-    is seen.
+    Points spread over the surface are sorted by depth along each direction; the nearest one in each cell of a grid is
+    visible.
     """
     normal = face_vectors(triangles_m)
     twice = np.linalg.norm(normal, axis=1)
@@ -58,7 +58,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     pitch = PITCH * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
     count = np.maximum(3, np.ceil(0.5 * twice / pitch**2)).astype(int)
     owner = np.repeat(np.arange(len(triangles_m)), count)
-    # additive recurrence of the plastic number: even cover without a pattern
+    # additive recurrence of the plastic number: low-discrepancy sampling
     k = np.arange(len(owner))
     u, v = (k * 0.7548776662466927) % 1, (k * 0.5698402909980532) % 1
     fold = u + v > 1
@@ -71,7 +71,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         x /= np.linalg.norm(x)
         front = np.flatnonzero((normal @ d > 0.02)[owner])
         p = points[front] @ np.stack([x, np.cross(d, x), -d]).T.astype(np.float32)
-        # cells hold three points of a face that is seen head-on: none is left open
+        # cells hold three points of a face seen head-on, so that none is empty
         cell = ((p[:, :2] - p[:, :2].min(axis=0)) / (1.8 * pitch)).astype(int)
         flat = cell[:, 1] * (int(cell[:, 0].max()) + 1) + cell[:, 0]
         depth = np.full(int(flat.max()) + 1, np.inf, np.float32)
@@ -80,7 +80,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
         seen += np.bincount(visible, minlength=len(triangles_m))
         looked += np.bincount(owner[front], minlength=len(triangles_m))
-    # a cell left empty now and then lets a glimpse of the inside through
+    # an occasional empty cell makes inner faces appear visible
     seen[seen < LEAK_SHARE * looked] = 0.0
     return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
 
@@ -91,8 +91,8 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
     Parameters
     ----------
     levels : sequence of sequence of Part
-        Parts of the craft's levels of detail, the coarsest first. Of the finer ones only those parts are taken that
-        the coarser leave out and that show enough of themselves.
+        Parts of the target's levels of detail, coarsest first. Of the finer levels, only parts are used that the
+        coarser ones omit and that are sufficiently visible.
     """
     parts = list(levels[0])
     have = {p.name for p in parts}
@@ -113,9 +113,9 @@ def outer_triangles(levels: Sequence[Sequence[Part]]) -> tuple[FloatArray, list[
 
 
 def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatArray, list[str]]:
-    """Select from too many triangles: the ``coarse`` first parts, then the parts most informative on attitude.
+    """Reduce a surplus of triangles to the ``coarse`` first parts and the parts most informative on attitude.
 
-    A dish on a boom, horns and sensors are all that tells a round body from itself half a turn on.
+    On a round body, only a dish on a boom, horns and sensors break the symmetry.
     """
     nothing: tuple[FloatArray, list[str]] = np.zeros((0, 3, 3)), []
     if sum(len(p.triangles) for p in parts[:coarse]) > MAX_TRIANGLES:
@@ -151,22 +151,22 @@ def _distinctiveness(
     asked: IntArray,
     within_m: float,
 ) -> FloatArray:
-    """Return (len(asked),) weights of triangles next to a surface: 1 for another material, `ALOFT_WEIGHT` well off it.
+    """Return weights of triangles near a surface: 1 for another material, `ALOFT_WEIGHT` if well off it, else 0.
 
     Parameters
     ----------
     owner : IntArray
         Part of each triangle.
     surface : BoolArray
-        (T,) which triangles are the surface.
+        Mask (T,) of the triangles that form the surface.
     asked : IntArray
-        Numbers of the others.
+        Indices of the triangles to weight.
     within_m : float
-        Nearer than this and of the same material they show nothing.
+        Distance within which a triangle of the same material adds no information.
     """
     names = sorted({p.material for p in parts})
     material = np.array([names.index(p.material) for p in parts])[owner]
-    # points all over the surface, no farther apart than half of ``within_m``
+    # sample points all over the surface, no farther apart than half of ``within_m``
     points, of = [], []
     for k in np.flatnonzero(surface):
         a, b, c = triangles_m[k]
@@ -183,9 +183,9 @@ def _distinctiveness(
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:
-    """Join triangles of one plane and material in pairs where the result is convex: faces (F, 4, 3).
+    """Join coplanar triangles of one material in pairs if the result is convex: faces (F, 4, 3).
 
-    Drawing two halves leaves a seam; a triangle left alone has its last corner twice.
+    Rendering two halves would leave a seam. The last corner of a single triangle is repeated.
     """
     normal = face_vectors(triangles_m)
     twice = np.linalg.norm(normal, axis=1)

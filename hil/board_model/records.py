@@ -1,4 +1,4 @@
-"""Board file as typed records."""
+"""Typed records of the board model file."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
     `data` is base64 of a zlib stream of little-endian rows, in order: directions to the camera (views, 3) int16/32767;
     positions about `center_m` (views, points, 3) int16 x `step_m`; outward normals (views, points, 3) int8 / 127; radii
-    of curvature along the line of sight (views, points) uint8 x `radius_step_m`, 0 at sharp edges. `range_m`: of the
-    camera from `center_m`.
+    of curvature along the line of sight (views, points) uint8 x `radius_step_m`, 0 at sharp edges. `range_m` is the
+    distance of the camera from `center_m`.
     """
 
     views: Index
@@ -37,21 +37,21 @@ class OutlinesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw
 
 
 class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Outer faces of the craft and the tree that orders them, for a board that renders it.
+    """Outer faces of the target, and the BSP tree that orders them.
 
     Parameters
     ----------
     corners : str
-        Base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz) in the target's frame, the
-        corners in order seen from outside, the last twice for a triangle.
+        Base64 of a zlib stream of little-endian int16 x `step_m`: (faces, 4 corners, xyz), target frame. Corners are in
+        order as seen from outside; a triangle repeats the last one.
     material : tuple of int
         Index of each face's material.
     plane : tuple of tuple of float
-        Nx, ny, nz, d of each node of the tree, zeros at a leaf.
+        Splitting plane (nx, ny, nz, d) of each node, zeros at a leaf.
     children : tuple of tuple of int
-        Nodes in front of the plane and behind it, -1 for none.
+        Child nodes in front of and behind the plane; -1 for none.
     members : tuple of tuple of int
-        Faces of each node.
+        Indices of the faces of each node.
     """
 
     step_m: Positive
@@ -63,9 +63,9 @@ class FacesRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class BoardModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The part of a target that a board needs to estimate its pose: a few thousand faces at most.
+    """Data of a target that a board needs to estimate its pose: a few thousand faces at most.
 
-    `network` is base64 of the file of a keypoint head that was trained for the craft.
+    `network` is base64 of the file of a keypoint head trained for the target.
     """
 
     schema: Literal["flyaround.board_model"]

@@ -1,4 +1,4 @@
-"""Writing of the board file: keypoints, wireframe, occluders, outlines and outer faces of a target as one JSON."""
+"""Writer of the board model file: keypoints, wireframe, occluders, contours and outer faces of a target as JSON."""
 
 from __future__ import annotations
 
@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 
 
 POSITION_STEPS = 8192
-"""Steps along the craft's radius: half a millimetre on Dragon, less than a tenth of a pixel wherever it fits an
-image."""
+"""Quantisation steps along the target's radius: half a millimetre on Dragon, below a tenth of a pixel in any image."""
 
-# A face larger than this divides space in the tree [share of the craft's size, squared].
+# Least area of a face whose plane may split space [share of the target's size, squared].
 LARGE = 1.2e-3
 
 # Decimals of the planes in the file.
@@ -57,12 +56,12 @@ def write_board_model(target: Target, path: Path) -> None:
 
 
 def board_record(target: Target) -> BoardModelRecord:
-    """Return the board model of a target: labels, occluders, outlines, faces, and the network trained for it.
+    """Return the board model of a target: labels, occluders, contours, faces, and its trained network.
 
     Raises
     ------
     UserError
-        If the network's file cannot be read.
+        If the network file cannot be read.
     """
     head = head_file(target.name)
     try:
@@ -75,7 +74,7 @@ def board_record(target: Target) -> BoardModelRecord:
 
 
 def labels_alone(target: Target) -> BoardModelRecord:
-    """Return the board model without outlines and faces, which take seconds to compute."""
+    """Return the board model without contours and faces, which take seconds to compute."""
     record = record_of(target)
     return BoardModelRecord(
         schema="flyaround.board_model",
@@ -91,7 +90,7 @@ def labels_alone(target: Target) -> BoardModelRecord:
 
 
 def packed(o: OccludingContours) -> OutlinesRecord:
-    """Return outlines in compact form; positions to 1/8192 of the craft's radius, normals to half a degree."""
+    """Return contours in compact form: positions to 1/8192 of the target's radius, normals to half a degree."""
     radius = o.range_m / RANGE_RADII
     step, radius_step = radius / POSITION_STEPS, radius * LARGEST_RADIUS / 255
     rows = (
@@ -112,7 +111,7 @@ def packed(o: OccludingContours) -> OutlinesRecord:
 
 
 def cached_outlines(target: Target) -> OutlinesRecord:
-    """Return the target's outlines, computed once, then read from the user's cache by the target's hash."""
+    """Return the target's contours, cached on disk by the target's hash."""
     key = entry_name("outlines", (packed, outlines_of), target.sha256)
     path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
@@ -120,18 +119,18 @@ def cached_outlines(target: Target) -> OutlinesRecord:
         with contextlib.suppress(msgspec.DecodeError):
             return msgspec.json.decode(data, type=OutlinesRecord)
     record = packed(outlines_of(target))
-    # a board file can be written where the cache cannot
+    # writing a board file must work without a writable cache
     store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
 
 
 def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
-    """Return outer faces of a craft as convex quadrilaterals in the order of a BSP tree; `None` if too many.
+    """Return the outer faces of a target as convex quadrilaterals in BSP order; `None` if there are too many.
 
     Parameters
     ----------
     levels : sequence of sequence of Part
-        Parts at each level of detail, the coarsest first.
+        Parts at each level of detail, coarsest first.
     """
     triangles, material = outer_triangles(levels)
     if not len(triangles):
@@ -151,7 +150,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
         step_m=step,
         corners=base64.b64encode(places_packed).decode(),
         material=tuple(names.index(of[k]) for k in tree.source),
-        # micrometres: one plane may be described by twenty faces
+        # rounded to micrometres, because twenty coplanar faces may describe one plane
         plane=tuple((round(a, n), round(b, n), round(c, n), round(d, n)) for a, b, c, d in tree.plane),
         children=tuple(tree.children),
         members=tuple(tuple(m) for m in tree.members),
@@ -159,7 +158,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
 
 
 def cached_faces(target: Target) -> FacesRecord | None:
-    """Return the target's faces, computed once, then read from the user's cache by the target's hash."""
+    """Return the target's faces, cached on disk by the target's hash."""
     levels = _levels(target)
     makers = (make_faces, outer_triangles, build_tree)
     key = entry_name("faces", makers, target.sha256, [level.sha256 for level in levels])
@@ -169,13 +168,13 @@ def cached_faces(target: Target) -> FacesRecord | None:
         with contextlib.suppress(msgspec.DecodeError):
             return msgspec.json.decode(data, type=FacesRecord | None)
     record = make_faces([level.parts for level in levels])
-    # a board file can be written where the cache cannot
+    # writing a board file must work without a writable cache
     store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
 
 
 def _levels(target: Target) -> list[Target]:
-    """Return the low and medium levels of a built-in craft; for any other target only itself."""
+    """Return the low and medium levels of detail of a built-in target; otherwise the target itself."""
     if target.name in built_in_targets() and load_target(target.name).sha256 == target.sha256:
         return [load_target(target.name, "low"), load_target(target.name, "medium")]
     return [target]

@@ -1,4 +1,4 @@
-"""Campaign: every case flown once with every seed, resumed after an interruption, and judged."""
+"""Campaign: every case flown once with every seed, resumable after an interruption, and judged."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class RequirementOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Subject of a case's runs: scenario with its hash, target, faults, boards and drivers."""
+    """Configuration of a case's runs: scenario with its hash, target, faults, boards and drivers."""
 
     name: str
     scenario: str
@@ -99,35 +99,34 @@ def run_campaign(
 ) -> CampaignOutcome:
     """Fly the missing runs, judge all, and write ``campaign.json``, ``junit.xml`` and ``index.html``.
 
-    A run's folder is there when the run is over, and not before: a campaign that was broken off goes on where it was.
-    Runs that another version flew, or that flew another model or with another board than those flown now, are flown
-    again.
-    In lockstep the same file gives the same bytes.
+    A run's folder appears only when the run is complete, so that an interrupted campaign resumes where it stopped. Runs
+    of another version, target model or board than the current ones are repeated. In lockstep, the same file gives the
+    same bytes.
 
     Parameters
     ----------
     path : Path
         Campaign file.
     folder : Path
-        New, empty, or of the same campaign.
+        New or empty folder, or that of the same campaign.
     board_command : tuple of str
-        Starts a board; URL, target and method are appended.
+        Command that starts a board; URL, target and method are appended.
     workers : int, optional
-        Runs at a time.
+        Number of parallel runs.
     command : tuple of str, optional
-        The words on the command line, for the record.
+        Words of the command line, for the record.
     say : callable, optional
-        Called with the runs to repeat, and the reason.
+        Called with a message about runs to repeat, and the reason.
 
     Raises
     ------
     UserError
-        If the file has a mistake, or the folder holds something else or cannot be written.
+        If the file has an error, or the folder holds something else or cannot be written.
     """
     campaign, cases = read_campaign(path)
     if workers > 1 and any(case.case.link.listen is not None for case in cases):
         raise UserError(
-            "a case waits for a board at an address: such boards are met one at a time, --workers 1"
+            "a case waits for a board at an address, which serves one run at a time: give --workers 1"
         )
     if not _is_ours(folder):
         empty_folder(folder)
@@ -166,7 +165,7 @@ def run_campaign(
 
 
 def _is_ours(folder: Path) -> bool:
-    """Return True if the folder is empty or belongs to a campaign, whose file is written first."""
+    """Return True if the folder is empty or that of a campaign, whose file is written first."""
     if not folder.is_dir():
         return False
     return (folder / FILE).is_file() or all(
@@ -180,7 +179,7 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
     Raises
     ------
     UserError
-        If there are runs that this campaign does not have.
+        If the folder has runs that are not in the campaign.
     """
     expected = {task.folder for task in tasks}
     for leftover in (*folder.glob(f".*{PART}"), *folder.glob(f"{RUNS}/*/.*{PART}")):
@@ -191,7 +190,7 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
     for run in sorted(folder.glob(f"{RUNS}/*/*")):
         if run not in expected:
             raise UserError(
-                f"{run} is a run that the campaign file does not have: name another folder with -o, or delete it"
+                f"{run} is a run that is not in the campaign file: name another folder with -o, or delete it"
             )
 
 
@@ -214,7 +213,7 @@ def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
 
 
 def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
-    """Return the stored runs of another board than the case met now."""
+    """Return the stored runs of another board than the one that is connected now."""
     current = {}
     for task in tasks:
         if task not in kept and (board := read_result(task.folder).board) is not None:
@@ -228,13 +227,13 @@ def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTa
 
 
 def _discard(folder: Path, runs: Mapping[RunTask, str], say: Callable[[str], None]) -> bool:
-    """Remove runs, and report the reason for flying them again."""
+    """Remove runs, and report the reason for repeating them."""
     for (case, why), n in Counter((task.ready.case.name, why) for task, why in runs.items()).items():
         say(
-            f"{n} run{'s' if n > 1 else ''} of case {case!r} had {why} and {'are' if n > 1 else 'is'} flown again"
+            f"{n} run{'s' if n > 1 else ''} of case {case!r} had {why} and {'are' if n > 1 else 'is'} repeated"
         )
     for task in runs:
-        # moved first: a run is there whole or not at all
+        # rename before deleting, so that a run's folder is always complete
         trash = folder / f".{task.ready.case.name}.{task.seed}{PART}"
         shutil.rmtree(trash, ignore_errors=True)
         task.folder.rename(trash)
@@ -253,12 +252,12 @@ def _fly_all(tasks: Sequence[RunTask], workers: int, progress: Callable[[int, in
 
 
 def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> None:
-    """Raise UserError for runs of another version of their case, however old.
+    """Raise UserError for stored runs with other inputs than their case has now.
 
     Raises
     ------
     UserError
-        With the first of them.
+        For the first such run.
     """
     expected: dict[str, str] = {}
     for task, result in zip(tasks, results, strict=True):
@@ -268,7 +267,7 @@ def _check_inputs(tasks: Sequence[RunTask], results: Sequence[RunResult]) -> Non
         if result.inputs != expected[name]:
             raise UserError(
                 f"{task.folder} was flown with other settings than case {name!r} has now: name another folder with "
-                "-o, or delete it to have it flown anew"
+                "-o, or delete it to repeat the run"
             )
 
 

@@ -27,7 +27,7 @@ table.fold th{vertical-align:bottom}td small{display:block}
 
 
 def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdict]) -> None:
-    """Write the page; links lead to the runs' folders next to it."""
+    """Write the page; it links to the runs' folders next to it."""
     met = [_is_met(requirement, runs) for requirement in campaign.requirement]
     page = Page(campaign.title or campaign.name, width_px=1440, style=STYLE)
     failed = sum(not run.passed for run in runs)
@@ -45,18 +45,23 @@ def write_campaign_page(path: Path, campaign: Campaign, runs: Sequence[RunVerdic
     )
     page.section(
         "Requirements",
-        note("The worst run of all: without a value, else failed, else with the least margin to the limit."),
+        note(
+            "The worst of all runs: one without a value, else a failed one, else the one with the least margin."
+        ),
     )
     page.add_folding_table(
         ("requirement", "verdict", "quantity", "limit", "runs met", "worst", "margin", "its run"),
         [_requirement_row(r, runs) for r in campaign.requirement],
     )
-    page.section("Matrix", note("Of each case the worst run's value, and how many of its runs meet it."))
+    page.section(
+        "Matrix",
+        note("The worst run's value in each case, and the number of runs that meet the requirement."),
+    )
     page.add_folding_table(
         ("case", "runs passed", *map(_column, campaign.requirement)),
         [_matrix_row(case.name, campaign, runs) for case in campaign.case],
     )
-    page.section("Runs", note("Each number is a seed and leads to its run's report."))
+    page.section("Runs", note("Each number is a seed and links to its run's report."))
     for case in campaign.case:
         page.add(_runs_of(case.name, [run for run in runs if run.case == case.name]))
     page.write(path)
@@ -90,7 +95,7 @@ def _margin(verdict: Verdict) -> str:
 
 
 def _of(n: int, total: int) -> str:
-    """Format two counts so that they stay on one line."""
+    """Format two counts without a line break."""
     return f"{n} of {total}".replace(" ", "\N{NO-BREAK SPACE}")
 
 

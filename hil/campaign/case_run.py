@@ -1,4 +1,4 @@
-"""One run of a campaign: a case with a seed, flown into a folder of its own that exists only when complete."""
+"""One run of a campaign: a case with a seed, flown into its own folder, which appears only when complete."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ FRAMES = 30
 
 
 class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Versions of the software of a run; runs of other versions are flown again.
+    """Software versions of a run; runs of other versions are repeated.
 
     Attributes
     ----------
     model_sha256 : str, optional
-        Hash of the target's model.
+        Hash of the target model.
     board : str, optional
-        Description of a board that is started here; empty for others.
+        Description of a board that the campaign starts; empty for external ones.
     """
 
     flyaround: str = ""
@@ -74,22 +74,22 @@ class FlownBy(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Result of a run: ``result.json``, its last file.
+    """Result of a run: ``result.json``, the last file written.
 
     Attributes
     ----------
     inputs : str
         SHA-256 of the inputs, which identifies the run.
     flown_by : FlownBy, optional
-        Versions; empty in results older than this field.
+        Software versions; empty in older results.
     board : Board, optional
-        Board that answered, by its HELLO.
+        Board that answered, from its HELLO.
     gl_renderer : str, optional
-        Driver that rendered.
+        OpenGL driver that rendered.
     failure : str, optional
         Cause of a failed run.
     values : dict of str to float or str
-        Value of each quantity that it has.
+        Value of each quantity, by name.
     """
 
     inputs: str
@@ -107,11 +107,11 @@ class RunTask:
     Parameters
     ----------
     folder : Path
-        Output.
+        Output folder.
     board_command : tuple of str
         Command that starts a board; URL, target and method are appended.
     command : tuple of str, optional
-        Command line, for the record.
+        Words of the command line, for the record.
     """
 
     ready: ReadyCase
@@ -129,7 +129,7 @@ def inputs_of(ready: ReadyCase) -> str:
 
 
 def flown_by(ready: ReadyCase) -> FlownBy:
-    """Return the versions that fly a case now; an external board's is not known yet."""
+    """Return the current software versions of a case; an external board's is still unknown."""
     own = ready.case.pose == "board" and ready.case.link.listen is None
     return FlownBy(
         flyaround=version("flyaround"),
@@ -147,12 +147,12 @@ def _model_sha256(target: str) -> str:
 def _own_board() -> str:
     try:
         return describe_board("", "", "", compiled=True).board
-    except BoardModelError:  # without kernels: each run that needs them says so
+    except BoardModelError:  # without kernels, each run that needs them reports it
         return ""
 
 
 def fly_case(task: RunTask) -> None:
-    """Fly a run, measure it, and move its folder into place. A failure is a result as well.
+    """Fly a run, measure it, and move its folder into place. A failed run is stored as well.
 
     Raises
     ------
@@ -165,29 +165,29 @@ def fly_case(task: RunTask) -> None:
     try:
         result = _fly_unattended(task, part)
         write_document(part / RESULT_JSON, result)
-        with contextlib.suppress(OSError):  # another one has flown it meanwhile
+        with contextlib.suppress(OSError):  # another process has flown it in the meantime
             part.rename(folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 def read_result(folder: Path) -> RunResult:
-    """Return the result in a run's folder.
+    """Read the result in a run's folder.
 
     Raises
     ------
     UserError
-        If it is damaged.
+        If the file is damaged.
     """
     path = folder / RESULT_JSON
     try:
         return msgspec.json.decode(read_regular(path, MAX_BYTES), type=RunResult)
     except (OSError, msgspec.DecodeError) as error:
-        raise UserError(f"{path} is damaged ({error}): delete {folder} and begin again") from error
+        raise UserError(f"{path} is damaged ({error}): delete {folder} and start again") from error
 
 
 def _fly_unattended(task: RunTask, part: Path) -> RunResult:
-    """Fly a run unattended: an error makes it a failed run, and the next begins."""
+    """Fly a run. An error makes it a failed run, so that the campaign continues."""
     failure, board, renderer = "", None, ""
     values: dict[str, float | str] = {}
     try:
@@ -277,7 +277,7 @@ def _fly_with_board(
 
 
 def _drop_wall_clock(part: Path) -> None:
-    """Remove wall-clock times from a ledger, so that in lockstep the same run leaves the same bytes."""
+    """Remove wall-clock times from a ledger, so that the same lockstep run gives the same bytes."""
     rows = read_ledger(part)
     (part / FRAMES_CSV).unlink()
     writer = LedgerWriter(part)
@@ -305,7 +305,7 @@ def _drop_wall_clock(part: Path) -> None:
 
 
 def _timeless(row: FrameRecord) -> FrameRecord:
-    """Return a row without wall-clock times; times of the flight stay."""
+    """Return a row without wall-clock times, but with times of the flight."""
     defaults = FrameRecord(frame_id=0, epoch_utc="", t_s=0.0, exposure_s=0.0, outcome="")
     measured = [
         f.name

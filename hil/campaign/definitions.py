@@ -1,4 +1,4 @@
-"""Campaign file: cases with seeds, and requirements on their runs; every mistake gives one sentence."""
+"""Campaign file: cases with seeds, and requirements on their runs. Every error is reported in one sentence."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class SeedRange(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class LinkSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Connection of a case's board, as the options of ``hil host`` of these names.
+    """Connection of a case's board; the fields are options of ``hil host``.
 
     Attributes
     ----------
     listen : str, optional
-        An address for a board of its own, started by hand; without it each run starts a board on this machine.
+        Address for an external board, started by hand. By default, each run starts a board on this machine.
     key : str, optional
-        File with the key for an address that other machines reach, next to the campaign file.
+        File with the key for an address that other machines can reach, next to the campaign file.
     """
 
     listen: Annotated[str, msgspec.Meta(max_length=200)] | None = None
@@ -65,26 +65,26 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     Attributes
     ----------
     scenario : str
-        Built-in name, or a TOML file next to the campaign file.
+        Name of a built-in scenario, or a TOML file next to the campaign file.
     closed_loop : bool, optional
-        Fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
+        Fly the approach on pose measurements.
     pose : {'board', 'truth', 'noisy'}, optional
-        Fly on poses: of a board (each frame drawn), or of the truth, with or without errors.
+        Source of the poses: a board (every frame is rendered), the truth, or the truth with simulated errors.
     method : str, optional
-        Estimator of a board that is started here.
+        Estimator of a board that the campaign starts.
     mode : {'lockstep', 'realtime'}, optional
-        Options of ``hil host`` of these names.
+        See ``hil host``.
     frames : int, optional
-        Options of ``hil host`` of these names.
+        See ``hil host``.
     every_s : Seconds, optional
-        Options of ``hil host`` of these names.
+        See ``hil host``.
     latency_s : float, optional
-        Options of ``hil host`` of these names.
+        See ``hil host``.
     deadline_s : Seconds, optional
-        Options of ``hil host`` of these names.
+        See ``hil host``.
     faults : Faults or str, optional
-        A faults file next to the campaign file, or its contents; default the scenario's own. Each run's seed replaces
-        theirs.
+        Faults, inline or as a file next to the campaign file; by default the scenario's. Each run's seed replaces the
+        seed of the faults.
     """
 
     name: Name
@@ -110,7 +110,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     @property
     def traits(self) -> frozenset[str]:
-        """Traits of the case's runs that quantities may require."""
+        """Traits of the case's runs, which some quantities require."""
         has = {"closed_loop"} if self.closed_loop else set()
         if self.pose == "board":
             has |= {"frames", "times"} if self.mode == "realtime" else {"frames"}
@@ -123,7 +123,7 @@ class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     Attributes
     ----------
     cases : tuple of str, optional
-        Names of cases, with ``*`` for any letters.
+        Names of cases; ``*`` matches any letters.
     """
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=120)]
@@ -133,7 +133,7 @@ class Requirement(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     cases: Annotated[tuple[str, ...], msgspec.Meta(min_length=1, max_length=1000)] = ("*",)
 
     def is_about(self, case: str) -> bool:
-        """Return True if it applies to a case."""
+        """Return True if the requirement applies to a case."""
         return any(fnmatchcase(case, pattern) for pattern in self.cases)
 
 
@@ -155,9 +155,9 @@ class ReadyCase:
     Parameters
     ----------
     source : bytes
-        The scenario's file.
+        Contents of the scenario file.
     key : Path or None
-        File of the link's key, found.
+        File of the link's key.
     """
 
     case: Case
@@ -168,18 +168,18 @@ class ReadyCase:
 
 
 def read_campaign(path: Path) -> tuple[Campaign, tuple[ReadyCase, ...]]:
-    """Return the campaign of a TOML file, with the files that its cases name.
+    """Read a campaign from a TOML file, with the files that its cases name.
 
     Raises
     ------
     UserError
-        If it has a mistake: file, key, value and allowed values.
+        If it has an error; the message names file, key, value and allowed values.
     """
     campaign = _parse(path)
     names = [case.name for case in campaign.case]
     for name in names:
         if names.count(name) > 1:
-            raise UserError(f"{path}: two cases are named {name!r}: give each a name of its own")
+            raise UserError(f"{path}: two cases are named {name!r}: give each a different name")
     runs = sum(
         case.seeds.count if isinstance(case.seeds, SeedRange) else len(case.seeds) for case in campaign.case
     )
@@ -206,17 +206,17 @@ def _parse(path: Path) -> Campaign:
 
 
 def _check_case(case: Case, where: str) -> None:
-    """Raise UserError for settings that contradict each other.
+    """Raise UserError for contradictory settings.
 
     Raises
     ------
     UserError
-        With the remedy.
+        If settings contradict; the message names the remedy.
     """
     if len(set(case.all_seeds)) < len(case.all_seeds):
-        raise UserError(f"{where} has a seed twice: each run has its own")
+        raise UserError(f"{where} has a seed twice: remove one")
     if case.all_seeds[-1] >= 2**31:
-        raise UserError(f"{where} has a seed of 2^31 or more: begin lower")
+        raise UserError(f"{where} has a seed of 2^31 or more: start lower")
     try:
         check_method_name(case.method)
     except BoardModelError as error:
@@ -224,28 +224,28 @@ def _check_case(case: Case, where: str) -> None:
     if case.pose != "board" and not case.closed_loop:
         raise UserError(f'{where} has pose = "{case.pose}", which needs closed_loop = true')
     if case.pose != "board" and (case.mode != "lockstep" or case.link != LinkSettings()):
-        raise UserError(f'{where} has pose = "{case.pose}", so no board: leave mode and link out')
+        raise UserError(f'{where} has pose = "{case.pose}", which uses no board: leave out mode and link')
     if case.closed_loop and case.frames is not None:
-        raise UserError(f"{where}: a closed loop ends when the chaser arrives: every_s instead of frames")
+        raise UserError(
+            f"{where}: a closed loop ends when the chaser arrives: give every_s instead of frames"
+        )
     if case.frames is not None and case.every_s is not None:
         raise UserError(f"{where} has frames and every_s: leave one out")
     if case.latency_s and case.mode != "realtime":
-        raise UserError(f'{where}: latency_s is a camera\'s that runs by itself: mode = "realtime" with it')
+        raise UserError(f'{where}: latency_s needs a free-running camera: add mode = "realtime"')
     if case.deadline_s is not None and (case.mode != "realtime" or case.pose != "board"):
-        raise UserError(
-            f'{where}: deadline_s is of a board\'s answers in real time: mode = "realtime" with it'
-        )
+        raise UserError(f'{where}: deadline_s needs a board that answers in real time: add mode = "realtime"')
     if case.link.key is not None and case.link.listen is None:
-        raise UserError(f"{where}: a key is for a board elsewhere: give link.listen with it")
+        raise UserError(f"{where}: a key is for an external board: add link.listen")
 
 
 def _check_requirement(requirement: Requirement, campaign: Campaign, where: str) -> None:
-    """Raise UserError for a requirement that applies to no case, or needs what its cases do not have.
+    """Raise UserError for a requirement that applies to no case, or on a quantity that its cases do not have.
 
     Raises
     ------
     UserError
-        With the remedy.
+        If so; the message names the remedy.
     """
     quantity = QUANTITIES.get(requirement.quantity)
     if quantity is None:
@@ -258,17 +258,17 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
         kind = f"one of {', '.join(quantity.words)}" if quantity.is_text else "a number"
         raise UserError(f"{where}: limit is {requirement.limit!r}, but {requirement.quantity} is {kind}")
     if quantity.is_text and requirement.comparison not in {"==", "!="}:
-        raise UserError(f"{where}: {requirement.quantity} is text: compare it by == or !=")
+        raise UserError(f"{where}: {requirement.quantity} is text: compare it with == or !=")
     if quantity.is_text and requirement.limit not in quantity.words:
         raise UserError(f"{where}: limit is {requirement.limit!r}, allowed: {', '.join(quantity.words)}")
     about = [case for case in campaign.case if requirement.is_about(case.name)]
     if not about:
-        raise UserError(f"{where} is about no case: {', '.join(requirement.cases)} matches none")
+        raise UserError(f"{where} applies to no case: {', '.join(requirement.cases)} matches none")
     for case in about:
         if not quantity.needs <= case.traits:
             raise UserError(
                 f"{where}: case {case.name!r} has no {requirement.quantity}, which needs {quantity.needs_in_words}: "
-                "name the cases that it is about with cases = [...]"
+                "restrict it to other cases with cases = [...]"
             )
 
 

@@ -1,4 +1,4 @@
-"""Delay map: success rate of an approach over latency, jitter and loss of its poses; and the latency of 50 %."""
+"""Delay map: success rate of an approach over latency, jitter and loss of its poses, and the 50 % latency."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ FLIGHTS_CSV, CHECKS_CSV, CELLS_CSV = "flights.csv", "checks.csv", "cells.csv"
 MAX_BYTES = 1 << 20
 MAX_FLIGHTS = 1_000_000
 EXTENSIONS = 4
-"""Largest number of added latencies, while more than half of the approaches succeed at the last one."""
+"""Largest number of latencies added while more than half of the approaches succeed at the last one."""
 REFINED_TO_S = 0.1
-"""Resolution of the latency at which half fail, for the first jitter and the first share of drops."""
+"""Resolution of the 50 % latency for the first jitter and the first loss rate [s]."""
 
 
 def map_delays(
@@ -55,26 +55,26 @@ def map_delays(
     workers: int = 1,
     progress: Callable[[str, int, int], None] = lambda _what, _done, _of: None,
 ) -> DelayMapOutcome:
-    """Fly every cell, write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the image.
+    """Fly every cell, and write ``delay_map.json``, ``cells.csv`` and ``index.html`` with the image.
 
-    Flights without images: their poses are the truth with the errors that the estimator was measured to make. Each
-    cell has the same seeds. The same settings give the same bytes, however often it was broken off.
+    The flights render no images: their poses are the truth with errors as measured for the estimator. All cells use the
+    same seeds. The same settings give the same bytes, even after interruptions.
 
     Parameters
     ----------
     settings : MapSettings
-        `settings_for` has checked them.
+        Settings from `settings_for`.
     folder : Path
-        New, empty, or of the same settings.
+        New or empty folder, or that of a map with the same settings.
     board_command : tuple of str
-        Starts a board, for the cells that are checked.
+        Command that starts a board, for the cells that are verified.
     progress : callable, optional
-        Called with the name of the flights, the number done and the total.
+        Called with a label of the flights, the number done and the total.
 
     Raises
     ------
     UserError
-        If the folder is of something else, or cannot be written.
+        If the folder holds something else, or cannot be written.
     """
     other_checks = _open_folder(folder, settings)
     with only_writer(folder, "delay-map"):
@@ -100,21 +100,19 @@ def settings_for(
     check: int = 0,
     check_flights: int = 5,
 ) -> MapSettings:
-    """Return the settings of a map over a scenario, checked.
+    """Return the validated settings of a map over a scenario.
 
     Raises
     ------
     UserError
-        If it cannot, or the levels do not rise.
+        If the scenario cannot be used, or the levels do not increase.
     """
     for name, levels in (("--latency", latencies_s), ("--jitter", jitters_s), ("--drops", drops)):
         if any(b <= a for a, b in pairwise(levels)):
-            raise UserError(f"the levels of {name} must rise, got {', '.join(f'{x:g}' for x in levels)}")
+            raise UserError(f"the levels of {name} must increase, got {', '.join(f'{x:g}' for x in levels)}")
     n_cells = len(latencies_s) * len(jitters_s) * len(drops)
     if n_cells * flights > MAX_FLIGHTS:
-        raise UserError(
-            f"{n_cells * flights} flights are asked for, at most {MAX_FLIGHTS}: choose fewer levels"
-        )
+        raise UserError(f"{n_cells * flights} flights exceed the limit of {MAX_FLIGHTS}: choose fewer levels")
     if check > n_cells:
         raise UserError(f"--check {check} is more than the map's {n_cells} cells; choose fewer")
     loaded = load_scenario(scenario)
@@ -136,7 +134,7 @@ def settings_for(
 
 
 class _Map:
-    """Map in progress, flown level by level: the next flights depend only on the earlier ones."""
+    """Map in progress, flown level by level; the next flights depend on earlier ones."""
 
     def __init__(
         self,
@@ -210,11 +208,11 @@ class _Map:
         return results
 
     def _half_at(self, cells: dict[Cell, CellResult], latency_s: float) -> bool:
-        """Return True if for some jitter and drops more than half still succeed."""
+        """Return True if more than half still succeed for some jitter and loss rate."""
         return any(r.share > 0.5 for cell, r in cells.items() if cell.latency_s == latency_s)
 
     def _refined(self, cells: dict[Cell, CellResult], latencies: Sequence[float]) -> dict[Cell, CellResult]:
-        """Refine by repeated halving between the two latencies next to the 50 % point."""
+        """Refine the 50 % latency by bisection between its two neighbours."""
         s = self._settings
         refined: dict[Cell, CellResult] = {}
         shares = [cells[Cell(x, s.jitters_s[0], s.drops[0])].share for x in latencies]
@@ -232,7 +230,7 @@ class _Map:
         return refined
 
     def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
-        """Fly some cells again, with images and a board."""
+        """Verify some cells with rendered images and a board."""
         s = self._settings
         chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in chosen_cells(cells, s.check)}
         tasks = self._flights(chosen, s.check_flights, self._board_command)
@@ -244,7 +242,7 @@ class _Map:
 
 
 def chosen_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
-    """Return cells to check: success from all to none, each as close to the edge as possible."""
+    """Return cells to verify, from full to no success, each as close to the transition as possible."""
 
     def edge(result: CellResult) -> float:
         burden = result.latency_s + result.jitter_s + 10 * result.drops
@@ -267,12 +265,12 @@ def _order(cell: Cell) -> tuple[float, float, float]:
 
 
 def _open_folder(folder: Path, settings: MapSettings) -> bool:
-    """Make the folder, or check that it is of this map; return True if it has checks of other settings.
+    """Create the folder, or check that it holds this map; return True if its checks have other settings.
 
     Raises
     ------
     UserError
-        If it is not.
+        If the folder holds something else.
     """
     path = folder / SETTINGS_JSON
     if not path.is_file():
@@ -284,7 +282,7 @@ def _open_folder(folder: Path, settings: MapSettings) -> bool:
         before = msgspec.json.decode(read_regular(path, MAX_BYTES), type=MapSettings)
     except msgspec.DecodeError as error:
         raise UserError(f"{path} is damaged ({error}): name another folder with -o") from error
-    # cells may be checked that were not before
+    # other cells may be verified than before
     same = msgspec.structs.replace(before, check=settings.check, check_flights=settings.check_flights)
     if same != settings:
         raise UserError(f"{folder} has a map of other settings: name another folder with -o")

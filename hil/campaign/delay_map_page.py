@@ -1,4 +1,4 @@
-"""Report page of a delay map: a heat map for each share of drops, the 50 % line and the checked cells."""
+"""Report page of a delay map: a heat map for each loss rate, the 50 % line and the verified cells."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flyaround.hil.campaign.map_results import CellResult, DelayMapOutcome
 
 PAGE, PICTURE = "index.html", "delay_map.png"
-ERRORS = "Nothing drawn: poses are the truth with the errors that the estimator hybrid was measured to make."
+ERRORS = "No images were rendered: poses are the truth with the measured errors of the estimator hybrid."
 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
@@ -29,7 +29,7 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     write_atomic(folder / PICTURE, drawn)
     s, first = outcome.settings, outcome.half[0]
     page = Page("Flyaround: delay map", f"Success over the link's delays: {s.scenario}", width_px=1240)
-    every = "each period of control" if s.every_s is None else f"every {s.every_s:g} s"
+    every = "once per control period" if s.every_s is None else f"every {s.every_s:g} s"
     page.add(
         note(
             f"{len(outcome.cells)} cells of {s.flights} approaches, seeds from {s.first_seed} on in each; a picture"
@@ -48,17 +48,17 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     page.add(
         plot(
             drawn,
-            "Approaches that arrive within 0.2 m and 2 deg and were never inside the sphere and outside its corridor; "
-            "the line is where half fail. Latency: from mid-exposure to the pose in the filter; jitter: so much more, "
-            "evenly from 0; lost: share of poses. " + ERRORS,
+            "A successful approach arrives within 0.2 m and 2 deg and never enters the sphere outside its corridor; "
+            "the line marks 50 % success. Latency: from mid-exposure to the pose in the filter; jitter: additional, "
+            "uniform from 0; lost: share of poses. " + ERRORS,
             alt="delay map",
         )
     )
     page.section(
-        "Latency at which half of the approaches fail",
+        "Latency of 50 % success",
         note(
-            "Between the two latencies next to it; in brackets the nearest latencies whose success is more, and less, "
-            "than a half by Wilson's 95 % interval."
+            "Interpolated between the two neighbouring latencies; in brackets the nearest latencies whose success is "
+            "above, and below, one half by Wilson's 95 % interval."
         ),
         table(
             ("jitter", *(f"{d:.0%} lost" for d in s.drops)),
@@ -70,15 +70,20 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     )
     if outcome.extended:
         levels = ", ".join(f"{x:g}" for x in outcome.extended)
-        page.add(note(f"Latencies were added, because more than half still succeeded: {levels} s."))
+        page.add(note(f"Latencies added because more than half still succeeded: {levels} s."))
     if outcome.checked:
         page.section(
-            "Cells flown again, each frame drawn, each pose a board's",
-            note(
-                "95 % intervals by Wilson. Delays and losses are imposed on the flight's clock, in lockstep."
-            ),
+            "Cells verified with rendered frames and a board's poses",
+            note("Wilson's 95 % intervals. Delays and losses act on the flight's clock, in lockstep."),
             table(
-                ("latency", "jitter", "lost", "without pictures", "drawn, with a board", "intervals overlap"),
+                (
+                    "latency",
+                    "jitter",
+                    "lost",
+                    "without images",
+                    "rendered, with a board",
+                    "intervals overlap",
+                ),
                 [
                     (
                         f"{c.drawn.latency_s:g} s",
@@ -102,7 +107,7 @@ def _share(result: CellResult) -> str:
 
 
 def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
-    """Return the PNG of heat maps of jitter over latency for each share of drops."""
+    """Return the PNG of heat maps of jitter over latency for each loss rate."""
     s = outcome.settings
     latencies = (*s.latencies_s, *outcome.extended)
     figure, axes = figure_with_axes(1, len(s.drops), 0.62 * len(s.jitters_s) + 1.7, width=13.5)
@@ -117,7 +122,7 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
         for y, row in enumerate(cells):
             for x, c in enumerate(row):
                 ink = INK if 0.15 < c.share < 0.85 else "white"
-                # over the line where half fail, on a patch of its cell's colour
+                # on top of the 50 % line, on a patch in the cell's colour
                 patch = {"boxstyle": "round,pad=0.15", "fc": colours(c.share), "ec": "none"}
                 ax.text(
                     x,
@@ -145,7 +150,7 @@ def draw_delay_map(outcome: DelayMapOutcome) -> bytes:
 
 
 def _mark_halves(ax: Axes, outcome: DelayMapOutcome, drops: float, latencies: Sequence[float]) -> None:
-    """Draw a line at the latency at which half fail, in each row that has one."""
+    """Draw the 50 % line in each row that has one."""
     places, rows = [], []
     for y, jitter in enumerate(outcome.settings.jitters_s):
         half = next(h for h in outcome.half if (h.jitter_s, h.drops) == (jitter, drops))

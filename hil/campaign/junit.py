@@ -1,7 +1,7 @@
-"""Campaign as JUnit XML, for test viewers: a suite for each case, a test for each requirement of a run.
+"""JUnit XML of a campaign, for test viewers: a suite for each case, a test for each requirement of a run.
 
-Times are those of the flight, so that the same runs give the same bytes: ``timestamp`` is the scenario's epoch,
-``time`` how long the approach took.
+Times are those of the flight, so that the same runs give the same bytes: ``timestamp`` is the scenario's epoch, and
+``time`` the duration of the approach.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.hil.campaign.definitions import Campaign, ReadyCase
     from flyaround.hil.campaign.verdicts import RunVerdict
 
-# characters that XML 1.0 cannot represent
+# Characters that XML 1.0 cannot represent
 _UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -26,7 +26,7 @@ def junit_xml(
     runs: Sequence[RunVerdict],
     durations_s: Mapping[tuple[str, int], float],
 ) -> bytes:
-    """Return the document. All tests of a run without a result have failed.
+    """Return the document. All tests of a run without a result fail.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def junit_xml(
 
 
 def _test(campaign: Campaign, run: RunVerdict, k: int) -> ET.Element:
-    """Return the test of a requirement of a run, or of the run alone if nothing is required."""
+    """Return the test of a requirement of a run, or of the run alone if it has no requirements."""
     verdict = run.verdicts[k] if run.verdicts else None
     name = f"seed {run.seed}" + (f": {verdict.requirement.name}" if verdict is not None else "")
     test = ET.Element(

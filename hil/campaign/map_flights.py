@@ -1,4 +1,4 @@
-"""Flights of a delay map: each cell's approaches over its link, without images, or rendered with a board's poses."""
+"""Flights of a delay map: approaches over each cell's link, without images, or rendered with a board's poses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.ledger.summary import ClosedLoopFigures
     from flyaround.simulator.scenario.plan import Plan
 
-# limits of a successful approach, see docs/hil_closed_loop.md
+# Limits of a successful approach, see docs/hil_closed_loop.md
 WITHIN_M, WITHIN_DEG = 0.2, 2.0
 MAX_BYTES = 1 << 28
 COLUMNS = (
@@ -53,7 +53,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, order=True)
 class Cell:
-    """One link: latency from mid-exposure to the pose, uniform jitter added to it, and share of poses lost."""
+    """Link parameters: latency from mid-exposure to the pose, additional uniform jitter, and share of poses lost."""
 
     latency_s: float
     jitter_s: float
@@ -67,9 +67,9 @@ class MapFlight:
     Parameters
     ----------
     every_s : float, optional
-        Between images; None: the thrusters' period.
+        Time between images; by default the thrusters' period.
     board_command : tuple of str, optional
-        Starts a board: the flight is drawn, and on its poses. None: on noisy poses.
+        Command that starts a board, for a rendered flight on its poses; by default the poses are simulated.
     """
 
     scenario: str
@@ -85,7 +85,7 @@ def fly(task: MapFlight) -> list[str]:
     plan = _plan(task.scenario, 0 if task.board_command is None else task.seed)
     loop = ClosedLoopConfig(seed=task.seed, frame_every=frame_every(task.every_s, plan))
     cell = task.cell
-    # the same draws in every cell: a lossier link loses what a better one loses, and more
+    # common random numbers: a lossier link loses the same poses as a better one, and more
     faults = (Jitter(most_ms=1e3 * cell.jitter_s), Drop(chance=cell.drops))
     link = PoseLink(latency_s=cell.latency_s, faults=faults, seed=task.seed)
     if task.board_command is None:
@@ -122,7 +122,7 @@ def _fly_with_board(
     Raises
     ------
     UserError
-        If the board left.
+        If the board disconnected.
     """
     wire = LinkConfig(
         url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_S
@@ -131,7 +131,7 @@ def _fly_with_board(
     summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))
     if summary.ended != "completed" or summary.closed_loop is None:
         raise UserError(
-            f"a board left while it was flown with ({summary.board_gone}): begin again, it goes on"
+            f"a board disconnected during its flight ({summary.board_gone}): start again to resume"
         )
     return summary.closed_loop
 
@@ -139,9 +139,9 @@ def _fly_with_board(
 def flown_cells(
     path: Path, tasks: Sequence[MapFlight], workers: int, progress: Callable[[int, int], None]
 ) -> list[tuple[Cell, bool]]:
-    """Fly the flights missing in ``path``; rows are written in order.
+    """Fly the flights missing in ``path``, and write their rows in order.
 
-    Each flight's cell is returned with its success.
+    Yield each flight's cell and success.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def _key(task: MapFlight) -> list[str]:
 
 
 def _journal(path: Path) -> list[list[str]]:
-    """Return the complete rows of an interrupted table; a partial row is removed and a missing header written."""
+    """Return the complete rows of an interrupted table. A partial row is removed, and a missing header written."""
     head = ",".join(COLUMNS) + "\n"
     text = ""
     if path.exists():
@@ -188,5 +188,5 @@ def _journal(path: Path) -> list[list[str]]:
         os.truncate(path, len(whole.encode()))
     lines = list(csv.reader(io.StringIO(whole)))
     if whole[: len(head)] != head or any(len(line) != len(COLUMNS) for line in lines):
-        raise UserError(f"{path} is no table of flights: name another folder with -o")
+        raise UserError(f"{path} is not a table of flights: name another folder with -o")
     return lines[1:]

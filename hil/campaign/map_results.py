@@ -1,4 +1,4 @@
-"""Settings and results of a delay map, delay_map.json, with the latency at which half of the flights fail."""
+"""Settings and results of a delay map, delay_map.json, with the latency of 50 % success."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ class MapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     inputs : str
         SHA-256 of the scenario.
     flights : int
-        Flights of each cell, with the seeds from ``first_seed`` on.
-    check, check_flights : int
-        Cells flown again, drawn and with a board, and flights of each.
+        Flights per cell, with seeds starting at ``first_seed``.
+    check : int
+        Number of cells that are verified with rendered images and a board.
+    check_flights : int
+        Flights in each of these.
     """
 
     schema: Literal["flyaround.delay_map_settings"] = "flyaround.delay_map_settings"
@@ -60,10 +62,10 @@ class CellResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
-    """Latency at which half of the approaches fail, for a jitter and a share of drops.
+    """Latency of 50 % success, for one jitter and loss rate.
 
-    ``latency_s`` is null where no latency was flown at which half fail; ``above_s`` and ``below_s`` are the nearest
-    latencies whose success is more, and less, than a half by its 95 % interval.
+    ``latency_s`` is null if the success rate does not fall to one half. ``above_s`` and ``below_s`` are the nearest
+    latencies whose success is above, and below, one half by its 95 % interval.
     """
 
     jitter_s: float
@@ -75,19 +77,19 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def of(row: Sequence[CellResult]) -> HalfLatency:
-        """Interpolate the latency of 50 % success, in cells of one jitter and share of drops.
+        """Interpolate the latency of 50 % success from cells of one jitter and loss rate.
 
-        The shares are fitted by isotonic regression, so that they never rise with latency.
+        The shares are fitted by isotonic regression, so that they do not increase with latency.
 
         Parameters
         ----------
         row : sequence of CellResult
-            Cells by rising latency.
+            Cells by increasing latency.
         """
         levels = [r.latency_s for r in row]
         fit = isotonic_regression([r.share for r in row], weights=[r.flights for r in row], increasing=False)
         shares = np.asarray(fit.x)
-        # the first level at which at most half succeed
+        # first level at which at most half succeed
         k = next((k for k, share in enumerate(shares) if share <= 0.5), len(levels))
         above = max((r.latency_s for r in row[:k] if r.low > 0.5), default=None)
         below = min((r.latency_s for r in row[k:] if r.high < 0.5), default=None)
@@ -113,7 +115,7 @@ class HalfLatency(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CheckedCell(msgspec.Struct, frozen=True, kw_only=True):
-    """Cell flown again with rendered frames and a board; ``agree`` if the two intervals overlap."""
+    """Cell verified with rendered frames and a board; ``agree`` if the two intervals overlap."""
 
     without_pictures: CellResult
     drawn: CellResult
@@ -126,11 +128,11 @@ class DelayMapOutcome(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     half : tuple of HalfLatency
-        Result for each jitter and share of drops.
+        Result for each jitter and loss rate.
     extended : tuple of float
-        Latencies beyond those requested, because success was.
-    not yet
-        rare there. refined : cells between two latencies, for the first jitter and the first share of drops alone.
+        Latencies beyond those requested, added because success was not yet rare there.
+    refined : tuple of CellResult
+        Cells between two latencies, for the first jitter and the first loss rate only.
     """
 
     schema: Literal["flyaround.delay_map"] = "flyaround.delay_map"

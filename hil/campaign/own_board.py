@@ -1,4 +1,4 @@
-"""Board process of one flight, started when the host listens and ended with the flight."""
+"""Board process of one flight, started when the host listens and stopped with the flight."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.ledger.summary import LedgerSummary
 
 EXIT_S = 20.0
-# The longest that host and board of one busy machine may hear nothing of each other; one that ends is noticed at once.
+# Silence time-out between host and board on a busy machine [s]; a closed connection is noticed immediately.
 SILENCE_S = 60.0
 MAX_BYTES = 1 << 20
 
@@ -28,8 +28,10 @@ def run_with_own_board(
 
     Parameters
     ----------
-    command, options : tuple of str
-        Command line of a board, before and after the host's address.
+    command : tuple of str
+        Command line of a board, before the host's address.
+    options : tuple of str
+        Command line after the host's address.
     log : Path, optional
         File for the output of a board that failed.
     """
@@ -43,7 +45,7 @@ def run_with_own_board(
 
 @contextlib.contextmanager
 def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
-    # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+    # one thread, as on a board: BLAS threads on small matrices compete with the renderer
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, env=environment)

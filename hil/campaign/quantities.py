@@ -1,4 +1,4 @@
-"""Quantities of a run for requirements: from its summary, its ledger's rows and its loop's decisions."""
+"""Quantities of a run for requirements, from its summary, its ledger's rows and its loop's decisions."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Value: TypeAlias = "float | str | None"
 
 @dataclass(frozen=True, eq=False)
 class RunRecord:
-    """Files of a run in its folder.
+    """Files of a run's folder.
 
     Parameters
     ----------
     steps : dict of str to list of str
-        Columns of ``closed_loop.csv`` by name, empty where there is none.
+        Columns of ``closed_loop.csv`` by name; empty without a closed loop.
     """
 
     summary: LedgerSummary
@@ -46,7 +46,7 @@ class RunRecord:
         Raises
         ------
         OSError, UserError, msgspec.DecodeError
-            If a file is gone or damaged.
+            If a file is missing or damaged.
         """
         summary = msgspec.json.decode(read_regular(folder / SUMMARY_JSON, MAX_BYTES), type=LedgerSummary)
         rows = tuple(read_ledger(folder)) if (folder / FRAMES_CSV).exists() else ()
@@ -60,16 +60,16 @@ class Quantity:
     Parameters
     ----------
     unit : str
-        Unit of a number, or nothing.
+        Unit of a number; empty for a count or a word.
     meaning : str
-        A few words; they name the frames, unless these are all that were sent.
+        Description in a few words; it names the frames, unless it covers all that were sent.
     of : callable
-        Returns the run's value, or None if it has none; then no requirement on it passes.
+        Returns the run's value, or None without one, in which case every requirement on it fails.
     needs : frozenset of str
-        Traits of a case without which there is none: ``frames``, ``closed_loop``, ``times`` (real time, because in
-        lockstep the flight's clock stands still for the board).
+        Traits of a case that the quantity requires: ``frames``, ``closed_loop``, ``times`` (real time, because in
+        lockstep the flight's clock waits for the board).
     words : tuple of str
-        All values of a quantity of text.
+        All possible values of a text quantity.
     """
 
     unit: str
@@ -80,7 +80,7 @@ class Quantity:
 
     @property
     def is_text(self) -> bool:
-        """True if it is a word."""
+        """True if its values are words."""
         return bool(self.words)
 
     @property
@@ -144,7 +144,7 @@ def _came(s: LedgerSummary) -> int:
 
 
 def _unaccounted(record: RunRecord) -> Value:
-    """Return the number of frames whose row is missing, duplicate, or counted otherwise in the summary."""
+    """Return the number of frames whose row is missing, duplicate, or counted differently in the summary."""
     s, rows = record.summary, record.rows
     counted = s.accepted + s.declined + s.dropped_total
     twice = len(rows) - len({row.frame_id for row in rows})
@@ -177,7 +177,7 @@ def _mean_nees(record: RunRecord) -> Value:
 
 
 def _hold_s(record: RunRecord) -> Value:
-    """Return the time in the phase ``hold``."""
+    """Return the time in the phase ``hold`` [s]."""
     times, phases = _step_numbers(record, "t_s"), record.steps.get("phase", [])
     if len(times) < 2 or len(times) != len(phases):
         return None
@@ -190,21 +190,29 @@ QUANTITIES: dict[str, Quantity] = {
     "outcome": _summary(
         "closed_loop.outcome", "", "how the approach ended", "closed_loop", ("arrived", "aborted", "failed")
     ),
-    "final_error_m": _summary("closed_loop.final_error_m", "m", "from the hold point", "closed_loop"),
-    "final_error_deg": _summary(
-        "closed_loop.final_error_deg", "deg", "pointing, or the target's estimated attitude", "closed_loop"
+    "final_error_m": _summary(
+        "closed_loop.final_error_m", "m", "distance from the hold point at the end", "closed_loop"
     ),
-    "min_range_m": _summary("closed_loop.min_range_m", "m", "nearest to the target", "closed_loop"),
+    "final_error_deg": _summary(
+        "closed_loop.final_error_deg",
+        "deg",
+        "error of pointing, or of the estimated attitude, whichever is larger",
+        "closed_loop",
+    ),
+    "min_range_m": _summary("closed_loop.min_range_m", "m", "least distance from the target", "closed_loop"),
     "keep_out_violations": _summary(
         "closed_loop.keep_out_violations",
         "",
-        "periods inside the sphere, outside the corridor",
+        "control periods inside the keep-out sphere but outside the corridor",
         "closed_loop",
     ),
-    "delta_v_m_s": _summary("closed_loop.delta_v_m_s", "m/s", "spent", "closed_loop"),
-    "duration_s": _summary("closed_loop.duration_s", "s", "of the approach", "closed_loop"),
+    "delta_v_m_s": _summary("closed_loop.delta_v_m_s", "m/s", "velocity change spent", "closed_loop"),
+    "duration_s": _summary("closed_loop.duration_s", "s", "duration of the approach", "closed_loop"),
     "pose_age_s": Quantity(
-        unit="s", meaning="oldest newest pose in the estimate", of=_largest_step("pose_age_s"), needs=_LOOP
+        unit="s",
+        meaning="largest age of the newest pose in the estimate",
+        of=_largest_step("pose_age_s"),
+        needs=_LOOP,
     ),
     "position_sigma_m": Quantity(
         unit="m",
@@ -212,93 +220,105 @@ QUANTITIES: dict[str, Quantity] = {
         of=_largest_step("position_sigma_m"),
         needs=_LOOP,
     ),
-    "nees": Quantity(unit="", meaning="mean of the filter's 12 states", of=_mean_nees, needs=_LOOP),
-    "hold_s": Quantity(unit="s", meaning="time that the chaser held", of=_hold_s, needs=_LOOP),
+    "nees": Quantity(
+        unit="", meaning="mean normalised estimation error squared, 12 states", of=_mean_nees, needs=_LOOP
+    ),
+    "hold_s": Quantity(unit="s", meaning="time in phase hold", of=_hold_s, needs=_LOOP),
     "ended": _summary(
         "ended", "", "how the run ended", "", ("completed", "board_lost", "no_board", "interrupted", "failed")
     ),
     "unaccounted": Quantity(
         unit="", meaning="frames without exactly one outcome", of=_unaccounted, needs=_FRAMES
     ),
-    "sent": _summary("sent", "", "frames that were offered to a board, whatever became of them", "frames"),
+    "sent": _summary("sent", "", "frames offered to a board", "frames"),
     "accepted_share": Quantity(
         unit="",
-        meaning="poses that the board accepted, right or wrong",
+        meaning="share of poses that the board accepted, correct or not",
         of=_share(lambda s: s.accepted),
         needs=_FRAMES,
     ),
     "dropped_share": Quantity(
         unit="",
-        meaning="frames without an answer, right or wrong",
+        meaning="share of frames without an answer",
         of=_share(lambda s: s.dropped_total),
         needs=_FRAMES,
     ),
     "dropped": Quantity(
         unit="",
-        meaning="frames without an answer, right or wrong",
+        meaning="frames without an answer",
         of=_count(lambda s: s.dropped_total, lambda s: s.sent),
         needs=_FRAMES,
     ),
     "accepted_wrong": Quantity(
         unit="",
-        meaning="of accepted poses whose truth is known, those beyond 5 deg or 5 % of the range",
+        meaning="accepted poses with an error above 5 deg or 5 % of the range, if the truth is known",
         of=_count(lambda s: s.accepted_wrong, lambda s: s.accepted_known or 0),
         needs=_FRAMES,
     ),
-    "median_E_T_m": _summary("median_E_T_m", "m", "error of accepted poses", "frames"),
-    "median_E_R_deg": _summary("median_E_R_deg", "deg", "error of accepted poses", "frames"),
+    "median_E_T_m": _summary("median_E_T_m", "m", "median position error of accepted poses", "frames"),
+    "median_E_R_deg": _summary("median_E_R_deg", "deg", "median attitude error of accepted poses", "frames"),
     "largest_E_T_m": Quantity(
-        unit="m", meaning="error of accepted poses", of=_largest_error("E_T_m"), needs=_FRAMES
+        unit="m",
+        meaning="largest position error of accepted poses",
+        of=_largest_error("E_T_m"),
+        needs=_FRAMES,
     ),
     "largest_E_R_deg": Quantity(
-        unit="deg", meaning="error of accepted poses", of=_largest_error("E_R_deg"), needs=_FRAMES
+        unit="deg",
+        meaning="largest attitude error of accepted poses",
+        of=_largest_error("E_R_deg"),
+        needs=_FRAMES,
     ),
     **{
         f"{column}_{name}": Quantity(
             unit="ms",
-            meaning=f"{meaning}, of frames that the board was sent; without it a frame took infinitely long",
+            meaning=f"{meaning}, over frames sent to the board; infinite for a frame without it",
             of=_over_sent(column, q),
             needs=_TIMES,
         )
         for column, meaning, names in (
-            ("e2e_ms", "frame out to pose back", "p50 p95 p99 max"),
-            ("staleness_ms", "age of the picture when it was used", "p50 p95 p99 max"),
+            ("e2e_ms", "time from sending a frame to receiving its pose", "p50 p95 p99 max"),
+            ("staleness_ms", "age of the image when its pose was used", "p50 p95 p99 max"),
             ("board_total_ms", "time on the board", "p50 p99"),
         )
         for name, q in (("p50", 50.0), ("p95", 95.0), ("p99", 99.0), ("max", 100.0))
         if name in names.split()
     },
     **{
-        name: _summary(
-            name, "ms", f"{meaning}: of frames that the camera handed over, answered or not", "times"
-        )
+        name: _summary(name, "ms", f"{meaning}, over frames handed over by the camera", "times")
         for name, meaning in (
             *(
-                (f"handover_error_ms_{q}", "the camera's latency, off by")
+                (f"handover_error_ms_{q}", "error of the camera's latency")
                 for q in ("p50", "p99", "p999", "max")
             ),
-            *((f"send_lag_ms_{q}", "sent later than due") for q in ("p50", "p99")),
+            *((f"send_lag_ms_{q}", "delay of sending") for q in ("p50", "p99")),
         )
     },
     "deadline_misses": Quantity(
         unit="",
-        meaning="frames that were not answered by the deadline",
+        meaning="frames without an answer by the deadline",
         of=_count(lambda s: s.deadline_misses, lambda s: s.sent),
         needs=_TIMES,
     ),
-    "late": _summary("late", "", "pictures not drawn in time, answered or not", "times"),
+    "late": _summary("late", "", "frames not rendered in time", "times"),
     "clock_offset_bound_ms": _summary(
-        "link.clock_offset_bound_ms", "ms", "of the board's clock, by its answers to clock requests", "times"
+        "link.clock_offset_bound_ms",
+        "ms",
+        "bound of the board's clock offset, from its answers to clock requests",
+        "times",
     ),
     "clock_drift_ppm": _summary(
-        "link.clock_drift_ppm", "ppm", "of the board's clock, by its answers to clock requests", "times"
+        "link.clock_drift_ppm",
+        "ppm",
+        "drift of the board's clock, from its answers to clock requests",
+        "times",
     ),
     "packets_corrupt": _summary(
-        "link.packets_corrupt", "", "damaged on the line, of the packets that came from the board", "times"
+        "link.packets_corrupt", "", "corrupt packets received from the board", "times"
     ),
     "late_poses": Quantity(
         unit="",
-        meaning="of the poses that came, those after their time, not used",
+        meaning="poses received too late to be used",
         of=_count(lambda s: s.link.late_poses, _came),
         needs=_TIMES,
     ),

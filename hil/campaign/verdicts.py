@@ -1,4 +1,4 @@
-"""Runs against requirements: passed or failed, the margin, and the reason."""
+"""Comparison of runs with requirements: result, margin, and reason."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Verdict:
     Parameters
     ----------
     value : Value
-        Value of the quantity; None if the run has none, which fails.
+        Value of the quantity; a missing value, None, fails.
     margin : float or None
-        Distance of a number from the limit, negative on the wrong side.
+        Distance of a number from the limit, negative if it fails.
     """
 
     requirement: Requirement
@@ -79,7 +79,7 @@ class RunVerdict:
     Parameters
     ----------
     failure : str
-        Why the run came to nothing, or to no good end; then nothing is passed.
+        Cause of a run without a result or with an abnormal end; every requirement then fails.
     """
 
     case: str
@@ -89,24 +89,24 @@ class RunVerdict:
 
     @property
     def passed(self) -> bool:
-        """True if it ended properly and meets all requirements."""
+        """True if the run ended normally and meets all requirements."""
         return not self.failure and all(v.passed for v in self.verdicts)
 
     @property
     def reason(self) -> str:
-        """Reason why it failed; empty if it passed."""
+        """Reason for a failure; empty if the run passed."""
         return self.failure or "; ".join(v.sentence for v in self.verdicts if not v.passed)
 
     @property
     def folder(self) -> str:
-        """Folder of its files, within the campaign's."""
+        """Folder of the run, relative to the campaign's."""
         return f"runs/{self.case}/seed-{self.seed}"
 
 
 def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVerdict:
     """Judge a run's result against the requirements of its case.
 
-    A run that the board left has failed, unless a requirement says how it must end.
+    A run whose board disconnected fails, unless a requirement states how it must end.
     """
     required = [r for r in campaign.requirement if r.is_about(case)]
     failure, ended = result.failure, result.values.get("ended")
@@ -125,7 +125,7 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
 
 
 def in_words(value: float | str, unit: str = "", *, digits: int = 4) -> str:
-    """Format a number with its unit, thousands with all digits; a word as it is."""
+    """Format a number with its unit, large ones with all digits; return a word unchanged."""
     if isinstance(value, str):
         return value
     number = f"{value:.0f}" if 10**digits <= abs(value) < 1e7 else f"{value:.{digits}g}"

@@ -1,7 +1,7 @@
-"""Method of Sharma, Ventura & D'Amico (2018) and the variant of Sharma's thesis, as published: numpy and OpenCV only.
+"""Method of Sharma, Ventura & D'Amico (2018) and the variant of Sharma's thesis, as published; NumPy and OpenCV only.
 
-A file for each stage, in the order of the pipeline: ``weak_gradients``, ``region_of_interest``, ``line_streams``
-(with ``ellipses``, an option), ``segment_merging``, ``perceptual_groups`` and ``wireframe_groups``,
-``correspondence``, ``pose_solvers``, ``refinement``. ``pipeline`` runs them, ``settings`` holds what differs between
-the two. Nothing here imports ``hybrid`` or compiled code.
+One file per stage, in the order of the pipeline: ``weak_gradients``, ``region_of_interest``, ``line_streams`` (with
+``ellipses``, an option), ``segment_merging``, ``perceptual_groups`` and ``wireframe_groups``, ``correspondence``,
+``pose_solvers``, ``refinement``. ``pipeline`` runs them; ``settings`` holds the differences between the two variants.
+Nothing here imports ``hybrid`` or compiled code.
 """

@@ -1,4 +1,4 @@
-"""Feature correspondence: pairs perceptual groups of image lines with groups of the wireframe, and solves their poses.
+"""Feature correspondence: matches perceptual groups of image lines with wireframe groups, and solves their poses.
 
 Each pair of groups of the same kind is a hypothesis, solved by EPnP (Sharma, Ventura & D'Amico 2018, pose
 determination). Sharma's thesis instead solves P3P for three random points of a pair and counts inliers (RANSAC,
@@ -19,13 +19,13 @@ from flyaround.hil.board.svd.settings import PublishedConfig
 Array = np.ndarray
 Pairs = Tuple[Array, Array]
 
-# Largest number of pairs to solve; it bounds the run time.
+# Largest number of pairs to solve, which bounds the run time.
 BUDGET = 6000
 
 # Least number of points of each solver.
 LEAST_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
 
-# Kinds of groups in the order in which the budget is distributed, the most distinctive first; True: with an antenna.
+# Kinds of groups in the order in which the budget is distributed, most distinctive first; True: with an antenna.
 ORDER = (
     ("closed_tetrad", True),
     ("open_tetrad", False),
@@ -42,7 +42,7 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET
 
     Notes
     -----
-    The published search combines a polygon with an antenna, if there is one, to obtain points that are not coplanar.
+    The published search combines a polygon with an antenna, if there is one, so that the points are not coplanar.
     Each kind gets an equal share of the remaining budget; if it has more pairs, they are subsampled uniformly.
     """
     remaining = budget
@@ -61,7 +61,7 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET
 
 
 def _pairs(image: PointGroups, model: PointGroups, kind: str, *, with_antenna: bool) -> Array:
-    """Return (N, 4) indices: image group, model group, image antenna, model antenna."""
+    """Return indices (N, 4): image group, model group, image antenna, model antenna."""
     counts = [len(image.of(kind)), len(model.of(kind)), 1, 1]
     if with_antenna:
         counts[2:] = [len(image.of("antenna")), len(model.of("antenna"))]
@@ -75,8 +75,8 @@ def solve_all(
 
     Notes
     -----
-    With RANSAC the solver gets three random points of a pair, so that one wrong corner of four need not spoil the pose.
-    Inliers are counted afterwards, for all poses together.
+    With RANSAC, the solver receives three random points of a pair, so that one wrong corner of four need not spoil the
+    pose. Inliers are counted afterwards, for all poses together.
     """
     rng = np.random.default_rng(2018)
     needed = LEAST_POINTS[config.solver]
@@ -104,7 +104,7 @@ def solve_all(
 
 
 def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
-    """Solve the poses of model points (N, P, 3) at image points (N, P, 2), with P3P all at once."""
+    """Solve the poses of model points (N, P, 3) at image points (N, P, 2); P3P is vectorised over the pairs."""
     if solver == "p3p":
         q, t, _ = three_point_poses(target, points)
         return q, t

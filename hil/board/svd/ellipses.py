@@ -1,4 +1,4 @@
-"""Ellipses by a Hough transform, and the poses of a round body from its circles: an option of the streams.
+"""Ellipse detection by a Hough transform, and the poses of a round body from its circles; an optional stream.
 
 The outlook of Sharma's thesis proposes separate Hough transforms for shapes other than lines.
 """
@@ -20,7 +20,7 @@ Array = np.ndarray
 # Edge points that vote, and pairs of them tried as the ends of a major axis.
 POINTS, PAIRS = 260, 6000
 
-# Ellipses kept of a picture, circles of a model, and roll angles tried about a circle's axis.
+# Ellipses kept per image, circles per model, and roll angles tried about a circle's axis.
 ELLIPSES, CIRCLES, ROLLS = 4, 8, 24
 
 
@@ -30,14 +30,18 @@ class EllipseFit:
 
     Parameters
     ----------
-    u, v
-        Centre [px].
-    a, b
-        Half axes [px], a >= b.
-    angle_rad
-        Angle of the major axis from x to y.
-    share
-        Share of its outline that has edges.
+    u : float
+        Column of the centre [px].
+    v : float
+        Row of the centre [px].
+    a : float
+        Semi-major axis [px].
+    b : float
+        Semi-minor axis [px].
+    angle_rad : float
+        Angle of the major axis, from x to y.
+    share : float
+        Share of the outline that is covered by edges.
     """
 
     u: float
@@ -56,20 +60,22 @@ class EllipseFit:
 
 
 def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float) -> Tuple[EllipseFit, ...]:
-    """Return the ellipses with the best covered outlines.
+    """Return the ellipses whose outlines are best covered by edges.
 
     Parameters
     ----------
-    mask : array (h, w)
-        Thin edges.
-    origin
-        Full-resolution pixel of its corner.
+    mask : (h, w) array
+        Thin edges of the region.
+    origin : tuple of float
+        Full-resolution pixel of the mask's upper left corner.
+    diagonal_px : float
+        Diagonal of the region.
 
     References
     ----------
-    Xie & Ji (2002), A new efficient ellipse detection method, ICPR: two points are treated as the ends of the major
-    axis, every third one votes for the minor half axis, a one-dimensional accumulator. Each winner is then
-    fitted to the edges near it by least squares.
+    Xie & Ji (2002), A new efficient ellipse detection method, ICPR: two points are taken as the ends of the major axis,
+    and every third one votes for the semi-minor axis in a one-dimensional accumulator. Each winner is then fitted to
+    the edges near it by least squares.
     """
     ys, xs = np.nonzero(mask)
     if len(xs) < 20:
@@ -106,7 +112,7 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
 
 
 def _minor_axes(sample: Array, i: Array, j: Array) -> Tuple[Array, Array, Array]:
-    """Return minor half axes and votes of each pair of points as ends of a major axis."""
+    """Return semi-minor axes and votes of each pair of points as ends of a major axis."""
     half = 0.5 * np.linalg.norm(sample[i] - sample[j], axis=1)
     best_b, best_votes = np.zeros(len(i)), np.zeros(len(i))
     for low in range(0, len(i), 1000):
@@ -165,7 +171,7 @@ def _same(a: EllipseFit, b: EllipseFit) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """Circle of the wireframe: (3,) centre and unit axis, target frame, and radius [m]."""
+    """Circle of the wireframe: centre (3,) and unit axis, target frame, and radius [m]."""
 
     centre_m: Array
     axis: Array
@@ -173,7 +179,7 @@ class Circle:
 
 
 def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
-    """Return closed rings of short wireframe edges that lie on a circle, the largest first."""
+    """Return closed rings of short wireframe edges that lie on a circle, largest first."""
     ends = np.array([[e.a_m, e.b_m] for e in model.wireframe if e.radius_m == 0]).reshape(-1, 2, 3)
     free = np.ones(len(ends), bool)
     out: List[Circle] = []
@@ -195,7 +201,7 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
 
 
 def _ring_from(ends: Array, start: int) -> List[int]:
-    """Return the edges that follow ``start`` bend by bend until the ring closes; empty if it does not."""
+    """Return the chain of edges from ``start`` until the ring closes; empty if it does not."""
     ring, at = [start], ends[start, 1]
     heading = ends[start, 1] - ends[start, 0]
     for _ in range(400):
@@ -223,9 +229,9 @@ def _ring_from(ends: Array, start: int) -> List[int]:
 def circle_poses(
     ellipses: Tuple[EllipseFit, ...], circles: Tuple[Circle, ...], camera: CameraIntrinsics
 ) -> Tuple[Array, Array]:
-    """Return poses q (N, 4), t (N, 3) of every ellipse seen as every circle, at ``ROLLS`` angles about its axis.
+    """Return poses q (N, 4), t (N, 3) of every ellipse matched with every circle, at ``ROLLS`` angles about its axis.
 
-    A circle leaves two mirror-image attitudes of its axis, each with either sense, and the roll open.
+    A circle determines its axis up to a mirror image and its sense, and leaves the roll undetermined.
 
     References
     ----------
@@ -249,7 +255,7 @@ def circle_poses(
 
 
 def circle_views(rays: Array) -> List[Tuple[Array, Array]]:
-    """Return both (axis towards the camera, centre) of a unit circle whose outline has these rays (N, 2) at z = 1."""
+    """Return both solutions (axis towards the camera, centre) for a unit circle with outline rays (N, 2) at z = 1."""
     x, y = rays[:, 0], rays[:, 1]
     mean = np.array([x.mean(), y.mean()])
     scale = max(float(np.hypot(x - mean[0], y - mean[1]).mean()), 1e-9)
@@ -280,10 +286,10 @@ def circle_views(rays: Array) -> List[Tuple[Array, Array]]:
 
 
 def _unit_section(Q: Array, normal: Array) -> Array:
-    """Return the (3,) centre of the unit circle cut from cone ``Q`` by planes normal to ``normal``.
+    """Return the centre (3,) of the unit circle cut from cone ``Q`` by planes perpendicular to ``normal``.
 
-    The centre is the pole of the plane's line at infinity, ``Q c`` along ``normal``; its distance follows from
-    the section ``(x - c)' Q (x - c) = -c' Q c``.
+    The centre is the pole of the plane's line at infinity, ``Q c`` along ``normal``. Its distance follows from the
+    section ``(x - c)' Q (x - c) = -c' Q c``.
     """
     c = np.linalg.solve(Q, normal)
     c = c / max(float(np.linalg.norm(c)), 1e-12)

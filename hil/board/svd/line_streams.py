@@ -1,9 +1,9 @@
 """Feature streams of a region: lines by Hough transforms of two edge images, and other detectors.
 
-Sharma, Ventura & D'Amico (2018), image processing: the first stream is a Hough transform of what WGE leaves, the
+Sharma, Ventura & D'Amico (2018), image processing: the first stream is a Hough transform of the edges left by WGE, the
 second one (S&H) of Sobel edges; ``rho = x cos(theta) + y sin(theta)`` in steps of 1 px and 0.5 deg, with lengths and
-gaps that are shares of the region's diagonal. The thesis removes small components of the Sobel edges first. ``lsd``,
-``harris`` and ``ellipse`` are options, as the thesis's outlook suggests.
+gaps as shares of the region's diagonal. The thesis removes small components of the Sobel edges first. ``lsd``,
+``harris`` and ``ellipse`` are options suggested in the thesis's outlook.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination, prew
 
 Array = np.ndarray
 
-# Share of the region's diagonal: least length and largest gap of each stream.
+# Shares of the region's diagonal: least length and largest gap of a line in each stream.
 WGE_LENGTH, WGE_GAP = 0.15, 0.03
 SH_LENGTH, SH_GAP = 0.05, 0.01
 
-# Blur before both gradients [px]: the published sigma is not given; noise of 5 % of full scale requires this.
+# Blur before both gradients [px]. The published sigma is not given; noise of 5 % of full scale requires this.
 BLUR_PX = 1.5
 
-# Lines kept after merging, the longest.
+# Largest number of lines after merging.
 LINES = 40
 
-# Lines are looked for this far around the region, share of its diagonal: one that leaves it keeps its true end.
+# Margin of the line search around the region, share of its diagonal: lines that leave the region keep their true ends.
 SEARCH_MARGIN = 0.25
 
-# Corners of the Harris detector.
+# Number of Harris corners, and Harris's sensitivity parameter.
 HARRIS_CORNERS, HARRIS_K = 60, 0.04
 
 
@@ -45,20 +45,20 @@ class Streams:
 
     Parameters
     ----------
-    lines : array (N, 4)
-        Merged segments.
-    by_name
-        Each stream's segments.
-    merged
-        Segments of each stream after its own merging, if the method has one.
-    corners : array (C, 2)
-        Corners of the Harris detector.
-    ellipses
+    lines : (N, 4) array
+        Segments after merging all streams.
+    by_name : dict of str to array
+        Segments of each stream.
+    merged : dict of str to array
+        Segments of each stream after its own merging, if the method merges streams separately.
+    corners : (C, 2) array
+        Harris corners.
+    ellipses : tuple of EllipseFit
         Ellipses of round bodies.
-    sobel : array (h, w)
-        Thinned edges around the region.
-    region
-        The region, enlarged as the method says; edges outside of it are dropped.
+    sobel : (h, w) array
+        Thinned Sobel edges around the region.
+    region : Region, optional
+        Region, enlarged if the method does so; edges outside it are dropped.
     """
 
     lines: Array
@@ -71,12 +71,10 @@ class Streams:
 
 
 def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
-    """Return the pixels of a mask whose magnitude is a maximum across the larger gradient component: edges one pixel
-    wide.
-    """
+    """Return the pixels of a mask that are local maxima across the larger gradient component: one-pixel-wide edges."""
     h, w = magnitude.shape
     out = np.zeros(mask.shape, bool)
-    # a few per cent of the picture: looked at one by one
+    # few pixels are set: index them instead of processing the whole image
     flat = np.flatnonzero(mask)
     y, x = np.divmod(flat, w)
     m, gx, gy = magnitude.ravel(), gx.ravel()[flat], gy.ravel()[flat]
@@ -89,18 +87,16 @@ def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
 
 
 def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
-    """Return thinned Sobel edges with a squared magnitude above ``threshold``, by default `sobel_threshold` of this
-    image.
-    """
+    """Return thinned Sobel edges with a squared magnitude above ``threshold``, default `sobel_threshold`."""
     gx, gy = _sobel(image)
     b = gx * gx + gy * gy
     return thinned(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
 
 
 def sobel_threshold(image: Array) -> float:
-    """Return the customary threshold, four times the mean of the squared magnitude over the whole image.
+    """Return the customary threshold, four times the mean squared magnitude over the whole image.
 
-    Over the region alone one saturated part would set it, and with it lose the rest of the craft.
+    Within the region alone, one saturated part would raise the threshold above the other edges of the craft.
     """
     gx, gy = _sobel(image)
     return 4.0 * float(cv2.mean(gx * gx + gy * gy)[0])
@@ -112,14 +108,14 @@ def _sobel(image: Array) -> Tuple[Array, Array]:
 
 
 def wge_edges(image: Array, strong: Array) -> Array:
-    """Return the edges of ``image`` left by weak gradient elimination, thinned: a wide band is many lines to Hough."""
+    """Return the thinned edges left by weak gradient elimination: Hough would find many lines in a wide band."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     gx, gy = prewitt(blurred)
     return thinned(strong, gx * gx + gy * gy, gx, gy)
 
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
-    """Return (N, 4) segments x0 y0 x1 y1 of the probabilistic Hough transform, 1 px and 0.5 deg."""
+    """Return segments (N, 4) x0 y0 x1 y1 of the probabilistic Hough transform, 1 px and 0.5 deg."""
     votes = int(max(12, 0.6 * min_length_px))
     lines = cv2.HoughLinesP(
         mask.astype(np.uint8) * 255,
@@ -129,19 +125,19 @@ def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
         minLineLength=float(min_length_px),
         maxLineGap=float(max(1.0, max_gap_px)),
     )
-    # OpenCV 4 returns (N, 1, 4), OpenCV 5 (N, 4), both None when there is nothing
+    # OpenCV 4 returns (N, 1, 4), OpenCV 5 (N, 4), both None without a result
     return np.zeros((0, 4)) if lines is None else np.asarray(lines, float).reshape(-1, 4)
 
 
 def drop_specks(mask: Array, smallest: int) -> Array:
-    """Return the mask without connected components of fewer than ``smallest`` pixels."""
+    """Return the mask without connected components smaller than ``smallest`` pixels."""
     rows, columns = (np.flatnonzero(mask.any(axis=k)) for k in (1, 0))
     if not len(rows):
         return mask
-    # before empty space the rest is most of the picture
+    # in front of empty space most of the image is empty
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     part = mask[box].astype(bool)
-    # counted where edges are alone, which takes less than the statistics of all
+    # counting edge pixels alone is faster than the statistics of all pixels
     at = np.flatnonzero(part)
     own: Array = cv2.connectedComponents(part.view(np.uint8), connectivity=8)[1].ravel().take(at)
     part.ravel()[at] = (np.bincount(own) >= smallest).take(own)
@@ -151,28 +147,28 @@ def drop_specks(mask: Array, smallest: int) -> Array:
 
 
 def stretched(image: Array) -> Optional[Array]:
-    """Return an image stretched to uint8, its brightest half per cent clipped; None if it is constant."""
+    """Return an image stretched to uint8, with the brightest half per cent clipped; None if it is constant."""
     low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
     return np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8) if high > low else None
 
 
 def lsd_lines(image: Array, shortest_px: float) -> Array:
-    """Return (N, 4) sub-pixel segments of OpenCV's line segment detector; none if OpenCV was built without it."""
+    """Return sub-pixel segments (N, 4) of OpenCV's line segment detector; none if OpenCV was built without it."""
     scaled = stretched(image)
     if scaled is None:
         return np.zeros((0, 4))
     try:
         found = cv2.createLineSegmentDetector().detect(scaled)[0]
     except (cv2.error, AttributeError):
-        # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for its licence
+        # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for licensing reasons
         return np.zeros((0, 4))
-    # None when there is nothing, which OpenCV's stubs do not say
+    # None without a result, which OpenCV's type stubs omit
     lines = np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)
     return lines[np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]) >= shortest_px]
 
 
 def harris_corners(image: Array, origin: Tuple[float, float]) -> Array:
-    """Return (C, 2) corners of Harris and Stephens (1988), sub-pixel by a parabola through the response."""
+    """Return corners (C, 2) of Harris and Stephens (1988), sub-pixel by a parabola through the response."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     response = cv2.cornerHarris(blurred, 5, 3, HARRIS_K)
     top = float(response.max())
@@ -196,12 +192,12 @@ def _parabola(a: Array, b: Array, c: Array) -> Array:
 def find_streams(
     image: Array, wge: WeakGradientElimination, region: Region, config: PublishedConfig
 ) -> Streams:
-    """Return every stream of ``config`` in a region; edges outside of it are not computed.
+    """Return the streams of ``config`` in a region; edges outside it are not computed.
 
     Parameters
     ----------
-    image : array (H, W), float32
-        The whole image.
+    image : (H, W) array
+        Whole image, float32.
     wge : WeakGradientElimination
         Strong gradients of the whole image.
     """
@@ -244,6 +240,6 @@ def _together(found: Dict[str, Array]) -> Array:
 
 
 def _inside(lines: Array, region: Region) -> Array:
-    """Return an (N,) mask of the lines (N, 4) whose midpoint is in the region."""
+    """Return a mask (N,) of the lines (N, 4) whose midpoint is in the region."""
     x, y = 0.5 * (lines[:, 0] + lines[:, 2]), 0.5 * (lines[:, 1] + lines[:, 3])
     return np.asarray((x >= region.x0) & (x <= region.x1) & (y >= region.y0) & (y <= region.y1))

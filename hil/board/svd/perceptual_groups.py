@@ -14,7 +14,7 @@ import numpy as np
 
 Array = np.ndarray
 
-# Groups of each kind kept of a picture, the largest.
+# Largest number of groups of each kind kept per image.
 LARGEST = {
     "closed_tetrad": 12,
     "open_tetrad": 12,
@@ -31,11 +31,11 @@ class Lines:
 
     Parameters
     ----------
-    ends : array (N, 2, 2)
-        Both ends of each.
-    direction : array (N, 2)
-        Unit vectors.
-    length : array (N,)
+    ends : (N, 2, 2) array
+        End points.
+    direction : (N, 2) array
+        Unit direction vectors.
+    length : (N,) array
         Lengths [px].
     """
 
@@ -45,7 +45,7 @@ class Lines:
 
     @staticmethod
     def of(segments: Array) -> Lines:
-        """Make lines from (N, 4) x0 y0 x1 y1."""
+        """Make lines from segments (N, 4) x0 y0 x1 y1."""
         ends = np.asarray(segments, float).reshape(-1, 2, 2)
         d = ends[:, 1] - ends[:, 0]
         length = np.linalg.norm(d, axis=1)
@@ -53,7 +53,7 @@ class Lines:
 
 
 def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
-    """Return (P, 2) pairs of nearly parallel lines that overlap along their direction."""
+    """Return pairs (P, 2) of nearly parallel lines that overlap along their direction."""
     n = len(lines.length)
     cross = np.abs(_cross(lines.direction[:, None], lines.direction[None]))
     i, j = np.nonzero(np.triu(cross < np.sin(angle_rad), 1))
@@ -69,7 +69,7 @@ def parallel_pairs(lines: Lines, angle_rad: float = np.radians(8.0)) -> Array:
 
 
 def antennas(lines: Lines, pairs: Array, diagonal_px: float) -> Array:
-    """Return (A, 2) parallel pairs that are much longer than wide: the outlines of rods."""
+    """Return parallel pairs (A, 2) that are much longer than wide: the outlines of rods."""
     if not len(pairs):
         return pairs
     i, j = pairs[:, 0], pairs[:, 1]
@@ -85,10 +85,12 @@ class Corners:
 
     Parameters
     ----------
-    line, end : array (C, 2)
-        Lines, and which end of each.
-    point : array (C, 2)
-        Where the lines intersect.
+    line : (C, 2) array
+        Indices of the two lines.
+    end : (C, 2) array
+        Which end of each line is at the corner.
+    point : (C, 2) array
+        Intersection of the lines.
     """
 
     line: Array
@@ -97,7 +99,7 @@ class Corners:
 
 
 def proximity_pairs(lines: Lines, reach_px: float, least_angle_rad: float = np.radians(12.0)) -> Corners:
-    """Return the intersections no farther than ``reach_px`` from one end of both lines."""
+    """Return the intersections within ``reach_px`` of one end of both lines."""
     n = len(lines.length)
     i, j = np.triu_indices(n, 1)
     det = _cross(lines.direction[i], lines.direction[j])
@@ -122,9 +124,9 @@ class Chains:
 
     Parameters
     ----------
-    points : array (T, 4, 2) or (T, 4, 3)
+    points : (T, 4, 2) or (T, 4, 3) array
         Far end, corner, corner, far end.
-    closed : array (T,)
+    closed : (T,) array
         True if a fourth line joins the far ends.
     """
 
@@ -133,7 +135,7 @@ class Chains:
 
 
 def image_triads(lines: Lines, corners: Corners, limit: int = 48) -> Chains:
-    """Return chains of three lines bent the same way at both ends of the middle one, largest first."""
+    """Return chains of three lines bent to the same side at both ends of the middle one, largest first."""
     at: Dict[Tuple[int, int], List[Tuple[int, int, Array]]] = {}
     for (i, j), (ei, ej), p in zip(  # noqa: B905 - Python 3.9 has no strict=
         corners.line, corners.end, corners.point
@@ -176,15 +178,15 @@ class PointGroups:
 
     Notes
     -----
-    closed_tetrad: four corners in turn. open_tetrad: far end, three corners, far end. open_triad: far end, two
+    closed_tetrad: four corners in order. open_tetrad: far end, three corners, far end. open_triad: far end, two
     corners, far end. proximity_pair: far end, corner, far end. parallel_pair: both ends of one line, then of the
-    other, running alike. antenna: both ends of the axis.
+    other, in the same direction. antenna: both ends of the axis.
     """
 
     by_kind: Dict[str, Array]
 
     def of(self, kind: str) -> Array:
-        """Return the groups of a kind, (N, P, D)."""
+        """Return the groups (N, P, D) of a kind."""
         return self.by_kind[kind]
 
 
@@ -220,7 +222,7 @@ def _largest(points: Array, keep: int) -> Array:
 
 
 def _unique(quads: Array) -> Array:
-    """Return each closed tetrad once, since all four sides find it."""
+    """Return each closed tetrad once; it is detected from all four sides."""
     out: List[Array] = []
     for q in quads:
         centre = q.mean(axis=0)
@@ -245,7 +247,7 @@ def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
 
 
 def run_alike(a: Array, b: Array) -> Array:
-    """Return both ends of two lines, with the second reversed if needed to run like the first."""
+    """Return both ends of two lines, with the second reversed if it runs against the first."""
     return np.concatenate([a, b if (a[1] - a[0]) @ (b[1] - b[0]) > 0 else b[::-1]])
 
 

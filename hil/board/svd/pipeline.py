@@ -1,7 +1,7 @@
-"""Published pipeline from an image to a pose and the decision on it. Each stage is a function in its own module.
+"""Published pipeline from an image to a pose and its acceptance; each stage is a function of its own module.
 
-Sharma, Ventura & D'Amico (2018), sections on image processing and on pose determination. What the paper and the
-thesis leave open is chosen in the stages' files and described in docs/svd.md.
+Sharma, Ventura & D'Amico (2018), sections on image processing and pose determination. Choices that the paper and the
+thesis leave open are made in the stages' files and described in docs/svd.md.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ from flyaround.hil.board.svd.wireframe_groups import model_point_groups
 
 Array = np.ndarray
 
-# Blur before weak gradient elimination [px], and the smallest region that is searched: its diagonal [px].
+# Blur before weak gradient elimination [px], and smallest diagonal of a region that is searched [px].
 BLUR_PX, SMALLEST_PX = 1.5, 24.0
 
-# The papers decide by reprojection error: a pose is accepted if it explains this share of the image's corners, and the
-# error of the next distinct pose is larger by at least this factor.
+# The papers decide by reprojection error: a pose is accepted if it explains at least this share of the image's corners,
+# and the error of the next distinct pose is larger by at least this factor.
 MIN_INLIERS, ERROR_RATIO = 0.5, 1.15
 
-# Corners that a decision takes at least: four points are any plane figure's.
+# Least number of matched corners for acceptance, because four points fit any planar figure.
 MIN_CORNERS = 7
 
-# Lines that the frame cuts do not end at a corner: ends this near its border do not count [px].
+# Distance from the image border within which line ends are ignored, because the border cuts lines [px].
 BORDER_PX = 2.5
 
-# Poses that are compared for being distinct, and the differences from which they are [rad, share of the range].
+# Number of poses compared for distinctness, and their least differences [rad, share of the range].
 RANKED_POSES, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
 
 
@@ -58,13 +58,17 @@ class ScoredPose(NamedTuple):
     Parameters
     ----------
     error : float
-        Reprojection error over its cap.
-    q, t : array
-        Arrays (4,), (3,) Camera from target.
-    covariance : array (6, 6)
+        Mean reprojection error over its truncation distance.
+    q : (4,) array
+        Attitude quaternion, camera from target.
+    t : (3,) array
+        Target position, camera frame [m].
+    covariance : (6, 6) array
         Covariance of rotation [rad] and translation [m], camera axes.
-    inliers, met : float
-        Share of the image's corners that the model's meet, and their number.
+    inliers : float
+        Share of the image's corners matched by corners of the model.
+    met : float
+        Number of matched corners.
     """
 
     error: float
@@ -83,9 +87,9 @@ class PublishedEstimator(Estimator):
     model : BoardModel
         Model of the target.
     camera : CameraIntrinsics
-        The intrinsics of every image.
+        Intrinsics of every image.
     config : PublishedConfig
-        The variant.
+        Settings of the variant.
     """
 
     def __init__(self, model: BoardModel, camera: CameraIntrinsics, config: PublishedConfig) -> None:
@@ -150,7 +154,7 @@ class PublishedEstimator(Estimator):
         return q, t
 
     def _rank(self, q: Array, t: Array, image: CornerMap) -> Tuple[Array, Array]:
-        """Return the best few, distinct ones, by reprojection error (2018) or by inliers (RANSAC, thesis)."""
+        """Return the best distinct poses, by reprojection error (2018) or by inliers (RANSAC, thesis)."""
         error, inliers = reprojection(q, t, self.corners, self.camera, image)
         key = error / image.cap_px - (inliers if self.config.ransac else 0.0)
         indices: List[int] = []
@@ -166,7 +170,7 @@ class PublishedEstimator(Estimator):
         return q[indices], t[indices]
 
     def _refine(self, q: Array, t: Array, image: CornerMap, region: Region) -> List[ScoredPose]:
-        """Return each pose after Gauss-Newton; poses that drifted away are dropped."""
+        """Return each pose after Gauss-Newton; poses that diverged are dropped."""
         q, t, covariance = refine_on_corners(q, t, self.corners, self.camera, image, self.model.radius_m)
         ok = plausible(q, t, self.model, self.camera, region)
         q, t, covariance = q[ok], t[ok], covariance[ok]
@@ -179,9 +183,7 @@ class PublishedEstimator(Estimator):
         ]
 
     def _decide(self, frame: StageRecord, found: List[ScoredPose]) -> PoseResult:
-        """Return the pose of least reprojection error, accepted if the error is small enough and no other pose is as
-        good.
-        """
+        """Return the pose of least reprojection error, accepted if the error is small and the pose unambiguous."""
         if not found:
             return self._declined(frame, "no target found")
         best = min(found, key=lambda f: f.error)
@@ -189,9 +191,9 @@ class PublishedEstimator(Estimator):
         lead = (rival / max(best.error, 1e-6) - 1.0) / 0.6
         reason = ""
         if best.inliers < MIN_INLIERS or best.met < MIN_CORNERS:
-            reason = "too few of the picture's corners are met"
+            reason = "too few of the picture's corners are matched"
         elif rival < ERROR_RATIO * best.error:
-            reason = "ambiguous: another pose explains the corners as well"
+            reason = "ambiguous: another pose explains the corners equally well"
         frame.mark("decision")
         return PoseResult(
             not reason,
@@ -208,7 +210,7 @@ class PublishedEstimator(Estimator):
 
 
 def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...]) -> Array:
-    """Return (N, 2) corners and line ends inside an image of ``shape``, near-duplicates dropped."""
+    """Return corners and line ends (N, 2) inside an image of ``shape``, without near-duplicates."""
     parts = [groups.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])

@@ -1,7 +1,7 @@
 """Pose from points: OpenCV's solvers by name, and the perspective three-point problem in batches.
 
-Sharma, Ventura & D'Amico (2018) solve each pairing with EPnP; the thesis takes three points of it at random (P3P with
-RANSAC).
+Sharma, Ventura & D'Amico (2018) solve each pair of groups with EPnP; the thesis solves three random points of it (P3P
+with RANSAC).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from flyaround.hil.board.estimation import quaternion as quat
 Array = np.ndarray
 
 
-# Newton steps on the cubic from its closed form, and on the three depths: both converge quadratically.
+# Newton iterations on the cubic's closed-form root, and on the three depths: both converge quadratically.
 CUBIC_STEPS, DEPTH_STEPS = 3, 3
 
-# Points nearer to one line than this have no pose: sine of the angle at the first one.
+# Points closer to collinear than this have no pose: sine of the angle at the first one.
 COLLINEAR = 1e-9
 
 _FLAGS = {
@@ -35,8 +35,10 @@ Solver = Callable[[Array, Array], Tuple[List[Array], List[Array]]]
 
 
 def point_solver(solver: str) -> Solver:
-    """Return one of OpenCV's solvers by name: object points (N, 3) and rays (N, 2) at z = 1 to rotation vectors and
-    translations, finite or not.
+    """Return one of OpenCV's PnP solvers by name.
+
+    It maps object points (N, 3) and rays (N, 2) at z = 1 to rotation vectors and translations, which may be non-finite.
+
 
     Parameters
     ----------
@@ -48,11 +50,11 @@ def point_solver(solver: str) -> Solver:
 
     def solve(object_m: Array, rays: Array) -> Tuple[List[Array], List[Array]]:
         obj, img = np.ascontiguousarray(object_m, float), np.ascontiguousarray(rays, float)
-        # IPPE goes astray on points that are not centred
+        # IPPE is inaccurate for points that are not centred
         centre = obj.mean(axis=0) if solver == "ippe" else None
         try:
             if solver == "p3p":
-                # solvePnPGeneric refuses three points
+                # solvePnPGeneric rejects three points
                 _, rv, tv = cv2.solveP3P(obj[:3], img[:3], eye, None, flags=flag)
             else:
                 centred = obj if centre is None else obj - centre
@@ -68,26 +70,26 @@ def point_solver(solver: str) -> Solver:
 
 
 def from_rotvecs(turns: Sequence[Array], shifts: Sequence[Array]) -> Tuple[Array, Array]:
-    """Return q (K, 4), t (K, 3) of rotation vectors and translations, dropping non-finite ones."""
+    """Return q (K, 4), t (K, 3) of rotation vectors and translations, without non-finite ones."""
     v, t = np.array(turns).reshape(-1, 3), np.array(shifts).reshape(-1, 3)
     ok = np.isfinite(v).all(axis=1) & np.isfinite(t).all(axis=1)
     return quat.normalise(quat.from_rotvec(v[ok])), t[ok]
 
 
 def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array]:
-    """Return every pose of every triple, up to four each: q (M, 4), t (M, 3), and the triple's index (M,), ascending.
+    """Return up to four poses per triple: q (M, 4), t (M, 3), and the triple's index (M,), ascending.
 
     Parameters
     ----------
-    object_m : array (N, 3, 3)
-        Points, target frame.
-    rays : array (N, 3, 2)
-        Undistorted image points at z = 1.
+    object_m : (N, 3, 3) array
+        Points, target frame [m].
+    rays : (N, 3, 2) array
+        Undistorted normalised image points.
 
     Notes
     -----
-    The depths of the points fulfil three quadrics; one member of the pencil of two of them is a pair of planes
-    (a root of a cubic), and each plane meets a third quadric in two directions.
+    The depths of the points satisfy three quadrics. One member of the pencil of two of them is a pair of planes (a root
+    of a cubic), and each plane meets a third quadric in two directions.
 
     References
     ----------
@@ -104,7 +106,7 @@ def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array
         e12, e13 = P[:, 0] - P[:, 1], P[:, 0] - P[:, 2]
         c, e = np.cross(d12, d13), np.cross(e12, e13)
         area = (c * c).sum(axis=1)
-        # the triangle's own axes in both frames; the dual ones of the target's are the rows of the inverse
+        # the triangle's own axes in both frames; the inverse's rows are the dual axes in the target frame
         dual = np.stack([np.cross(d13, c), np.cross(c, d12), c], axis=1) / area[:, None, None]
         R = np.stack([e12, e13, e], axis=-1) @ dual
         t = P[:, 0] - np.einsum("nij,nj->ni", R, x[:, 0])
@@ -114,7 +116,7 @@ def three_point_poses(object_m: Array, rays: Array) -> Tuple[Array, Array, Array
 
 
 def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
-    """Return (M, 3) distances of three points along unit rays y (N, 3, 3), and the triple's index (M,)."""
+    """Return distances (M, 3) of three points along unit rays y (N, 3, 3), and the triple's index (M,)."""
     a12, a13, a23 = (((x[:, i] - x[:, j]) ** 2).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     b12, b13, b23 = (-2.0 * (y[:, i] * y[:, j]).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     none = np.zeros(len(x))
@@ -147,12 +149,12 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
 
 
 def _form(xx: Array, xy: Array, xz: Array, yy: Array, yz: Array, zz: Array) -> Array:
-    """Return (N, 3, 3) symmetric matrices of their six entries (N,)."""
+    """Return symmetric matrices (N, 3, 3) from their six entries (N,)."""
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
 
 
 def _pencil_root(first: Array, second: Array) -> Array:
-    """Return a real g (N,) with det(first - g second) = 0: of three the one farthest from the others."""
+    """Return a real g (N,) with det(first - g second) = 0; of three roots, the one farthest from the others."""
     cofactor1, cofactor2 = _cofactors(first), _cofactors(second)
     p0, p3 = (first[:, 0] * cofactor1[:, 0]).sum(axis=1), -(second[:, 0] * cofactor2[:, 0]).sum(axis=1)
     p1, p2 = -(cofactor1 * second).sum(axis=(1, 2)), (cofactor2 * first).sum(axis=(1, 2))
@@ -175,13 +177,13 @@ def _pencil_root(first: Array, second: Array) -> Array:
 
 
 def _cofactors(A: Array) -> Array:
-    """Return the (N, 3, 3) cofactors of symmetric matrices."""
+    """Return the cofactors (N, 3, 3) of symmetric matrices."""
     rows = [np.cross(A[:, 1], A[:, 2]), np.cross(A[:, 2], A[:, 0]), np.cross(A[:, 0], A[:, 1])]
     return np.stack(rows, axis=1)
 
 
 def _planes(A: Array) -> Tuple[Array, Array]:
-    """Return normals (N, 3) of the two planes of a degenerate quadratic form."""
+    """Return the normals (N, 3) of the two planes of a degenerate quadratic form."""
     trace = A[:, 0, 0] + A[:, 1, 1] + A[:, 2, 2]
     minors = (
         A[:, 0, 0] * A[:, 1, 1]
@@ -200,7 +202,7 @@ def _planes(A: Array) -> Tuple[Array, Array]:
 
 
 def _eigenvector(A: Array, value: Array) -> Array:
-    """Return (N, 3) unit eigenvectors of symmetric matrices for a simple eigenvalue: the largest cofactor row."""
+    """Return unit eigenvectors (N, 3) of symmetric matrices for a simple eigenvalue: the largest cofactor row."""
     rows = _cofactors(A - value[:, None, None] * np.eye(3))
     size = np.linalg.norm(rows, axis=2)
     best = rows[np.arange(len(A)), size.argmax(axis=1)]
@@ -208,7 +210,7 @@ def _eigenvector(A: Array, value: Array) -> Array:
 
 
 def _newton(s: Array, squares: Array, dots: Array) -> Array:
-    """Take one Newton step for s_i^2 + s_j^2 + b_ij s_i s_j = a_ij, pairs 12 13 23: (N, K, 3)."""
+    """Apply one Newton step to s_i^2 + s_j^2 + b_ij s_i s_j = a_ij, pairs 12 13 23: (N, K, 3)."""
     s1, s2, s3 = s[..., 0], s[..., 1], s[..., 2]
     b12, b13, b23 = dots[..., 0], dots[..., 1], dots[..., 2]
     r1 = squares[..., 0] - (s1 * s1 + s2 * s2 + b12 * s1 * s2)

@@ -1,8 +1,8 @@
 """Ranking of poses by reprojection error, and their refinement by Newton-Raphson.
 
-Sharma, Ventura & D'Amico (2018), pose determination: poses are ranked by the distance between the image's corners and
-the reprojected ones, ``E = mean |p - pi(R x + t)|``, and the best five minimise ``sum |p - pi(R x + t)|^2`` over six
-parameters. Second derivatives of ``pi`` are left out (Gauss-Newton).
+Sharma, Ventura & D'Amico (2018), pose determination: poses are ranked by the mean distance between image corners and
+reprojected ones, ``E = mean |p - pi(R x + t)|``, and the best five minimise ``sum |p - pi(R x + t)|^2`` over six
+parameters. Second derivatives of ``pi`` are neglected (Gauss-Newton).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from flyaround.hil.board.svd.region_of_interest import Region
 Array = np.ndarray
 
 
-# Edges shorter than this share of the model's radius are details.
+# Least length of an edge whose ends count as corners [share of the model's radius].
 MIN_LENGTH = 0.25
 
-# Poses whose corners are compared at once: what a processor's cache holds.
+# Number of poses compared at once, limited by the processor's cache.
 BATCH = 250
 
 
@@ -34,11 +34,11 @@ class ModelCorners:
 
     Parameters
     ----------
-    points_m : array (C, 3)
-        Positions, target frame.
-    normals : array (C, K, 3)
-        Normals of the faces that meet there, padded with zeros.
-    always : array (C,)
+    points_m : (C, 3) array
+        Positions, target frame [m].
+    normals : (C, K, 3) array
+        Normals of the adjacent faces, padded with zeros.
+    always : (C,) array
         True at ends of members that no face hides.
     """
 
@@ -79,18 +79,20 @@ class CornerMap:
 
     Parameters
     ----------
-    points : array (N, 2)
-        Full-resolution pixels.
-    x0, y0 : float
-        Top left pixel of the box.
-    distance : array (h, w), float32
-        Distance to the nearest corner [px].
-    label : array (h, w)
-        Number of the nearest corner.
-    index : array (L,)
-        Index in ``points`` of each number.
+    points : (N, 2) array
+        Corners [full-resolution px].
+    x0 : float
+        Left edge of the box [px].
+    y0 : float
+        Upper edge of the box [px].
+    distance : (h, w) array
+        Distance to the nearest corner, float32 [px].
+    label : (h, w) array
+        Label of the nearest corner.
+    index : (L,) array
+        Index in ``points`` of each label.
     cap_px : float
-        Distances are truncated here [px].
+        Truncation of the distances [px].
     """
 
     points: Array
@@ -102,7 +104,7 @@ class CornerMap:
     cap_px: float
 
     def lookup(self, pixels: Array) -> Tuple[Array, Array]:
-        """Return truncated distance and index of the corner nearest to pixels (..., 2)."""
+        """Return the truncated distance to, and index of, the corner nearest to pixels (..., 2)."""
         h, w = self.distance.shape
         x, y = np.rint(pixels[..., 0] - self.x0), np.rint(pixels[..., 1] - self.y0)
         inside = (x >= 0) & (x < w) & (y >= 0) & (y < h)
@@ -116,7 +118,7 @@ def corner_map(points: Array, region: Region) -> CornerMap:
     margin, cap_px = 0.25 * region.diagonal_px, 0.05 * region.diagonal_px
     low = np.floor(np.array([region.x0, region.y0]) - margin)
     high = np.array([region.x1, region.y1]) + margin
-    # farther from all corners distances do not count; those of a 5 x 5 mask fall short by 2 % at most
+    # distances are needed within the box only; those of a 5 x 5 mask are at most 2 % too short
     clipped = np.clip(points, low, high)
     reach = 1.05 * cap_px + 2.0
     low = np.maximum(low, np.floor(clipped.min(axis=0) - reach))
@@ -134,7 +136,7 @@ def corner_map(points: Array, region: Region) -> CornerMap:
 
 
 def visible_corners(corners: ModelCorners, R: Array, t: Array) -> Array:
-    """Return a (B, C) mask of corners with a face towards the camera; occlusion is ignored."""
+    """Return a mask (B, C) of corners with a face towards the camera; occlusion is ignored."""
     C = -np.einsum("bji,bj->bi", R, t)
     to = C[:, None] - corners.points_m[None]
     toward = np.einsum("ckj,bcj->bck", corners.normals, to) > 0
@@ -142,7 +144,7 @@ def visible_corners(corners: ModelCorners, R: Array, t: Array) -> Array:
 
 
 def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, region: Region) -> Array:
-    """Return an (N,) mask of poses in front of the camera whose craft roughly covers the region."""
+    """Return a mask (N,) of poses in front of the camera whose craft roughly covers the region."""
     centre = np.einsum("nij,j->ni", quat.matrix(q), model.centre_m) + t
     z = centre[:, 2]
     ok = np.isfinite(centre).all(axis=1) & (z > 1.2 * model.radius_m)
@@ -159,14 +161,15 @@ def plausible(q: Array, t: Array, model: BoardModel, camera: CameraIntrinsics, r
 def reprojection(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap
 ) -> Tuple[Array, Array]:
-    """Return the mean truncated distance [px] of the image's corners to the nearest visible corner of the model.
+    """Return the mean truncated distance of image corners to visible model corners [px], and the inlier share.
 
-    Also the share of them met within half of the cap.
+    An inlier is an image corner within half the truncation distance.
+
 
     Notes
     -----
-    From image to model: the other way is smallest for a craft too far away, whose corners crowd around a few
-    of the image's (tried: the right pose leads half as often).
+    The distance is taken from image to model. From model to image it is smallest for a craft too far away, whose
+    corners crowd around a few image corners.
     """
     error, inliers = np.zeros(len(q)), np.zeros(len(q))
     to = np.ascontiguousarray(image.points.T, np.float32)
@@ -176,7 +179,7 @@ def reprojection(
         visible = visible_corners(corners, R, t[part])
         pixels = camera.pixels(np.einsum("bij,cj->bci", R, corners.points_m) + t[part, None])
         placed = np.where(visible[..., None], pixels, 1e6).astype(np.float32)
-        # visible ones first: what no pose of the batch has is not looked at
+        # compact the visible corners to the front, so that corners visible in no pose are skipped
         first = np.argsort(~visible, axis=1, kind="stable")[:, : int(visible.sum(axis=1).max(initial=0))]
         placed = np.take_along_axis(placed, first[..., None], axis=1)
         gap = np.full((len(R), to.shape[1]), np.float32(image.cap_px**2))
@@ -195,16 +198,16 @@ def reprojection(
 
 
 def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
-    """Return a (B, C) mask of visible model corners that are mutual nearest neighbours with an image corner.
+    """Return a mask (B, C) of visible model corners that are mutual nearest neighbours with an image corner.
 
-    One corner of the image is one corner of the craft: what crowds around it, hidden or not drawn, pulls aside.
+    An image corner matches one corner of the craft; others that crowd around it would bias the pose.
 
     Parameters
     ----------
-    way : array (B, C, 2)
-        Vectors from each corner to the image's nearest one [px].
-    nearest : array (B, C)
-        Index of that corner of the image.
+    way : (B, C, 2) array
+        Vectors from each corner to the nearest image corner [px].
+    nearest : (B, C) array
+        Index of that image corner.
     """
     d = np.where(seen, np.hypot(way[..., 0], way[..., 1]), np.inf)
     least = np.full((len(d), int(nearest.max(initial=0)) + 1), np.inf)
@@ -216,8 +219,9 @@ def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
 def refine_on_corners(
     q: Array, t: Array, corners: ModelCorners, camera: CameraIntrinsics, image: CornerMap, radius_m: float
 ) -> Tuple[Array, Array, Array]:
-    """Refine by ten Gauss-Newton steps on nearest corners with a closing gate: q (B, 4), t (B, 3), covariance (B, 6,
-    6).
+    """Refine poses by ten Gauss-Newton steps on nearest corners with a shrinking gate.
+
+    Return q (B, 4), t (B, 3) and covariance (B, 6, 6).
     """
     H = np.tile(np.eye(6), (len(q), 1, 1))
     rms = np.ones(len(q))
@@ -232,7 +236,7 @@ def refine_on_corners(
         gate = image.cap_px * (1.0 if k < 4 else 0.5)
         r = image.points[nearest] - pixels
         w = (_mutual(r, nearest, visible) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
-        # d(pixel)/d(point) of the pinhole; the lens bends it by less than the gate
+        # d(pixel)/d(point) of the pinhole; the lens changes it by less than the gate
         gu = np.stack([camera.fx_px / z, np.zeros_like(z), -camera.fx_px * P[..., 0] / z**2], axis=-1)
         gv = np.stack([np.zeros_like(z), camera.fy_px / z, -camera.fy_px * P[..., 1] / z**2], axis=-1)
         g = np.concatenate([gu, gv], axis=1)
@@ -255,16 +259,21 @@ def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float
 
     Parameters
     ----------
-    J : array (B, M, 6)
+    J : (B, M, 6) array
         Derivatives of the residuals.
-    r, w : array (B, M)
-        Residuals and weights.
-    scale : array (6,)
+    r : (B, M) array
+        Residuals.
+    w : (B, M) array
+        Weights.
+    scale : (6,) array
         Natural size of each parameter, for damping.
 
     Returns
     -------
-    (B, 6) step and (B, 6, 6) normal matrices, unscaled.
+    step : (B, 6) array
+        Parameter step, unscaled.
+    normal : (B, 6, 6) array
+        Normal matrix, unscaled.
     """
     Jw = J * w[..., None]
     H = np.swapaxes(Jw, 1, 2) @ J
@@ -278,10 +287,10 @@ def gauss_newton_step(J: Array, r: Array, w: Array, scale: Array, damping: float
 
 
 def apply_step(q: Array, t: Array, step: Array) -> Tuple[Array, Array]:
-    """Rotate about the target's origin and translate, in camera axes."""
+    """Rotate about the target's origin, then translate, in camera axes."""
     return quat.normalise(quat.multiply(quat.from_rotvec(step[:, :3]), q)), t + step[:, 3:]
 
 
 def parameter_scale(depth_m: float, radius_m: float) -> Array:
-    """Return parameter steps that move the image by about the same: rotations, lateral shifts, shift along the view."""
+    """Return parameter steps of similar effect on the image: rotations, lateral shifts, shift in depth."""
     return np.array([1, 1, 1, radius_m, radius_m, max(depth_m, radius_m)]) * 0.5

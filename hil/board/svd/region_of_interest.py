@@ -1,8 +1,7 @@
 """Region of interest: a box of the image that may contain the target.
 
-Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box runs from where the cumulative
-distribution of the surviving gradient pixels is 0.025 to where it is 0.975. The thesis enlarges it by 5 % of the mean
-edge length.
+Sharma, Ventura & D'Amico (2018), image processing, WGE: along each axis the box spans the cumulative distribution of
+the surviving gradient pixels from 0.025 to 0.975. The thesis enlarges it by 5 % of the mean edge length.
 """
 
 from __future__ import annotations
@@ -17,14 +16,20 @@ Box = Tuple[float, float, float, float]
 
 
 class Region(NamedTuple):
-    """Hypothesis of the target's extent, in full-resolution pixels.
+    """Candidate extent of the target, in full-resolution pixels.
 
     Parameters
     ----------
-    x0, y0, x1, y1 : float
-        Edges of the box.
+    x0 : float
+        Left edge of the box.
+    y0 : float
+        Upper edge of the box.
+    x1 : float
+        Right edge of the box.
+    y1 : float
+        Lower edge of the box.
     source : str
-        The rule that proposed it.
+        Rule that proposed it.
     """
 
     x0: float
@@ -67,14 +72,14 @@ def marginal_interval(weights: Array, low: float, high: float) -> Tuple[float, f
 
 
 def cdf_box(strong: Array, reduction: int = 1) -> Region:
-    """Return the 2.5 % to 97.5 % interval of both marginal CDFs of the surviving gradient, full resolution.
+    """Return the 2.5 % to 97.5 % interval of both marginal CDFs of the surviving gradients, full resolution.
 
     Parameters
     ----------
-    strong : array (h, w)
+    strong : (h, w) array
         True at the pixels that survive weak gradient elimination.
     reduction : int
-        Pixels of the image in one of ``strong``, along each axis.
+        Image pixels per pixel of ``strong``, along each axis.
     """
     x0, x1 = marginal_interval(strong.sum(axis=0), 0.025, 0.975)
     y0, y1 = marginal_interval(strong.sum(axis=1), 0.025, 0.975)

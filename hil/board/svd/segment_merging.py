@@ -1,7 +1,7 @@
-"""Merging of truncated and repeated line segments into one line each.
+"""Merging of truncated and duplicate line segments.
 
-Sharma, Ventura & D'Amico (2018), image processing, merging of the streams: segments of nearly one direction, offset
-and place are one edge. The thesis merges each stream by itself before both are merged together.
+Sharma, Ventura & D'Amico (2018), image processing, merging of the streams: segments of similar direction, offset and
+position are one edge. The thesis merges each stream separately before merging them all.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ ANGLE_RAD = np.radians(4.0)
 
 
 def merge_segments(segments: Array, diagonal_px: float, keep: int = 60) -> Array:
-    """Merge segments of one direction, offset and place; the longest first.
+    """Merge segments of similar direction, offset and position; longest first.
 
     Parameters
     ----------
-    segments : array
-        Array (N, 4) x0 y0 x1 y1 of each.
+    segments : (N, 4) array
+        End points x0 y0 x1 y1.
     diagonal_px : float
-        Diagonal of the region, for offset (1 %) and end gap (10 %).
+        Diagonal of the region, which scales the tolerances of offset (1 %) and gap (10 %).
 
     Returns
     -------
-    (M, 4) segments refitted by total least squares weighted by length.
+    (M, 4) array
+        Segments refitted by total least squares weighted by length.
     """
     s = np.asarray(segments, float).reshape(-1, 4)
     length = np.hypot(s[:, 2] - s[:, 0], s[:, 3] - s[:, 1])
@@ -75,11 +76,11 @@ def _joinable(one: Array, many: Array, offset_px: float, gap_px: float) -> Array
 
 
 def fit_line(segments: Array, weight: Array) -> Array:
-    """Fit the (4,) line through segments by weighted total least squares, from end to end."""
+    """Fit a line (4,), from end to end, through segments by weighted total least squares."""
     points = segments.reshape(-1, 2)
     w = np.repeat(weight, 2)
     centre = (points * w[:, None]).sum(axis=0) / w.sum()
-    # each segment's direction counts by its own length: the spread of its ends holds that already
+    # a longer segment has a larger spread of its ends, so its direction weighs more
     _, _, vt = np.linalg.svd((points - centre) * np.sqrt(w)[:, None], full_matrices=False)
     d = vt[0]
     along = (points - centre) @ d

@@ -1,4 +1,4 @@
-"""Settings of the two published variants: one list of stages and their differences."""
+"""Settings of the two published variants: their stages and differences."""
 
 from __future__ import annotations
 
@@ -18,20 +18,19 @@ class PublishedConfig:
     name : str
         Name of the method.
     streams : tuple of str
-        Feature streams, of ``STREAMS``: straight lines of three detectors, ellipses of round bodies, corner points.
+        Feature streams, of ``STREAMS``: lines from three detectors, ellipses of round bodies, corner points.
     solver : str
         Pose solver, of ``SOLVERS``.
     ransac : bool
-        Solve three points of a figure, drawn at random, and rank by inliers, instead of all its points and the
-        reprojection error.
+        Solve three random points of a group and rank by inliers, instead of all points and the reprojection error.
     roi_growth : float
-        Enlargement of the region of interest, share of the mean edge length.
+        Enlargement of the region of interest [share of the mean edge length].
     least_component : float
-        Smallest connected component of the Sobel edges, share of the region's diagonal [px]; 0 keeps all.
+        Smallest connected component of the Sobel edges [share of the region's diagonal]; 0 keeps all.
     merge_each : tuple of str
-        Streams that are merged by themselves before all are merged together.
+        Streams that are merged separately before all are merged.
     top : int
-        Poses that are refined.
+        Number of poses that are refined.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Weak gradient elimination (WGE): keeps strong edges of the spacecraft, removes the Earth's texture and noise.
 
 Sharma, Ventura & D'Amico (2018), J. Spacecraft and Rockets, doi 10.2514/1.A34124, image processing, WGE. The
-histogram of the normalised gradient magnitude is treated as an exponential distribution, ``F(g) = 1 - exp(-g /
+histogram of the normalised gradient magnitude is modelled as an exponential distribution, ``F(g) = 1 - exp(-g /
 mean)``; gradients below the threshold ``g* = -mean ln(1 - 0.99)`` are eliminated.
 """
 
@@ -20,17 +20,17 @@ _PREWITT = np.array([[-1, 0, 1], [-1, 0, 1], [-1, 0, 1]], np.float32) / 6.0
 
 @dataclass(frozen=True, eq=False)
 class WeakGradientElimination:
-    """Gradient magnitude 0..1, its histogram, the threshold, and the surviving pixels.
+    """Gradient magnitude 0..1 with its histogram, the threshold, and the surviving pixels.
 
     Parameters
     ----------
-    magnitude : array (h, w)
-        Gradient magnitude as a share of its largest value.
-    strong : array (h, w)
+    magnitude : (h, w) array
+        Gradient magnitude as a share of its maximum.
+    strong : (h, w) array
         True where the magnitude exceeds the threshold.
     threshold : float
         Threshold of the normalised magnitude.
-    counts : array (bins,)
+    counts : (bins,) array
         Histogram of the normalised magnitude.
     """
 
@@ -43,8 +43,8 @@ class WeakGradientElimination:
 def exponential_threshold(counts: Array, cdf: float) -> float:
     """Return the value at which the CDF of an exponential fitted to a histogram over 0..1 reaches ``cdf``.
 
-    The maximum-likelihood fit of an exponential is by its mean: threshold = -ln(1 - cdf) x mean,
-    which is 4.605 x mean at 0.99.
+    The maximum-likelihood estimate of an exponential's scale is the mean: threshold = -ln(1 - cdf) x mean, which is
+    4.605 x mean at 0.99.
     """
     total = float(counts.sum())
     if total <= 0:
@@ -63,12 +63,12 @@ def prewitt(image: Array) -> Tuple[Array, Array]:
 def eliminate_weak_gradients(
     image: Array, blur_px: float = 1.0, bins: int = 100, cdf: float = 0.99
 ) -> WeakGradientElimination:
-    """Blur, take Prewitt magnitudes, normalise, fit and threshold.
+    """Blur, compute Prewitt magnitudes, normalise, fit the histogram and threshold.
 
     Parameters
     ----------
-    image : array (h, w), float32
-        The image, in any unit.
+    image : (h, w) array
+        Image, float32, in any unit.
     """
     blurred = cv2.GaussianBlur(image, (0, 0), blur_px)
     gx, gy = prewitt(blurred)

@@ -1,7 +1,7 @@
-"""Perceptual groups of the wireframe, in every order in which a group of the image can be paired with them.
+"""Perceptual groups of the wireframe, in every order in which an image group can be matched with them.
 
 Sharma, Ventura & D'Amico (2018), feature synthesis: the definitions are those of the image's groups
-(``perceptual_groups``). They are computed once, before any image.
+(``perceptual_groups``). They are computed once, before the first image.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, run_a
 
 Array = np.ndarray
 
-# Groups of the wireframe are as long as this at least, share of the model's radius.
+# Least size of a wireframe group [share of the model's radius].
 MIN_SIZE = 0.6
 
 
 def model_point_groups(model: BoardModel) -> PointGroups:
-    """Return the groups of the wireframe, in every order in which an image group can be paired with them.
+    """Return the groups of the wireframe, in every order in which an image group can be matched with them.
 
-    The published wireframe holds panel, body and antennas alone; groups of smaller parts are left out likewise.
+    The published wireframe holds panel, body and antennas only, so groups of smaller parts are omitted.
     """
     chains = model_triads(model)
     chains = _large(chains, MIN_SIZE * model.radius_m)
-    # a closed face occurs once for each side as the middle one and each direction: all its orders
+    # a closed face occurs once for each middle side and direction, which covers all its orders
     closed = chains.points[chains.closed]
     plain = [e for e in model.wireframe if e.radius_m == 0]
     ends = np.array([[e.a_m, e.b_m] for e in plain]).reshape(-1, 2, 3)
@@ -51,7 +51,7 @@ def _large(chains: Chains, least_m: float) -> Chains:
 
 
 def model_triads(model: BoardModel, join_m: float = 0.02) -> Chains:
-    """Return planar chains of three wireframe edges bent the same way, in both directions."""
+    """Return planar chains of three wireframe edges bent to the same side, in both directions."""
     edges = [e for e in model.wireframe if e.radius_m == 0]
     n = len(edges)
     ends = np.array([[e.a_m, e.b_m] for e in edges]).reshape(n, 2, 3)
@@ -97,7 +97,7 @@ def _flat_convex(quad: Array) -> bool:
 
 
 def _model_corners(ends: Array) -> Array:
-    """Return (N, 3, 3) far end, corner, far end of edges that meet at an angle."""
+    """Return far end, corner, far end (N, 3, 3) of edges that meet at an angle."""
     out: List[Array] = []
     for i in range(len(ends)):
         for j in range(i + 1, len(ends)):
@@ -112,7 +112,7 @@ def _model_corners(ends: Array) -> Array:
 
 
 def _model_parallel(ends: Array, most: int = 120) -> Array:
-    """Return (N, 4, 3) parallel edges that overlap, longest first, in both senses and both orders."""
+    """Return overlapping parallel edges (N, 4, 3), longest first, in both senses and both orders."""
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     order = np.argsort(-length, kind="stable")[:40]
     out: List[Array] = []
