@@ -33,8 +33,10 @@ class Only(NamedTuple):
 
     Parameters
     ----------
-    field, other : str
-        Keys, such as ``pictures.n``.
+    field : str
+        Key of the field, such as ``pictures.n``.
+    other : str
+        Key of the other field.
     values : tuple of object or None
         Allowed values of the other field; None for any but its default.
     sentence : str

@@ -1,4 +1,4 @@
-"""Demo: fly, capture, check, close the loop with a board process, and write a page."""
+"""Demo: flight, data set with check, closed loop with a board process, and a page with the results."""
 
 from __future__ import annotations
 
@@ -55,23 +55,23 @@ def run_demo(
     say: Callable[[str], None],
     progress_bar: ProgressBar,
 ) -> Path:
-    """Run the whole chain into a folder and return the page's path.
+    """Run all stages of the demo in a folder, and return the path of the page.
 
     Parameters
     ----------
     board_command : sequence of str
-        Starts a board; URL and target are appended.
+        Command that starts a board; URL and target are appended.
     overwrite : bool
-        Replace the folder if it holds an earlier demo, and nothing but one.
+        Replace the folder if it holds an earlier demo; any other folder is refused.
     say : callable
-        Takes a line for the person who waits.
+        Receives lines about the progress.
     progress_bar : ProgressBar
-        Opens a bar of that name; yields ``update(done, total)``.
+        Opens a progress bar with a title; yields ``update(done, total)``.
 
     Raises
     ------
     UserError
-        If the folder is in use, or labels or the ledger do not add up.
+        If the folder is in use, a label is wrong, or the ledger does not account for every frame.
     """
     started = time.monotonic()
     if overwrite and (folder / MARK).is_file():
@@ -162,7 +162,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
     )
     log_path = folder / "board.log"
     with log_path.open("wb") as log, progress_bar("30 frames to the board") as progress:
-        # one thread, as on a board: BLAS threads on its small matrices only fight the renderer
+        # one thread, as on a board: BLAS threads on small matrices compete with the renderer
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         board = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, env=environment)
         logger = TruthLogger(truth_url, folder / "truth.jsonl")
@@ -187,7 +187,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
 
 
 def _free_port_pair() -> int:
-    """Return a free port whose successor (the truth endpoint) is free too."""
+    """Return a free port whose successor, used by the truth endpoint, is free as well."""
     for _ in range(50):
         with socket.socket() as a:
             a.bind(("127.0.0.1", 0))
@@ -200,4 +200,4 @@ def _free_port_pair() -> int:
                 except OSError:
                     continue
                 return port
-    raise UserError("no two neighbouring TCP ports are free on 127.0.0.1; close some programs and try again")
+    raise UserError("no two consecutive TCP ports are free on 127.0.0.1; close some programs and try again")

@@ -1,4 +1,4 @@
-"""Comparison of methods on the same frames: right, accepted, time, and the stage at which each failed."""
+"""Comparison of methods on the same frames: correct and accepted poses, time, and the stage at which each failed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Array = np.ndarray[Any, Any]
 
 COMPARED = (HYBRID, *PUBLISHED)
 
-# Number of the loop's frames that are compared: the published methods take a second for each.
+# Number of frames that are compared; the published methods take a second each.
 N_COMPARED = 8
 
 DECISION = "decision"
@@ -42,18 +42,18 @@ class MethodAnswer:
     Parameters
     ----------
     method : str
-        Its name.
+        Name of the method.
     frame_id : int
-        The frame.
+        Number of the frame.
     right : bool
         True if the pose is within 5 deg and 5 % of the range.
     accepted : bool
-        True if the method stands by it.
+        True if the method accepts its pose.
     ms : float
         Wall time of all stages.
     failed_at : str
-        The stage that lost the right pose, or had none to begin with; ``decision`` if that declined it or chose another
-        one. Empty if a right pose is accepted.
+        Stage that lost the correct pose, or never had it; ``decision`` if it was declined or another pose selected.
+        Empty if a correct pose is accepted.
     """
 
     method: str
@@ -67,14 +67,14 @@ class MethodAnswer:
 def compare_methods(
     frames: Mapping[int, Frame], target: Target, progress: Callable[[int, int], None]
 ) -> tuple[MethodAnswer, ...]:
-    """Estimate frames, spread evenly over those given, by every method in this process.
+    """Estimate frames, spread evenly over those given, with every method in this process.
 
     Parameters
     ----------
     frames : mapping
-        Frames with their truth, by number.
+        Frames with their truth, by frame number.
     target : Target
-        The target that all show.
+        Target visible in the frames.
     progress : callable
         Called with the number of estimates done, and the total.
     """
@@ -85,7 +85,7 @@ def compare_methods(
     for method in COMPARED:
         for k in numbers:
             truth = frames[k].truth
-            assert truth is not None  # noqa: S101 - of these numbers none is
+            assert truth is not None  # noqa: S101 - frames with truth were selected
             camera = CameraIntrinsics.from_dict(msgspec.to_builtins(truth.camera))
             trace: dict[str, Any] = {}
             result = make_estimator(model, camera, method).estimate(frames[k].image, trace)
@@ -102,14 +102,14 @@ def method_answer(
     Parameters
     ----------
     poses : sequence
-        Stage, q (N, 4) and t (N, 3) of the poses that each stage handed on, in order.
+        Stage name, q (N, 4) and t (N, 3) of the poses that each stage passed on, in order.
     """
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     right = q is not None and t is not None and _any_right(truth, q[None], t[None])
     failed_at = "" if right and result.accepted else DECISION
     if not right:
         stages = list(dict.fromkeys(name for name, _, _ in poses))
-        # a stage of a second round may find the pose that the first round missed
+        # a stage of a second round may recover a pose that the first round lost
         holding = [stages.index(name) for name, some_q, some_t in poses if _any_right(truth, some_q, some_t)]
         # a method that stopped before it had any pose failed where it stopped
         stages = stages or list(result.stages_ms)[-1:]
@@ -129,7 +129,7 @@ HEAD = ("method", "frames", "right", "accepted", "accepted, wrong", "median time
 
 
 def comparison_rows(answers: Sequence[MethodAnswer]) -> list[tuple[str, ...]]:
-    """Return a row of the table for each method, in the order of the answers."""
+    """Return a table row for each method, in the order of the answers."""
     rows: list[tuple[str, ...]] = []
     for method in dict.fromkeys(a.method for a in answers):
         own = [a for a in answers if a.method == method]
@@ -149,13 +149,14 @@ def comparison_rows(answers: Sequence[MethodAnswer]) -> list[tuple[str, ...]]:
 
 
 def comparison_section(answers: Sequence[MethodAnswer]) -> Markup:
-    """Return the page's section: the table and the meaning of its columns."""
+    """Return the section of the page with the table and the meaning of its columns."""
     return markup(
         note(
-            "hybrid is this project's method, which also answered on the board; svd-2018 is the algorithm of Sharma, "
-            "Ventura and D'Amico (2018), svd-thesis a thesis's variant of it. All three estimated the same frames on "
-            "this machine. A pose is right within 5 deg and 5 % of the range. A frame counts as failed at the stage "
-            "that lost the right pose or never had it, or at the decision if that declined it or chose another pose."
+            "hybrid is the project's own method, which also ran on the board; svd-2018 is the algorithm of Sharma, "
+            "Ventura and D'Amico (2018), and svd-thesis its variant in Sharma's thesis. All three estimated the same "
+            "frames on this machine. A pose is right within 5 deg and 5 % of the range. A frame counts as failed at "
+            "the stage that lost the right pose or never had it, or at the decision if it was declined or another "
+            "selected."
         ),
         table(HEAD, comparison_rows(answers)),
     )

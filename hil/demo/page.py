@@ -1,4 +1,4 @@
-"""Demo page: images with their truth, the flight, errors and latency; one folder, no server."""
+"""Demo page: images with their truth, the flight, errors and latency, in one folder without a server."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ TILE_FOLDER = "page"
 
 
 def write_page(results: DemoResults) -> Path:
-    """Write images, plots and ``index.html`` and return the page's path."""
+    """Write images, plots and ``index.html``, and return the path of the page."""
     place = results.folder / TILE_FOLDER
     place.mkdir(exist_ok=True)
     images = [_image(results, place, k) for k in range(results.checked.n_frames)]
@@ -98,7 +98,7 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
 
 
 def with_inset(image: ByteArray, truth: Truth) -> ByteArray:
-    """Return the whole image with an enlarged cut-out of the craft in the corner farther from it."""
+    """Return the whole image, with an enlarged crop of the target in the corner farthest from it."""
     if truth.box_amodal_px is None:
         return image
     height, width = image.shape[:2]
@@ -123,7 +123,7 @@ def _answer(results: DemoResults, place: Path, row: FrameRecord) -> Markup:
     frame = results.loop_frames[row.frame_id]
     truth = frame.truth
     if truth is None:
-        raise RuntimeError("the demo's frames have their truth")
+        raise RuntimeError("a frame of the demo has no truth")
     canvas = screen_rgb(frame.image, truth.scene.sensor, truth.camera.pixel_encoding)
     if row.q_wxyz is not None and row.t_m is not None:
         canvas = draw_pose(canvas, truth, results.plan.target, row.q_wxyz, row.t_m)
@@ -158,7 +158,7 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
     page.add(note(scenario.description))
     made = f"flyaround {card.machine.flyaround}"
     about = (f"{scenario.epoch_utc}, {scenario.duration_s:.0f} s of flight", card.machine.gl_renderer, made)
-    page.add(note(_dotted((*about, f"made in {results.run_s:.0f} s"))))
+    page.add(note(_dotted((*about, f"generated in {results.run_s:.0f} s"))))
     page.add(
         key_figures(
             (
@@ -176,16 +176,16 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
     )
     page.add(
         note(
-            f"The ledger adds up: {s.sent} sent = {s.accepted} accepted + {s.declined} declined + "
+            f"The ledger accounts for every frame: {s.sent} sent = {s.accepted} accepted + {s.declined} declined + "
             f"{s.dropped_total} dropped. {results.truth_records} truth records arrived on their own endpoint; "
-            "the board got none."
+            "the board received none."
         )
     )
     page.section("Labelled images", KEY, gallery(images, columns=4))
     page.section("The flight", _plot(plot_trajectory(results.plan), "trajectory in LVLH and range"))
     page.section(
-        "What came back from the board",
-        note("The pose that the estimator returned, drawn in orange over the image it was given."),
+        "Answers of the board",
+        note("The estimated pose in orange, over the image that the board received."),
         gallery(answers, columns=3),
     )
     page.section("Three methods on the same frames", comparison_section(results.compared))

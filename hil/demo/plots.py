@@ -30,7 +30,7 @@ WIDTH = 13  # inches
 
 
 def plot_trajectory(plan: Plan) -> Figure:
-    """Plot the chaser about the target in LVLH, seen along cross-track and from above, and the range."""
+    """Plot the chaser's LVLH trajectory in side and top view, and the range."""
     times = np.linspace(0, plan.scenario.duration_s, 181)
     states = [plan.flight.state(float(t)) for t in times]
     p = np.array([s.position_lvlh_m for s in states])
@@ -55,7 +55,7 @@ def plot_trajectory(plan: Plan) -> Figure:
 
 
 def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
-    """Plot rotation and translation error of every answered frame, accepted and declined apart."""
+    """Plot rotation and translation error of every answered frame, distinguishing accepted and declined ones."""
     figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, dark=True)
     for ax, field, label, limit in (
         (axes[0], "E_R_deg", "rotation error [deg]", 5.0),
@@ -94,7 +94,7 @@ def plot_latency(rows: Sequence[FrameRecord]) -> Figure:
         ids, np.maximum(e2e - bottom, 0), bottom=bottom, color=DARK_GRID, width=0.8, label="link and waiting"
     )
     axes[0].set(xlabel="frame", ylabel="end-to-end [ms]")
-    # below the plot: a dozen stages would cover the bars
+    # below the plot, because a dozen stages would cover the bars
     _legend(axes[0], fontsize=8, ncols=5, loc="upper center", bbox_to_anchor=(0.5, -0.16))
     if len(e2e):
         ordered = np.sort(e2e)

@@ -38,22 +38,28 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     Parameters
     ----------
-    screen_px, camera_px : tuple of int
-        Width and height.
+    screen_px : tuple of int
+        Width and height of the screen.
+    camera_px : tuple of int
+        Width and height of the camera image.
     homography : list of float
-        3 x 3, row by row, from screen pixels to camera pixels; pixel (0, 0) is the centre of the first.
+        Homography, 3 x 3 row by row, from screen to camera pixels; pixel (0, 0) is the centre of the first one.
     bend : list of list of list of float
         Chebyshev coefficients, 8 x 8 for x and for y, of the residual [px] over the screen mapped to -1..1.
     shading : list of list of float
-        Chebyshev coefficients, 5 x 5, of the light at level 255 over the screen [DN of the camera].
+        Chebyshev coefficients, 5 x 5, of the brightness of level 255 over the screen [DN of the camera].
     response : list of float
-        Light of each of ``levels``, from 0 at level 0 to 1 at 255.
+        Relative brightness of each of ``levels``, from 0 at level 0 to 1 at 255.
     black_dn : float
         Digital number of the camera at level 0.
     white_dn : float
         Digital number of white after shading correction.
-    code_left_px, code_top_px, code_cell_px : int
-        Upper left corner and cell size of the frame code in the camera's image.
+    code_left_px : int
+        Left edge of the frame code in the camera's image.
+    code_top_px : int
+        Upper edge of the frame code.
+    code_cell_px : int
+        Cell size of the frame code.
     geometry_rms_px : float
         RMS distance of the measured points from the fitted map.
     """
@@ -76,11 +82,11 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def code_place(self) -> CodePlace:
-        """Place of the code in the camera's image."""
+        """Position of the frame code in the camera's image."""
         return CodePlace(self.code_left_px, self.code_top_px, self.code_cell_px)
 
     def camera_from_screen(self, screen_xy_px: FloatArray) -> FloatArray:
-        """Return (N, 2) camera pixels that see (N, 2) screen pixels."""
+        """Map screen pixels (N, 2) to camera pixels (N, 2)."""
         flat = np.asarray(self.homography, float).reshape(3, 3)
         points = np.column_stack((screen_xy_px, np.ones(len(screen_xy_px)))) @ flat.T
         straight = points[:, :2] / points[:, 2:]
@@ -89,12 +95,12 @@ class DisplayCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return np.asarray(straight + np.column_stack(bend))
 
     def screen_light_dn(self, screen_xy_px: FloatArray) -> FloatArray:
-        """Return the (N,) light of level 255 at screen pixels, as the camera sees it [DN]."""
+        """Return the brightness (N,) of level 255 at screen pixels, as the camera sees it [DN]."""
         unit = _unit(screen_xy_px, self.screen_px)
         return np.asarray(chebyshev.chebval2d(unit[:, 0], unit[:, 1], np.asarray(self.shading)))
 
     def levels_for(self, light: FloatArray) -> FloatArray:
-        """Return the screen levels, not rounded, that give these shares of level 255's light."""
+        """Return the unrounded screen levels for brightnesses relative to level 255."""
         fine = np.arange(256.0)
         response = PchipInterpolator(np.asarray(self.levels, float), np.asarray(self.response))(fine)
         return np.asarray(np.interp(light, np.maximum.accumulate(response), fine))
@@ -111,17 +117,17 @@ def read_calibration(path: Path) -> DisplayCalibration:
     Raises
     ------
     UserError
-        If it is no calibration of this version.
+        If the file is not a calibration of this version.
     """
     try:
         calibration = msgspec.json.decode(without_mark(path.read_bytes(), str(path)), type=DisplayCalibration)
     except (OSError, msgspec.MsgspecError) as error:
         raise UserError(
-            f"{path} is no calibration that flyaround hil display-calibrate wrote: {error}"
+            f"{path} is not a calibration written by flyaround hil display-calibrate: {error}"
         ) from error
     if (calibration.schema, calibration.version) != (SCHEMA, VERSION):
         raise UserError(
-            f"{path} is {calibration.schema} version {calibration.version}, wanted: {SCHEMA} version {VERSION}"
+            f"{path} is {calibration.schema} version {calibration.version}, expected {SCHEMA} version {VERSION}"
         )
     return calibration
 
@@ -132,22 +138,20 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     Parameters
     ----------
     grabs : mapping of str to array
-        Digital numbers (H, W) of a camera without gamma by name of the pattern, averaged over repeated images.
+        Digital numbers (H, W) of a camera without gamma, by pattern name, averaged over repeated images.
     screen_px : tuple of int
         Width and height of the screen.
 
     Raises
     ------
     UserError
-        If an image is missing or the screen cannot be found in them.
+        If an image is missing, or the screen cannot be found in them.
     """
     patterns = [f"level_{level:03}" for level in LEVELS]
     patterns += [f"{axis}_phase_{k}" for axis in "xy" for k in range(SHIFTS)]
     missing = [name for name in patterns if name not in grabs]
     if missing:
-        raise UserError(
-            f"there is no picture of {missing[0]}; grab every pattern that hil display --patterns shows"
-        )
+        raise UserError(f"no picture of {missing[0]}: grab every pattern that hil display --patterns shows")
     dark, bright = grabs["level_000"], grabs["level_255"]
     swing = bright - dark
     phases = {
@@ -157,7 +161,7 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
     if np.count_nonzero(valid) < (GEOMETRY_DEGREE + 1) ** 2 * 10:
         raise UserError(
             "the screen is not found in the pictures: let it fill most of the camera's view, in focus, at an exposure "
-            "at which white is not burnt out"
+            "at which white is not saturated"
         )
     rows, columns = np.nonzero(valid)
     step = max(1, len(rows) // MAX_POINTS)
@@ -190,7 +194,7 @@ def calibrate(grabs: Mapping[str, FloatArray], screen_px: tuple[int, int]) -> Di
 def _decode(
     grabs: Mapping[str, FloatArray], axis: str, size_px: int, dark: FloatArray, swing: FloatArray
 ) -> FloatArray:
-    """Return the (H, W) screen coordinate along an axis that each camera pixel sees [px]; NaN if it sees none."""
+    """Return the screen coordinate (H, W) along an axis seen by each camera pixel [px]; NaN where there is none."""
     angles = 2 * np.pi * np.arange(SHIFTS) / SHIFTS
     shifted = [grabs[f"{axis}_phase_{k}"] for k in range(SHIFTS)]
     sine = sum(np.sin(a) * g for a, g in zip(angles, shifted, strict=True))
@@ -201,12 +205,10 @@ def _decode(
     for bit in reversed(range(half_period_bits(size_px))):
         name = f"{axis}_code_{bit}"
         if name not in grabs:
-            raise UserError(
-                f"there is no picture of {name}; grab every pattern that hil display --patterns shows"
-            )
+            raise UserError(f"no picture of {name}: grab every pattern that hil display --patterns shows")
         above = ((grabs[name] - dark) > swing / 2).astype(int) ^ above
         half |= above << bit
-    # the code may be misread at the border of half periods, where the phase is near 0 or 2 pi: the phase decides there
+    # the Gray code may be wrong by one near the border of half periods, where the phase is near 0 or 2 pi and decides
     near_start, near_end = phase < np.pi / 2, phase > 3 * np.pi / 2
     period = np.where(near_start, (half + 1) // 2, np.where(near_end, (half + 1) // 2 - 1, half // 2))
     at = (period + phase / (2 * np.pi)) * PERIOD_PX
@@ -219,7 +221,7 @@ def _decode(
 def _fit_map(
     screen: FloatArray, camera: FloatArray, screen_px: tuple[int, int]
 ) -> tuple[FloatArray, list[FloatArray], float, FloatArray]:
-    """Fit homography and distortion from screen to camera; return them with their RMS [px] and the points kept."""
+    """Fit homography and distortion from screen to camera; return them with their RMS [px] and the inliers."""
     homography, _ = cv2.findHomography(screen, camera, cv2.RANSAC, 20.0)
     if homography is None:
         raise UserError("the pictures of the fringes do not show a flat screen")
@@ -249,13 +251,13 @@ def _fit_surface(unit: FloatArray, values: FloatArray, degree: int) -> FloatArra
 
 
 def _unit(screen_xy_px: FloatArray, screen_px: tuple[int, int]) -> FloatArray:
-    """Return screen pixels as -1..1 along both axes."""
+    """Return screen pixels scaled to -1..1 along both axes."""
     size = np.asarray(screen_px, float)
     return np.asarray(2 * screen_xy_px / (size - 1) - 1)
 
 
 def _code_corner(valid: BoolArray) -> tuple[int, int]:
-    """Return column and row of the place for the frame code: on the screen, near its upper left corner."""
+    """Return the column and row for the frame code: on the screen, near its upper left corner."""
     width, height = BLOCK_COLUMNS * CODE_CELL_PX, BLOCK_ROWS * CODE_CELL_PX
     solid = cv2.morphologyEx(np.asarray(valid, np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     whole = cv2.erode(

@@ -1,7 +1,11 @@
-"""Patterns for a screen from which a camera derives the map of pixels and the brightness.
+"""Patterns for a screen from which a camera calibrates pixel positions and brightness.
 
-Shifted sine fringes under a Gray code: Sansoni, Carocci and Rodella (1999), Applied Optics 38(31), 6565. Eight shifts
-cancel the harmonics that a screen's gamma makes of a sine, up to the sixth.
+Phase-shifted sine fringes with a Gray code. Eight shifts cancel the harmonics up to the sixth that a screen's gamma
+adds to a sine.
+
+References
+----------
+Sansoni, Carocci and Rodella (1999), Applied Optics 38(31), 6565.
 """
 
 from __future__ import annotations
@@ -24,14 +28,14 @@ Axis = Literal["x", "y"]
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Image to show: its name, which the file of the camera image has too, and (H, W) screen levels."""
+    """Pattern to show: its name, which is also the file name of the camera image, and screen levels (H, W)."""
 
     name: str
     image: ByteArray
 
 
 def half_period_bits(size_px: int) -> int:
-    """Return the number of Gray code bits that number the half periods along an axis."""
+    """Return the number of Gray code bits for the half periods along an axis."""
     return max(1, int(np.ceil(2 * size_px / PERIOD_PX) - 1).bit_length())
 
 

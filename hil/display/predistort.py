@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class Predistorter:
-    """Mapping of frames to a screen by a calibration, with tables computed once.
+    """Mapping of frames to a screen by a calibration; its tables are computed once.
 
     Parameters
     ----------
     calibration : DisplayCalibration
-        Calibration of the screen and the camera that looks at it.
+        Calibration of the screen and the camera that views it.
     """
 
     def __init__(self, calibration: DisplayCalibration) -> None:
@@ -38,25 +38,25 @@ class Predistorter:
         self.calibration = calibration
 
     def screen_image(self, image: NDArray[Any], white: float) -> ByteArray:
-        """Return the (screen H, screen W) levels that show a frame.
+        """Return the screen levels (H, W) that show a frame.
 
         Parameters
         ----------
         image : (H, W) array
-            Numbers of the camera's size, linear in light.
+            Frame of the camera's size, linear in brightness.
         white : float
-            The number that is shown as white.
+            Pixel value that is shown as white.
 
         Raises
         ------
         UserError
-            If the frame is not of the calibrated camera's size.
+            If the frame does not have the calibrated camera's size.
         """
         width, height = self.calibration.camera_px
         if image.shape != (height, width):
             raise UserError(
-                f"the frame is {image.shape[1]} x {image.shape[0]} px and the calibrated camera {width} x {height}: "
-                "give the scenario that camera (docs/hil_display.md)"
+                f"the frame is {image.shape[1]} x {image.shape[0]} px but the calibrated camera {width} x {height}: "
+                "use that camera in the scenario (docs/hil_display.md)"
             )
         light = np.asarray(image, np.float32) / np.float32(white)
         on_screen = cv2.remap(

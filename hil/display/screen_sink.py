@@ -26,12 +26,12 @@ class Screen(Protocol):
         """Width and height [px]."""
 
     def show(self, image: ByteArray) -> None:
-        """Show (H, W) levels."""
+        """Show screen levels (H, W)."""
 
 
 @dataclass(frozen=True)
 class ShownFrame:
-    """Frame shown: number, mid-exposure and time of display, since 1970-01-01 UTC [ns]."""
+    """Record of a shown frame: number, mid-exposure and display time, since 1970-01-01 UTC [ns]."""
 
     frame_id: int
     time_ns: int
@@ -46,8 +46,11 @@ class ScreenSink:
     screen : Screen
         Window on the screen.
     predistorter : Predistorter or None
-        By a calibration; `None` shows frames as they are, in the screen's.
-    middle. code : draw the code of frame number and time. hold_s : least time that each frame stays [s].
+        Pre-distortion by a calibration; None shows frames unchanged, in the middle of the screen.
+    code : bool
+        Draw the code of frame number and time.
+    hold_s : float
+        Least time for which each frame is shown [s].
     """
 
     def __init__(
@@ -58,7 +61,7 @@ class ScreenSink:
 
     @property
     def code_place(self) -> CodePlace:
-        """Place of the code in the frame."""
+        """Position of the code in the frame."""
         return CodePlace() if self._predistorter is None else self._predistorter.calibration.code_place
 
     def write(self, frame: Frame) -> None:
@@ -67,7 +70,7 @@ class ScreenSink:
         Raises
         ------
         UserError
-            If it is in colour, or does not fit the screen or the calibration.
+            If the frame is in colour, or does not fit the screen or the calibration.
         """
         if frame.image.ndim != 2:
             raise UserError('a screen shows one channel: write bands = "mono" under [output] of the scenario')
@@ -88,7 +91,7 @@ class ScreenSink:
         width, height = self._screen.size_px
         if image.shape[0] > height or image.shape[1] > width:
             raise UserError(
-                f"the frame is {image.shape[1]} x {image.shape[0]} px and the screen {width} x {height}: "
+                f"the frame is {image.shape[1]} x {image.shape[0]} px but the screen {width} x {height}: "
                 "calibrate (hil display --patterns), or give the scenario a smaller camera"
             )
         top, left = (height - image.shape[0]) // 2, (width - image.shape[1]) // 2

@@ -1,4 +1,4 @@
-"""Estimators of other packages, chosen by name like the board's own."""
+"""Estimators from plug-in packages, selected by name like the built-in ones."""
 
 from __future__ import annotations
 
@@ -16,15 +16,22 @@ if TYPE_CHECKING:
 
 
 class AddedEstimator(Estimator):
-    """Wrap an estimator of another package so that it refuses unusable images and never raises.
+    """Wrapper of a plug-in's estimator that rejects unusable images and never raises.
 
     Parameters
     ----------
-    inner : object with ``estimate(image)`` of an (H, W) image, which returns a
+    name : str
+        Name of the method.
+    inner : object
+        Estimator with ``estimate(image)`` of an (H, W) image, which returns a
         `flyaround.hil.board.answering.Estimate`.
+    model : BoardModel
+        Model of the target.
+    camera : CameraIntrinsics
+        Intrinsics of every image.
     """
 
-    def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - a package's own
+    def __init__(self, name: str, inner: Any, model: BoardModel, camera: CameraIntrinsics) -> None:  # noqa: ANN401 - the plug-in's
         super().__init__(model, camera)
         self.method, self._inner = name, inner
 
@@ -44,14 +51,14 @@ class AddedEstimator(Estimator):
 
 
 def check_any_method(method: str) -> None:
-    """Raise UserError unless ``method`` names one of the board's estimators or one of another package.
+    """Raise unless ``method`` names a built-in estimator or one of a plug-in package.
 
     Raises
     ------
     BoardModelError
-        With the methods there are.
+        If it names neither; the message lists the methods.
     UserError
-        If its package cannot be imported.
+        If the package cannot be imported.
     """
     if method in plugins("estimator"):
         _function(plugins("estimator")[method])
@@ -60,14 +67,14 @@ def check_any_method(method: str) -> None:
 
 
 def any_estimator(model: BoardModel, camera: CameraIntrinsics, choice: MethodChoice) -> Estimator:
-    """Return the estimator of a choice, from the board's own or from another package.
+    """Return the estimator of a choice, built-in or from a plug-in package.
 
     Raises
     ------
     BoardModelError
-        As of ``make_estimator``.
+        See ``make_estimator``.
     UserError
-        If its package cannot be imported, or cannot make one.
+        If the package cannot be imported, or cannot make an estimator.
     """
     plugin = plugins("estimator").get(choice.method)
     if plugin is None:

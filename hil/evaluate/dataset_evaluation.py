@@ -1,4 +1,4 @@
-"""Evaluation of the board's estimators on a labelled data set: one answer per frame, metrics and a report page."""
+"""Evaluation of estimators on a labelled data set: one answer per frame and method, metrics, and a report page."""
 
 from __future__ import annotations
 
@@ -47,38 +47,38 @@ def evaluate_dataset(
     frames: Sequence[int] | None = None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Metrics:
-    """Estimate every frame by every method; write ``metrics.json``, ``frames.csv`` and ``index.html``.
+    """Evaluate methods on every frame; write ``metrics.json``, ``frames.csv`` and ``index.html``.
 
     Parameters
     ----------
     folder : Path
-        The data set.
+        Data set.
     report : Path
-        Folder of the files; an interrupted run of the same evaluation is resumed there.
+        Output folder; an interrupted run of the same evaluation is resumed.
     methods : tuple of MethodChoice
-        Methods; metrics of the first one are also those of the whole.
+        Methods to evaluate. The metrics of the first one are also those of the document's top level.
     model : BoardModel, optional
-        Model for the estimators; default the target's own.
+        Model for the estimators; by default the target's own.
     workers : int
-        Processes; times are undisturbed with one.
+        Number of processes; with one, the measured times are undisturbed.
     frames : sequence of int, optional
-        Frames; default all.
+        Frames to evaluate; by default all.
     progress : callable
-        Receives the number of answers, and of all.
+        Receives the number of answers so far, and the total.
 
     Raises
     ------
     UserError
-        If the folder is not a data set, holds no whole frame, or the report is of something else.
+        If the folder is not a data set, has no complete frame, or the report belongs to another evaluation.
     """
     card = read_card(folder)
     whole = [k for k in (range(card.n_frames) if frames is None else frames) if is_whole(folder, k)]
     if not whole:
-        raise UserError(f"data set {folder} has no whole frame; capture some first")
+        raise UserError(f"data set {folder} has no complete frame; capture some first")
     craft = model or board_model(load_target(card.target.name))
     if model is None and craft.sha256 != card.target.sha256:
         log.warning(
-            "data set %s was drawn with another version of target %s (%s) than the estimators are given (%s)",
+            "data set %s was rendered with another version of target %s (%s) than the estimators use (%s)",
             folder,
             card.target.name,
             card.target.sha256[:12],
@@ -96,7 +96,7 @@ def evaluate_dataset(
     with closing(_answers(tasks, setting, workers)) as answers:
         for answer in answers:
             if isinstance(answer, str):
-                log.warning("a frame is left out: %s", answer)
+                log.warning("a frame is skipped: %s", answer)
                 total -= 1
             else:
                 append_row(path, answer)
@@ -113,7 +113,7 @@ def evaluate_dataset(
 
 
 def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
-    """Return the rows of an interrupted evaluation, rewriting the file without its torn last line."""
+    """Return the rows of an interrupted evaluation, and remove an incomplete last line from the file."""
     done: list[EvaluatedFrame] = []
     if path.is_file():
         done = read_rows(path, header)
@@ -125,7 +125,7 @@ def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
 
 
 def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]) -> Metrics:
-    """Return the metrics of all methods, with the kernels and the kind of images."""
+    """Return the metrics of all methods, with the kernels and a description of the images."""
     kind, colour = _pictures(folder, rows, read_card(folder).camera.pixel_encoding)
     return compose(
         [method_metrics(label, [r for r in rows if r.method == label]) for label in labels],
@@ -137,25 +137,25 @@ def _metrics(folder: Path, labels: Sequence[str], rows: Sequence[EvaluatedFrame]
 
 
 def _mean_predictor(folder: Path, rows: Sequence[EvaluatedFrame]) -> MeanPredictor | None:
-    """Return the errors of the mean pose as the answer to every feasible frame."""
+    """Return the errors of the mean pose on every feasible frame."""
     poses = []
     for k in sorted({row.frame for row in rows if row.record.feasible}):
         try:
             truth = read_truth(frame_paths(folder, k).truth)
         except UserError:
-            # a resumed run may have rows of files that were lost since
+            # a resumed run may have rows of files that have been deleted since
             continue
         poses.append((truth.q_camera_from_target_wxyz, truth.t_camera_from_target_m))
     return mean_predictor(*zip(*poses, strict=True)) if poses else None
 
 
 def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tuple[str, bool]:
-    """Describe the images of a data set by the first one evaluated, and tell if they are in colour."""
+    """Describe the images of a data set by the first evaluated one, and return whether they are in colour."""
     for row in rows:
         try:
             image = read_png(frame_paths(folder, row.frame).image)
         except UserError:
-            # a resumed run's rows outlive a picture that was lost since
+            # a resumed run may have rows of files that have been deleted since
             continue
         return about_pictures(image, encoding), image.ndim == 3
     return "", False

@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
     from flyaround.hil.evaluate.result_rows import EvaluatedFrame
 
-# Borders of the bins in which confidence is compared with the share of right poses.
+# Edges of the bins in which confidence is compared with the share of correct poses.
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class TradeOff:
-    """Availability and false accepts at each threshold of the confidence, the strictest first.
+    """Availability and false accepts as functions of the confidence threshold, strictest first.
 
     Parameters
     ----------
     threshold : (N,) array
-        Confidence from which poses are accepted.
+        Confidence thresholds.
     availability : (N,) array
         Share of the feasible frames that are accepted.
     false_accept : (N,) array
@@ -42,16 +42,18 @@ class TradeOff:
 
 @dataclass(frozen=True)
 class Reliability:
-    """One bin of confidences.
+    """One bin of a reliability diagram.
 
     Parameters
     ----------
     confidence : float
         Mean confidence.
     right : float
-        Share of coarse poses.
-    low, high : float
-        Its 95 % interval by Wilson.
+        Share of coarsely correct poses.
+    low : float
+        Lower end of Wilson's 95 % interval of ``right``.
+    high : float
+        Upper end.
     n : int
         Number of frames.
     """
@@ -70,7 +72,7 @@ def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
     feasible = np.array([r.record.feasible for r in rows], bool)[order]
     wrong = ~np.array([r.record.coarse for r in rows], bool)[order]
     accepted = np.arange(1, len(rows) + 1)
-    # frames of one confidence are accepted together
+    # frames of equal confidence are accepted together
     last = np.append(np.diff(confidence[order]) != 0, True)
     return TradeOff(
         confidence[order][last],
@@ -80,7 +82,7 @@ def trade_off(rows: Sequence[EvaluatedFrame]) -> TradeOff:
 
 
 def reliability(rows: Sequence[EvaluatedFrame]) -> list[Reliability]:
-    """Return the share of right answers in each bin of confidence; bins without frames are left out."""
+    """Return the share of correct poses in each bin of confidence; empty bins are omitted."""
     confidence = np.array([r.confidence for r in rows])
     right = np.array([r.record.coarse for r in rows], bool)
     out = []

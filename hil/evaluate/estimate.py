@@ -1,4 +1,4 @@
-"""Pose of a target in one image: file or array, camera and target by name or as objects."""
+"""Pose estimation on one image, from a file or an array, with camera and target by name or as objects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.board.estimation import Estimator, PoseResult
 
-_MAX_IN_USE = 4  # estimators that one process keeps: some seconds to make, tens of megabytes each
+_MAX_IN_USE = 4  # cached estimators per process: each takes seconds to make and tens of megabytes
 
 
 def estimate(
@@ -43,43 +43,45 @@ def estimate(
 ) -> PoseResult:
     """Return the pose of a target in one image, as `flyaround estimate` does.
 
-    The first call for a target and a camera prepares an estimator, which takes seconds; it is kept for the next.
+    The first call for a target and a camera prepares an estimator, which takes seconds; it is cached.
 
     Parameters
     ----------
-    image : (H, W) array, str or Path
-        Or (H, W, 3) uint8 or uint16 of the camera's size, or the file of one. Colour is taken in grey.
+    image : (H, W) or (H, W, 3) array, str or Path
+        Image of the camera's size, uint8 or uint16, or its file. Colour is converted to grey.
     camera : Camera, str or Path
-        Camera of the image: a camera, the name of a built-in one, or a file.
+        Camera of the image: an object, the name of a built-in camera, or a file.
     target : Target, str or Path, optional
-        The craft in it: a target, a name of `list_targets`, or a target file.
+        Target in the image: an object, a name from `list_targets`, or a target file.
     method : str, optional
-        ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``; ``net:FILE`` is a network of
+        ``hybrid``, or another of ``flyaround.hil.board.method_names.ALL_METHODS``; ``net:FILE`` is a network from
         `flyaround train`.
     sun_camera : sequence of float, optional
-        Unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record; None if it is not
-        known. ``hybrid`` searches it then; the other methods have no use for it.
+        Unit vector to the Sun in the camera frame, as ``sun_direction_camera`` of a truth record. If it is None,
+        ``hybrid`` estimates it; other methods ignore it.
 
     Returns
     -------
     PoseResult
-        ``accepted``, ``reason`` of a decline, ``q_camera_from_target_wxyz``, ``t_camera_from_target_m`` [m],
-        ``confidence``, ``covariance``, ``stages_ms``. A decline still carries its best pose, if there is one.
+        ``accepted``, ``reason`` for a decline, ``q_camera_from_target_wxyz``, ``t_camera_from_target_m`` [m],
+        ``confidence``, ``covariance``, ``stages_ms``. A declined result still carries its best pose, if any.
 
     Raises
     ------
     UserError
-        If the image cannot be read or is not of the camera's size, a name is unknown, or ``sun_camera`` is no unit
-        vector.
+        If the image cannot be read or does not have the camera's size, a name is unknown, or ``sun_camera`` is not a
+        unit vector.
     """
     if sun_camera is not None and (len(sun_camera) != 3 or not abs(np.linalg.norm(sun_camera) - 1) <= 1e-3):
-        raise UserError(f"sun_camera {tuple(sun_camera)} is no unit vector: give three numbers of length 1")
+        raise UserError(
+            f"sun_camera {tuple(sun_camera)} is not a unit vector: give three numbers of length 1"
+        )
     craft = target if isinstance(target, Target) else load_target(target)
     intrinsics = camera if isinstance(camera, Camera) else load_camera(camera)
     where = "the picture" if isinstance(image, np.ndarray) else str(image)
     pixels = image if isinstance(image, np.ndarray) else read_png(Path(image))
     checked = checked_picture(pixels, intrinsics, where)
-    # an estimator that keeps state between images is made anew
+    # an estimator that keeps state between images is not cached
     find = _make_estimator if MethodChoice(method).in_order else _cached_estimator
     estimator = find(_Craft(craft.name, craft.sha256, craft), intrinsics, method)
     return estimator.estimate(checked, sun_camera=sun_camera)
@@ -88,12 +90,12 @@ def estimate(
 def checked_picture(
     image: NDArray[np.unsignedinteger], camera: Camera, where: str
 ) -> NDArray[np.unsignedinteger]:
-    """Return an image as the estimators take it, linear and grey.
+    """Return an image as the estimators expect it, linear and grey.
 
     Raises
     ------
     UserError
-        If it has no pixels of 8 or 16 bits, or is not of the camera's size; ``where`` names it.
+        If its pixels are not uint8 or uint16, or its size is not the camera's; ``where`` names it in the message.
     """
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise UserError(
@@ -103,8 +105,8 @@ def checked_picture(
         raise UserError(f"{where} holds {image.dtype} pixels: give uint8 or uint16")
     if camera.pixel_encoding != "linear" and image.dtype != np.uint8:
         raise UserError(
-            f"{where} has 16 bits, and the camera's encoding is {camera.pixel_encoding}, which has 8: "
-            "give 8-bit pixels, or the camera with encoding linear"
+            f"{where} has 16 bits, but the camera's encoding {camera.pixel_encoding} has 8: "
+            "give 8-bit pixels, or a camera with encoding linear"
         )
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise UserError(

@@ -1,4 +1,4 @@
-"""Report page of an evaluation: methods side by side, error plots, ranges, classes and failures by kind."""
+"""Report page of an evaluation: methods side by side, error plots, range bins, classes and failures by kind."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
 INDEX = "index.html"
 TILE_FOLDER = "page"
 
-# Failures shown of each kind and method, the worst first.
+# Largest number of failures shown per kind and method, worst first.
 TILES_PER_KIND = 8
 
 ABOUT = {
-    "region": "none of the regions held the target",
-    "edges": "too little of the model has an edge under it where the target truly is",
-    "ambiguity": "the right pose was among the alternatives, or the answer is a near-symmetry of it",
-    "correspondence": "the edges were there, and no hypothesis led to them",
-    "accepted": "accepted and not coarse: the ones that do harm, infeasible frames included",
+    "region": "no region contained the target",
+    "edges": "too few model edges have an image edge at the true pose",
+    "ambiguity": "the correct pose was among the alternatives, or the answer is a near-symmetry of it",
+    "correspondence": "image edges were present, but no hypothesis led to them",
+    "accepted": "accepted but not coarse: the harmful errors, infeasible frames included",
 }
 
 ABOUT_METHODS = (
     "Success: share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % (coarse), 0.5 deg "
-    "and 0.5 % of range (fine). Errors: over accepted frames, infeasible ones too, unless said. Small figures: 95 % "
-    "intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: mean \N{PLUS-MINUS SIGN} standard "
+    "and 0.5 % of range (fine). Errors: over accepted frames, including infeasible ones unless stated. Small figures: "
+    "95 % intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: mean \N{PLUS-MINUS SIGN} standard "
     "deviation."
 )
 
 KEY = element(
     "p",
     element("b", "green"),
-    ": where the target is; ",
+    ": true pose; ",
     element("i", "orange"),
-    ": the estimate, an arrow towards it where it lies elsewhere; grey: beyond the picture.",
+    ": estimate, with an arrow towards it if it lies outside; grey: beyond the image.",
     class_="dim key",
 )
 
@@ -71,12 +71,12 @@ def write_page(
     metrics: Metrics,
     rows: Sequence[EvaluatedFrame],
 ) -> Path:
-    """Write ``index.html`` and its images into a report folder and return the page's path.
+    """Write ``index.html`` and its images into a report folder, and return the path of the page.
 
     Parameters
     ----------
     report : Path
-        Existing folder of the report.
+        Existing report folder.
     folder : Path
         Data set, from which the images of failures are cropped.
     card : DatasetCard
@@ -86,10 +86,10 @@ def write_page(
     metrics : Metrics
         Metrics of each method.
     rows : sequence of EvaluatedFrame
-        One per frame and method.
+        One row per frame and method.
     """
     labels = list(metrics.by_method)
-    page = Page("Pose estimation", "Pose estimation beside the truth", style=STYLE)
+    page = Page("Pose estimation", "Pose estimation against the truth", style=STYLE)
     page.add(
         note(
             f"{card.scenario_name}, seed {card.seed}, target {card.target.name}, {metrics.n} frames, "
@@ -124,7 +124,7 @@ def about_mean_predictor(m: MeanPredictor | None) -> str:
     if m is None:
         return ""
     return (
-        f"The mean predictor, one pose for all {m.n} feasible frames, the mean of their truths: mean errors "
+        f"Mean predictor, the mean true pose as the answer to all {m.n} feasible frames: mean errors "
         f"{m.mean_E_T_m:.3g} m and {m.mean_E_R_deg:.3g}\N{DEGREE SIGN}."
     )
 
@@ -139,7 +139,7 @@ def _small(low: str, high: str) -> Markup:
     return element("small", f"{low}{NONE}{high}")
 
 
-# Larger unit of long numbers, and the factor between both.
+# Larger unit for long numbers, and the factor between both.
 LARGER_UNITS = {"mm": ("m", 1e3), "ms": ("s", 1e3)}
 
 
@@ -164,7 +164,7 @@ def _ranged(
     text = _number(value, unit, factor)
     if value is None or interval is None:
         return text
-    # in the unit of the value itself
+    # scale to the larger unit
     if unit in LARGER_UNITS and abs(value * factor) >= LARGER_UNITS[unit][1]:
         factor /= LARGER_UNITS[unit][1]
     return f"{text} ", _small(_digits(interval[0] * factor), _digits(interval[1] * factor))

@@ -31,25 +31,25 @@ if TYPE_CHECKING:
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 PALETTE = (*COLOURS, "#274c77", "#8ab17d", "#9d4edd", "#7b8794", "#b56576", "#6d597a", "#355070", "#bc6c25")
-# Keeps a line in sight among dots of its own colour.
+# White outline that keeps a line visible among dots of its own colour.
 HALO = [withStroke(linewidth=4, foreground="white")]
 
 AXES = ("x, right", "y, down", "z, forward")
 
-# Results of the thesis on its own images.
+# Mean errors printed in Sharma's thesis, on its own images.
 THESIS_E_T_M, THESIS_E_R_DEG = 0.2506, 0.0528
 
 CAPTIONS = {
-    "range": "Every feasible frame's best pose. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. Frames "
-    "for which a method has no pose at all are in none of these figures.",
-    "axes": "Estimated less true, accepted frames, along the camera's own axes; in 3 m bins the median and the middle "
-    "90 %; triangles: beyond the axis.",
-    "histograms": "Feasible frames with a pose, in bins of equal ratio; the dark part is accepted. What is below or "
-    "above the scale is in its first or last bin.",
-    "decision": "Left: every threshold of the confidence, all frames; the mark: what was accepted; a method "
-    "of which a tenth is wrong at any threshold lies beyond the axis. Right: how many "
-    "were right of those that were so sure (Wilson 95 %); on the dashed line a confidence is a probability.",
-    "stages": "Median time of each stage in the order they run, one frame, this machine.",
+    "range": "Best pose of every feasible frame. Filled: accepted; hollow: declined. Lines: medians in 3 m bins. "
+    "Frames without a pose are omitted from these figures.",
+    "axes": "Estimate minus truth, accepted frames, along the camera's axes; median and central 90 % in 3 m bins; "
+    "triangles: beyond the axis.",
+    "histograms": "Feasible frames with a pose, in logarithmic bins; the dark part is accepted. Values beyond the "
+    "scale are in the first or last bin.",
+    "decision": "Left: every threshold of the confidence, all frames; mark: the accepted frames; a method with more "
+    "than 10 % wrong poses at any threshold lies beyond the axis. Right: share of correct poses in each bin of confidence "
+    "(Wilson 95 %); on the dashed line the confidence is a calibrated probability.",
+    "stages": "Median time of each stage in order, one frame, this machine.",
 }
 
 
@@ -88,18 +88,18 @@ def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             mids, (medians,) = _binned(x, y, (50,))
             ax.plot(mids, medians, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
         ax.set(xlabel="range [m]", ylabel=label, yscale="log")
-    printed = f"{THESIS_E_R_DEG} deg, the thesis's mean as printed"
-    read = f"{np.degrees(THESIS_E_R_DEG):.2f} deg, the same read as radians"
-    _mark(axes[0], THESIS_E_T_M, f"{THESIS_E_T_M} m, the thesis's mean", "--")
+    printed = f"{THESIS_E_R_DEG} deg, mean printed in the thesis"
+    read = f"{np.degrees(THESIS_E_R_DEG):.2f} deg, the same, interpreted as radians"
+    _mark(axes[0], THESIS_E_T_M, f"{THESIS_E_T_M} m, mean of the thesis", "--")
     _mark(axes[1], THESIS_E_R_DEG, printed, "--")
     _mark(axes[1], float(np.degrees(THESIS_E_R_DEG)), read, ":")
-    # above the picture, where no error lies
+    # above the axes, so that it covers no data
     axes[0].legend(frameon=False, fontsize=9, loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderpad=0)
     return figure
 
 
 def _dot(n: int) -> float:
-    """Return the dot area that keeps ``n`` frames apart [pt^2]."""
+    """Return the dot area for ``n`` frames that keeps the dots distinguishable [pt^2]."""
     return float(np.clip(6000.0 / max(n, 1), 5.0, 22.0))
 
 
@@ -121,7 +121,7 @@ def _mark(ax: Axes, value: float, words: str, style: str) -> None:
 
 
 def _binned(x: np.ndarray, y: np.ndarray, percent: Sequence[float]) -> tuple[list[float], np.ndarray]:
-    """Return the mid-range of each 3 m bin with enough frames, and the percentiles (P, bins) of y there."""
+    """Return the centre of each 3 m bin with enough frames, and the percentiles (P, bins) of y in it."""
     mids, values = [], []
     for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
         part = (x >= low) & (x < low + 3)
@@ -174,7 +174,7 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
 
 
 def _reach(values: Sequence[float]) -> float:
-    """Return the half height of an axis that shows nearly all errors of right poses."""
+    """Return the half height of an axis that shows nearly all errors of correct poses."""
     return max(1.15 * float(np.percentile(np.abs(values), 98)), 1e-3) if values else 1.0
 
 
@@ -183,7 +183,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     if not methods:
         return None
     figure, axes = figure_with_axes(len(methods), 2, 1.0 + 2.4 * len(methods))
-    # the same scale for all methods: they are compared by it, and one is a hundred times as near as another
+    # a logarithmic scale common to all methods, whose errors differ by factors of a hundred
     quantities = (
         ("E_T_m", "translation error [m]", "m", np.geomspace(1e-3, 1e2, 51), THESIS_E_T_M),
         ("E_R_deg", "rotation error [deg]", "deg", np.geomspace(1e-2, 180.0, 51), THESIS_E_R_DEG),
@@ -198,7 +198,7 @@ def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
             ax.hist(clipped, bins.tolist(), color=colour, alpha=0.3, label="declined")
             ax.hist(clipped[accepted], bins.tolist(), color=colour, label="accepted")
             ax.locator_params(axis="y", integer=True, nbins=6)
-            ax.axvline(thesis, color=INK, ls="--", lw=1, label="the thesis's mean as printed")
+            ax.axvline(thesis, color=INK, ls="--", lw=1, label="mean printed in the thesis")
             ax.set(
                 xlabel=label if row == len(methods) - 1 else "",
                 ylabel="frames" if column == 0 else "",
@@ -230,7 +230,9 @@ def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None
         x, y = (np.array([getattr(b, name) for b in bins]) for name in ("confidence", "right"))
         away = np.array([[b.right - b.low, b.high - b.right] for b in bins]).T
         right.errorbar(x, y, np.maximum(away, 0), fmt="o", color=colour, lw=1.2, capsize=2)
-    left.set(xlabel="wrong of accepted [%]", ylabel="accepted of feasible [%]", xlim=(0, 10), ylim=(40, 101))
+    left.set(
+        xlabel="wrong, of accepted [%]", ylabel="accepted, of feasible [%]", xlim=(0, 10), ylim=(40, 101)
+    )
     left.legend(frameon=False, fontsize=9)
     right.plot((0, 1), (0, 1), "--", color=DIM, lw=1)
     right.set(xlabel="confidence", ylabel="share that is coarse", ylim=(-0.02, 1.02))
@@ -269,5 +271,5 @@ def _stages(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     ax.set_yticks(range(len(methods)), list(methods))
     ax.set_xlim(0, 1.1 * widest)
     ax.invert_yaxis()
-    ax.set_xlabel("median time [ms]; stages in the order they run, narrow ones unnamed")
+    ax.set_xlabel("median time [ms], stages in order, short ones unlabelled")
     return figure

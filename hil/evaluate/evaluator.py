@@ -1,4 +1,4 @@
-"""Estimators of one process of an evaluation, made once and called frame after frame."""
+"""Estimators of one evaluation process, made once and called frame by frame."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Evaluator:
     Parameters
     ----------
     folder : Path
-        The data set.
+        Data set.
     model : BoardModel
         Model of the target.
     camera : dict
         Camera object of the data set.
     choices : tuple of MethodChoice
-        The methods.
+        Methods with their options.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Evaluator:
         return self._last[1:]
 
     def answer(self, k: int, label: str) -> EvaluatedFrame:
-        """Return the answer to frame ``k`` of the method ``label``.
+        """Return the answer of the method ``label`` to frame ``k``.
 
         Raises
         ------
@@ -118,12 +118,12 @@ def start_worker(
     folder: Path, model: BoardModel, camera: dict[str, Any], choices: tuple[MethodChoice, ...]
 ) -> None:
     """Make the estimators of this process."""
-    global _evaluator  # noqa: PLW0603 - a pool hands its workers nothing else to hold on to
+    global _evaluator  # noqa: PLW0603 - initialiser of a process pool, which cannot pass state to its tasks otherwise
     _evaluator = Evaluator(folder, model, camera, choices)
 
 
 def answer_in_worker(task: tuple[int, str]) -> EvaluatedFrame | str:
-    """Evaluate one (frame, method) in a pool's process; return a message if the frame cannot be read."""
+    """Evaluate one (frame, method) in a pool process; return a message if the frame cannot be read."""
     if _evaluator is None:
         raise RuntimeError("start_worker was not called in this process")
     try:

@@ -1,4 +1,4 @@
-"""Cause of a missed pose: the first stage of the estimator that lost it, judged by the truth."""
+"""Cause of a missed pose: the first stage of the estimator that lost it, according to the truth."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from flyaround.hil.board.hybrid.model.prepared_target import PreparedTarget
     from flyaround.hil.board.svd.region_of_interest import Region
 
-# Stages in the order in which they run.
+# Stages in order.
 KINDS = ("region", "edges", "ambiguity", "correspondence")
 
-# Least share of the true box that a useful region holds (the published one leaves out a twentieth each way by its
+# Least share of the true box that a useful region contains (the published one cuts off 2.5 % on each side by
 # definition, and the tips of antennas), and its largest area [true boxes].
 MIN_BOX_SHARE, MAX_BOX_RATIO = 0.5, 8.0
 
@@ -54,15 +54,17 @@ def failure_kind(
     Parameters
     ----------
     image : (H, W) array
-        The image.
+        Image.
     box_px : tuple of float or None
-        Tuple of float, optional x0, y0, x1, y1 of the visible mask.
-    q_true, t_true : sequence of float
-        The true pose.
+        Bounding box of the visible mask: x0, y0, x1, y1.
+    q_true : sequence of float
+        True attitude quaternion, camera from target.
+    t_true : sequence of float
+        True target position, camera frame [m].
     result : PoseResult
-        The answer.
+        Result of the estimator.
     regions : sequence of Region
-        Regions of the estimator; without any, the stage is not blamed.
+        Regions of the estimator; if empty, the stage is not considered.
     craft : PreparedTarget
         Target with its precomputed tables.
     noise : float
@@ -70,9 +72,9 @@ def failure_kind(
 
     Notes
     -----
-    region: none of them holds the target. edges: too few of the model's edges have an image edge at the true pose.
-    ambiguity: the right pose is among the alternatives, or the answer is one of the model's near-symmetries.
-    correspondence: the edges are there, and no hypothesis led to them.
+    region: no region contains the target. edges: too few model edges have an image edge at the true pose. ambiguity:
+    the correct pose is among the alternatives, or the answer is a near-symmetry. correspondence: image edges are
+    present, but no hypothesis led to them.
     """
     if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
         return "region"

@@ -1,4 +1,4 @@
-"""Images of failures: each missed frame with the true and the estimated wireframe."""
+"""Image tiles of failures: each missed frame with the true and the estimated wireframe."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
     from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 
-# BGR, Okabe and Ito.
+# Okabe-Ito colours in BGR.
 TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
 
 WIDTH, HEIGHT = 360, 260
 
-# Grey level outside the image, since space is black.
+# Grey level outside the image, distinguishable from black space.
 BEYOND = 70
 
 # Start and end of the arrow to an estimate outside the tile, as shares of the distance from its centre to its edge.
@@ -34,9 +34,7 @@ def failure_tile(
     true: tuple[Any, Any],
     estimated: tuple[Any, Any] | None,
 ) -> NDArray[np.uint8]:
-    """Return a (HEIGHT, WIDTH, 3) BGR tile around the target: truth green, estimate orange, an arrow if it is
-    outside.
-    """
+    """Return a tile (HEIGHT, WIDTH, 3), BGR, around the target: truth green, estimate orange or an arrow towards it."""
     h, w = image.shape[:2]
     box = box_px or (0.0, 0.0, w - 1.0, h - 1.0)
     half = max(0.75 * (box[2] - box[0]), 0.75 * (box[3] - box[1]) * WIDTH / HEIGHT, 60.0)

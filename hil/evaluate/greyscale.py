@@ -19,25 +19,26 @@ PLAIN = "mono, 8 bits"
 
 
 def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArray[np.unsignedinteger]:
-    """Return a linear grey image; colour becomes the mean of its channels.
+    """Return a linear grey image; colour becomes the mean of its linear channels.
 
-    The mean is that of light, so no display weights: they would drop most of what blue and red have seen.
+    Luma weights of displays would suppress most of the signal of blue and red.
 
     Parameters
     ----------
-    image : (H, W) array
-        Or (H, W, 3), whole numbers.
+    image : (H, W) or (H, W, 3) array
+        Image with integer pixels.
     encoding : str, optional
-        Transfer function of its numbers.
+        Transfer function of the pixels.
 
     Returns
     -------
-    (H, W) of the same type; a linear grey image comes back as it is.
+    (H, W) array
+        Grey image of the same type; a linear grey image is returned unchanged.
 
     Raises
     ------
     ValueError
-        If the encoding is unknown, or the image has other pixels than it is defined for.
+        If the encoding is unknown, or not defined for this pixel type.
     """
     if image.ndim == 2:
         return linear_picture(image, encoding)
@@ -49,6 +50,6 @@ def about_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear")
     """Describe an image: bands, bit depth and the conversion before estimation."""
     bits = 8 * image.dtype.itemsize
     kind = "mono" if image.ndim == 2 else GREY_NOTE
-    scale = "" if bits == 8 else ", full scale is its brightest pixel"
-    curve = "" if encoding == "linear" else f", {encoding} numbers made linear"
+    scale = "" if bits == 8 else ", full scale taken from the brightest pixel"
+    curve = "" if encoding == "linear" else f", linearised from {encoding}"
     return f"{kind}, {bits} bits{scale}{curve}"

@@ -1,4 +1,4 @@
-"""Mean predictor: one pose for every frame, the mean of the truths, as a baseline."""
+"""Mean predictor, a baseline that answers every frame with the mean of the truths."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
-    """Errors of the mean pose as the answer to every frame, which an estimator must beat.
+    """Errors of the mean pose as the answer to every frame, a baseline for estimators.
 
     Parameters
     ----------
     n : int
-        Frames.
+        Number of frames.
     t_m : tuple of float
-        Mean position.
+        Mean position [m].
     q_wxyz : tuple of float
         Mean attitude (Markley et al. 2007).
     """
@@ -38,14 +38,14 @@ class MeanPredictor(msgspec.Struct, frozen=True, kw_only=True):
 def mean_predictor(q_wxyz: ArrayLike, t_m: ArrayLike) -> MeanPredictor:
     """Return the mean pose of the truths (N, 4), (N, 3) and its errors on them.
 
-    It is fitted to the data that it is tested on, so an estimator is compared with the best of its kind.
+    It is fitted to its own test data, so it is the best constant predictor.
 
     References
     ----------
     Markley et al. (2007), Averaging quaternions, J. Guidance 30(4), 1193.
     """
     q, t = np.asarray(q_wxyz, float).reshape(-1, 4), np.asarray(t_m, float).reshape(-1, 3)
-    # the attitude whose angles to all others are least in the mean of squared sines of half of them
+    # minimises the mean squared sine of half the angles to all attitudes
     one = np.linalg.eigh(q.T @ q)[1][:, -1]
     one = -one if one[0] < 0 else one
     where = t.mean(axis=0)

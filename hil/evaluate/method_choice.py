@@ -1,4 +1,4 @@
-"""Choice of estimators and the model that they use."""
+"""Choice of estimators, and the model that they use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MethodChoice(msgspec.Struct, frozen=True):
-    """A method with its solver and streams (None: the method's own)."""
+    """Method with its solver and streams; None stands for the method's defaults."""
 
     method: str
     solver: str | None = None
@@ -29,9 +29,9 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
     @property
     def label(self) -> str:
-        """Name in tables."""
+        """Label in tables and file names."""
         extra = [*([self.solver] if self.solver else []), *(self.streams or ())]
-        # for a network the file name alone, since file names are made of this
+        # only the file name of a network, because the label is part of file names
         method = self.method
         if method.startswith(NETWORK):
             method = NETWORK + Path(method.removeprefix(NETWORK)).name
@@ -39,5 +39,5 @@ class MethodChoice(msgspec.Struct, frozen=True):
 
 
 def board_model(target: Target) -> BoardModel:
-    """Return the board model of a target, as a board reads it."""
+    """Return the board model of a target, in the form that a board reads."""
     return BoardModel.from_dict(msgspec.to_builtins(board_record(target)))

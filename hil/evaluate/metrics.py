@@ -30,43 +30,49 @@ RANGE_BINS_M = (
     (18.0, float("inf")),
 )
 
-# SPEED+ counts no error below what its labels are good for (Park et al. 2023, Satellite Pose Estimation
+# Label accuracy of SPEED+, below which its score counts no error (Park et al. 2023, Satellite Pose Estimation
 # Competition 2021): 0.169 deg, 2.173 mm per m.
 SPEED_PLUS_DEG, SPEED_PLUS_SHARE = 0.169, 2.173e-3
 
 
-# Fewer values than this have no bootstrap interval worth printing.
+# Least number of values for a meaningful bootstrap interval.
 MIN_BOOTSTRAP = 5
 
-# 95 % of chi-square with six degrees of freedom.
+# 95 % quantile of chi-square with six degrees of freedom.
 CHI_SQUARE_6_95 = 12.592
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """Metrics of one group of frames; None if there is nothing to average.
+    """Metrics of a group of frames; None if there is nothing to average.
+
+    Errors ``*_deg`` and ``*_m`` are over accepted frames, or with ``_all`` over every feasible frame with a pose.
+    ``*_wilson`` is the 95 % interval of the share of that name, ``*_bootstrap`` that of the median or mean of that
+    name.
 
     Parameters
     ----------
-    n, n_feasible : int
-        Frames, and feasible ones among them.
-    coarse_success, fine_success : float or None
-        Share of feasible frames whose best pose, accepted or not, is within the bounds.
+    n : int
+        Number of frames.
+    n_feasible : int
+        Number of feasible frames.
+    coarse_success : float or None
+        Share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % of the range.
+    fine_success : float or None
+        Share of feasible frames whose best pose, accepted or not, is within 0.5 deg and 0.5 % of the range.
     coarse_accepted : float or None
         Share of feasible frames that are accepted and coarse.
     availability : float or None
-        Accepted feasible frames over feasible ones.
+        Share of feasible frames that are accepted.
     false_accept : float or None
-        Accepted but not coarse over accepted, infeasible frames included.
-    *_deg, *_m : over accepted frames; with ``_all`` over every feasible frame that has a pose.
-    *_wilson : 95 % interval of the share of that name.
-    *_bootstrap : 95 % interval of the median or mean of that name.
+        Share of accepted frames that are not coarse, infeasible frames included.
     speed_score : float or None
-        Mean of E_R [rad] + e_t over every feasible frame with a pose;.
+        Mean of E_R [rad] + e_t over every feasible frame with a pose.
     speed_plus_score : float or None
-        The same with errors below SPEED+'s label accuracy counted as none.
-    median_nees, nees_inside_95 : float, optional
-        NEES of accepted frames: the median (5.35 where covariances are right), and the share within the 95 % of
-        chi-square with six degrees of freedom.
+        The same with errors below SPEED+'s label accuracy set to zero.
+    median_nees : float, optional
+        Median NEES of accepted frames; 5.35 if the covariances are correct.
+    nees_inside_95 : float, optional
+        Share of accepted frames with a NEES within the 95 % quantile of chi-square, six degrees of freedom.
     """
 
     n: int
@@ -109,7 +115,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RangeBin(Summary, frozen=True, kw_only=True):
-    """Metrics of the frames between two true ranges; no upper end if ``to_m`` is None."""
+    """Metrics of the frames between two true ranges; unbounded if ``to_m`` is None."""
 
     from_m: float
     to_m: float | None
@@ -121,15 +127,21 @@ class MethodMetrics(Summary, frozen=True, kw_only=True):
     Parameters
     ----------
     failures : dict of str to int, optional
-        Feasible frames that are not coarse, by the stage that failed.
-    bias_m, spread_m : tuple of float, optional
-        Mean and standard deviation of the position error of accepted frames along camera x, y, z.
-    turn_bias_deg, turn_spread_deg : tuple of float, optional
-        The same for the attitude error about these axes.
-    time_ms_p50, time_ms_p95 : float, optional
-        Time of one frame on the machine of the evaluation.
+        Number of feasible frames that are not coarse, by the stage that failed.
+    bias_m : tuple of float, optional
+        Mean position error of accepted frames along camera x, y, z.
+    spread_m : tuple of float, optional
+        Standard deviation of the position error.
+    turn_bias_deg : tuple of float, optional
+        Mean attitude error about these axes.
+    turn_spread_deg : tuple of float, optional
+        Standard deviation of the attitude error.
+    time_ms_p50 : float, optional
+        Median time per frame on the machine of the evaluation.
+    time_ms_p95 : float, optional
+        95th percentile of the time per frame.
     spread : PoseSpread, optional
-        Spread of accepted poses' errors, for a navigation filter; None for too few.
+        Spread of accepted poses' errors, for a navigation filter; None for too few poses.
     """
 
     method: str = ""
@@ -157,7 +169,7 @@ class Metrics(MethodMetrics, frozen=True, kw_only=True):
     grey_from_colour : bool, optional
         True if colour images were converted to grey.
     mean_predictor : MeanPredictor, optional
-        Errors of the mean pose as the answer to every feasible frame; None if there is none.
+        Errors of the mean pose as the answer to every feasible frame; None without feasible frames.
     """
 
     schema: str = SCHEMA
@@ -176,7 +188,7 @@ def wilson_interval(k: int, n: int) -> tuple[float, float] | None:
     ----------
     Wilson (1927), JASA 22, 209.
     """
-    from scipy.stats import binomtest  # noqa: PLC0415 - slow to import, needed here alone
+    from scipy.stats import binomtest  # noqa: PLC0415 - slow to import, and only used here
 
     if n <= 0:
         return None
@@ -189,7 +201,7 @@ def bootstrap_intervals(
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Return the 95 % percentile intervals of the median and of the mean; None for fewer than five values.
 
-    The same values always give the same intervals: the draw is seeded.
+    The random generator is seeded, so that the same values give the same intervals.
 
     References
     ----------
@@ -216,9 +228,9 @@ def summarise(
     Parameters
     ----------
     failures : sequence of str, optional
-        The stage that failed, one entry for each feasible frame that is not coarse.
+        Stage that failed, one entry for each feasible frame that is not coarse.
     times_ms : sequence of float, optional
-        Time of each frame.
+        Time of each frame [ms].
     """
     frames = list(records)
     bins = []
@@ -261,11 +273,11 @@ def compose(
     kernels : str, optional
         Implementation of the estimators' kernels.
     pictures : str, optional
-        As of `Metrics`.
+        See `Metrics`.
     grey_from_colour : bool, optional
-        As of `Metrics`.
+        See `Metrics`.
     mean_predictor : MeanPredictor, optional
-        As of `Metrics`.
+        See `Metrics`.
 
     Raises
     ------

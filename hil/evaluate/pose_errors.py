@@ -1,4 +1,4 @@
-"""Estimated pose of one frame against its truth: errors, and the limits of coarse and fine."""
+"""Errors of an estimated pose against its truth, and the limits of coarse and fine."""
 
 from __future__ import annotations
 
@@ -24,27 +24,30 @@ FINE_DEG, FINE_SHARE = 0.5, 0.005
 
 
 class FrameScore(msgspec.Struct, frozen=True, kw_only=True):
-    """Answer to one frame scored against its truth.
+    """Answer to one frame, scored against its truth.
 
     Parameters
     ----------
     range_m : float
         True distance of the target's origin from the camera [m].
-    E_T_m, e_t, E_R_deg : float or None
-        Errors of the best pose returned; None when none was.
+    E_T_m : float or None
+        Position error of the best pose [m]; None without a pose.
+    e_t : float or None
+        Position error over range; None without a pose.
+    E_R_deg : float or None
+        Attitude error [deg]; None without a pose.
     accepted : bool
-        True if the estimator stands by it.
+        True if the estimator accepted its pose.
     feasible : bool, optional
         True if the frame can be solved.
     frame_class : str, optional
-        For reports by class, e.g. ``feasible``, ``dark``, ``cropped``.
-    shift_camera_m : tuple of float, optional
-        (3,) estimated less true position, camera axes [m].
-    turn_camera_deg : tuple of float, optional
-        (3,) rotation vector from true to estimated attitude, camera axes [deg].
+        Class of the frame for reports, e.g. ``feasible``, ``dark``, ``cropped``.
+    shift_camera_m : (3,) tuple of float, optional
+        Estimated minus true position, camera axes [m].
+    turn_camera_deg : (3,) tuple of float, optional
+        Rotation vector from true to estimated attitude, camera axes [deg].
     nees : float, optional
-        Normalised estimation error squared: turn and shift over the covariance that the estimator gave, six degrees
-        of freedom; None without one.
+        Normalised estimation error squared, six degrees of freedom, by the estimator's covariance; None without one.
     """
 
     range_m: float
@@ -76,10 +79,14 @@ def frame_errors(
 
     Parameters
     ----------
-    q_true_wxyz, q_est_wxyz : (4,) array
-        ``q_camera_from_target``; either sign, normalised here.
-    t_true_m, t_est_m : (3,) array
-        Target in the camera [m].
+    q_true_wxyz : (4,) array
+        True ``q_camera_from_target``, either sign, any length.
+    t_true_m : (3,) array
+        True target position, camera frame [m].
+    q_est_wxyz : (4,) array
+        Estimated ``q_camera_from_target``, either sign, any length.
+    t_est_m : (3,) array
+        Estimated target position, camera frame [m].
 
     Raises
     ------
@@ -91,9 +98,7 @@ def frame_errors(
     range_m = float(np.linalg.norm(t))
     sizes = [float(np.linalg.norm(q)), float(np.linalg.norm(p)), range_m]
     if not all(np.isfinite(v).all() for v in (q, p, t, s)) or min(sizes) < 1e-9:
-        raise ValueError(
-            "pose errors need finite poses, quaternions that are not zero and a range that is not zero"
-        )
+        raise ValueError("pose errors need finite poses, non-zero quaternions and a non-zero range")
     E_T = float(np.linalg.norm(s - t))
     return E_T, E_T / range_m, float(np.degrees(rotation_angle_rad(q, p)))
 
@@ -114,12 +119,12 @@ def frame_record(
     Parameters
     ----------
     covariance : (6, 6) array, optional
-        Of turn [rad] and shift [m], camera axes, as the estimator gave it.
+        Covariance of rotation [rad] and translation [m], camera axes, from the estimator.
 
     Raises
     ------
     ValueError
-        As ``frame_errors``; or if a frame is accepted without a pose.
+        See `frame_errors`; or if a frame is accepted without a pose.
     """
     range_m = float(np.linalg.norm(np.asarray(t_true_m, float)))
     shift = turn = nees = None
@@ -156,7 +161,7 @@ def _nees(error: np.ndarray, covariance: ArrayLike | None) -> float | None:
     if C.shape != (6, 6) or not np.isfinite(C).all():
         return None
     variances, axes = np.linalg.eigh(C)
-    # a variance within rounding errors has no meaning
+    # a variance within rounding errors is meaningless
     if variances[0] <= np.finfo(float).eps * variances[-1]:
         return None
     return float(np.sum((axes.T @ error) ** 2 / variances))

@@ -12,25 +12,29 @@ if TYPE_CHECKING:
 
     from flyaround.hil.evaluate.pose_errors import FrameScore
 
-# Robust deviations beyond which a component makes a pose wrong, and no part of the spread.
+# Robust standard deviations beyond which an error component marks a wrong pose, excluded from the spread.
 WRONG_AT = 5.0
 
-# Ratio of a normal's standard deviation to its median absolute deviation.
+# Ratio of a normal distribution's standard deviation to its median absolute deviation.
 NORMAL = 1.4826
 
-# Least number of poses for a spread, and the smallest standard deviation reported.
+# Least number of poses for a spread, and smallest standard deviation reported.
 MIN_POSES, MIN_SIGMA = 10, 1e-6
 
 
 class PoseSpread(msgspec.Struct, frozen=True, kw_only=True):
-    """RMS errors of accepted poses that are not wrong; ``wrong`` is the share of wrong ones.
+    """RMS errors of accepted poses without wrong ones, whose share is ``wrong``.
 
     Parameters
     ----------
-    across_share, along_share : float
-        Errors across and along the camera's boresight over the range.
-    tilt_rad, roll_rad : float
-        Rotation errors about each axis across the boresight, and about it [rad].
+    across_share : float
+        Position error across the boresight, over range.
+    along_share : float
+        Position error along the boresight, over range.
+    tilt_rad : float
+        Rotation error about each axis perpendicular to the boresight.
+    roll_rad : float
+        Rotation error about the boresight.
     available : float
         Share of the feasible frames that are accepted.
     """

@@ -1,4 +1,4 @@
-"""Rows of an evaluation, one frame by one method: CSV for people, JSON lines while it runs."""
+"""Rows of an evaluation, one per frame and method: CSV for users, JSON lines during the run."""
 
 from __future__ import annotations
 
@@ -24,21 +24,25 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
     Parameters
     ----------
     frame : int
-        Number of the frame.
+        Frame number.
     method : str
         Label of the method.
     record : FrameScore
         Errors of the answer.
     reason : str
-        Reason of a decline.
+        Reason for a decline.
     failure : str
-        Stage that lost a frame that is not coarse, else empty.
+        Stage that failed, if the best pose is not coarse; else empty.
     confidence : float
         Confidence of the estimator.
-    q_wxyz, t_m : tuple of float, optional
-        The best pose.
-    stages_ms, counts : dict
-        Times and counters of the estimator's stages.
+    q_wxyz : tuple of float, optional
+        Attitude of the best pose, camera from target.
+    t_m : tuple of float, optional
+        Target position of the best pose, camera frame.
+    stages_ms : dict
+        Time of each stage.
+    counts : dict
+        Counters of the stages.
     """
 
     frame: int
@@ -54,7 +58,7 @@ class EvaluatedFrame(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def total_ms(self) -> float:
-        """Sum of all stages [ms]."""
+        """Total time of all stages [ms]."""
         return float(sum(self.stages_ms.values()))
 
 
@@ -68,7 +72,7 @@ class RunHeader(msgspec.Struct, frozen=True):
 
 
 def append_row(path: Path, row: EvaluatedFrame | RunHeader) -> None:
-    """Append one line; a torn last line is ignored when read."""
+    """Append one line; an incomplete last line is ignored on reading."""
     with path.open("ab") as file:
         file.write(msgspec.json.encode(row) + b"\n")
 
@@ -79,24 +83,24 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
     Raises
     ------
     UserError
-        If they are of another data set, model or choice of methods.
+        If they belong to another data set, model or choice of methods.
     """
     lines = path.read_bytes().split(b"\n")
     try:
         before = msgspec.json.decode(lines[0], type=RunHeader)
         before = msgspec.structs.replace(before, methods=tuple(name_in_file(m, path) for m in before.methods))
     except msgspec.DecodeError as error:
-        raise UserError(f"{path} is not the record of an evaluation; name another folder with -o") from error
+        raise UserError(f"{path} is not the record of an evaluation: name another folder with -o") from error
     if before != header:
         raise UserError(
-            f"{path.parent} holds an evaluation of something else (data set, model or methods differ);"
+            f"{path.parent} holds another evaluation (data set, model or methods differ):"
             " name another folder with -o"
         )
     return _decoded(lines[1:-1], path)
 
 
 def rows_there(path: Path) -> list[EvaluatedFrame]:
-    """Return the rows of any evaluation; none if there is no file."""
+    """Return the rows of any evaluation; none if the file does not exist."""
     return _decoded(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
 
 

@@ -1,1 +1,1 @@
-"""Navigation on poses: filter, guidance on its estimate, and the loop that flies both. Independent of any board."""
+"""Navigation on pose measurements: filter, guidance, and the closed loop of both. Independent of any board."""

@@ -1,4 +1,4 @@
-"""Guidance on the estimate: follow the scenario's path, hold while poses are missing, abort if that lasts."""
+"""Guidance on the estimate: follow the scenario's path, hold while poses are missing, abort after a time-out."""
 
 from __future__ import annotations
 
@@ -22,20 +22,24 @@ Phase = Literal["acquire", "approach", "hold", "abort", "arrived"]
 
 @dataclass(frozen=True, kw_only=True)
 class ApproachRules:
-    """Conditions on which the approach holds, ends or aborts.
+    """Conditions for holding, arriving and aborting.
 
     Parameters
     ----------
-    hold_after_s, abort_after_s : float, optional
-        Age of the newest pose in the estimate at which the chaser holds, and aborts.
+    hold_after_s : float, optional
+        Age of the newest pose at which the chaser holds.
+    abort_after_s : float, optional
+        Age of the newest pose at which the chaser aborts.
     hold_sigma_share : float, optional
-        Largest sigma of the position over the range; beyond it the chaser holds.
-    arrived_within_m, arrived_speed_m_s : float, optional
-        Largest estimated distance from the path's end, and speed, on arrival.
+        Position sigma over range above which the chaser holds.
+    arrived_within_m : float, optional
+        Largest estimated distance from the path's end on arrival.
+    arrived_speed_m_s : float, optional
+        Largest estimated speed on arrival.
     arrived_sigma_rad : float, optional
         Largest sigma of the target's attitude on arrival.
     arrived_for_s : float, optional
-        Duration of these conditions.
+        Time for which these conditions must hold.
     """
 
     hold_after_s: float = 5.0
@@ -49,7 +53,7 @@ class ApproachRules:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Velocity change commanded for a period, and the reason.
+    """Velocity change commanded for a control period, and its reason.
 
     Parameters
     ----------
@@ -58,7 +62,7 @@ class Decision:
     reason : str
         Cause of a hold or abort, else empty.
     wanted_m_s : (3,) array
-        Change of velocity, LVLH.
+        Commanded velocity change, LVLH.
     """
 
     phase: Phase
@@ -67,18 +71,18 @@ class Decision:
 
 
 class Approach:
-    """Guidance that decides once per period. Time on the path stands still while the chaser holds.
+    """Guidance that decides once per control period. The path's time stops while the chaser holds.
 
     Parameters
     ----------
     path : Chaser
         Path of the scenario.
     n_rad_s : float
-        The target's mean motion.
+        Mean motion of the target.
     period_s : float
-        Period of control.
+        Control period.
     end_lvlh_m : (3,) array
-        End of the path.
+        End of the path, LVLH.
     """
 
     def __init__(
@@ -99,16 +103,16 @@ class Approach:
     def decide(
         self, t_s: float, estimate: RelativeEstimate | None, status: Status, last_used_s: float | None
     ) -> Decision:
-        """Return the decision from ``t_s`` on.
+        """Return the decision for the period that starts at ``t_s``.
 
         Parameters
         ----------
         estimate : RelativeEstimate or None
-            Estimate at ``t_s``, or None.
+            Estimate at ``t_s``; None without a track.
         status : Status
             Status of the filter.
         last_used_s : float or None
-            Exposure of its newest pose.
+            Exposure time of its newest pose.
         """
         doubt = self._doubt(t_s, estimate, status, last_used_s)
         self._abort = self._abort or self._why_abort(t_s, estimate, last_used_s)
@@ -151,7 +155,7 @@ class Approach:
         return ""
 
     def _retreat(self, estimate: RelativeEstimate | None) -> FloatArray:
-        """Return a retreat straight outward; a chaser without any estimate stays as it is, outside the sphere."""
+        """Return the velocity change of a radial retreat; without an estimate, the chaser drifts outside the sphere."""
         if estimate is None:
             return np.zeros(3)
         keep_out = self._keep_out or KeepOut(radius_m=float(np.linalg.norm(self._end)) * 2)

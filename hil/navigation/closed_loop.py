@@ -1,4 +1,4 @@
-"""Closed loop: pose, filter, guidance and thrusters; the next image is taken from the state flown."""
+"""Closed loop of pose, filter, guidance and thrusters; each image shows the state that was flown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Outcome = Literal["arrived", "aborted", "failed"]
 
 _END_S = 1e9
-"""Time by which every path has ended."""
+"""Time by which every path has ended [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +39,21 @@ class ClosedLoopConfig:
     Parameters
     ----------
     seed : int, optional
-        Seed of the initial dispersion and of the thrusters' errors.
+        Seed of the initial dispersion and of the thruster errors.
     frame_every : int, optional
-        Periods of control from image to image.
-    start_sigma_m, start_sigma_m_s : float, optional
-        Dispersion of the start about the path's, each axis.
+        Control periods per image.
+    start_sigma_m : float, optional
+        Position dispersion of the start, per axis.
+    start_sigma_m_s : float, optional
+        Velocity dispersion of the start, per axis.
     thrust_sigma : float, optional
-        Standard deviation of a pulse relative to its command, each axis; the filter uses the same.
-    rules : ApproachRules, optional
-        Settings of guidance and filter.
-    filter : FilterSettings, optional
-        Settings of guidance and filter.
+        Standard deviation of a pulse relative to its command, per axis; the filter assumes the same.
     inertia_known : bool, optional
         True if the filter propagates the target as a rigid body.
+    rules : ApproachRules, optional
+        Settings of the guidance.
+    filter : FilterSettings, optional
+        Settings of the filter.
     """
 
     seed: int = 0
@@ -68,34 +70,38 @@ class ClosedLoopConfig:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoopStep:
-    """One period of control: estimate, decision and truth.
+    """Record of one control period: estimate, decision and truth.
 
     Parameters
     ----------
     t_s : float
         Start of the period.
     phase : Phase
-        Phase of guidance and its reason.
+        Phase of the guidance.
     reason : str
-        Phase of guidance and its reason.
+        Cause of a hold or abort, else empty.
     status : Status
         Status of the filter.
-    position_lvlh_m, velocity_lvlh_m_s : (3,) array
-        Truth.
-    commanded_lvlh_m_s, delta_v_lvlh_m_s : (3,) array
-        Commanded and delivered velocity change.
+    position_lvlh_m : (3,) array
+        True position of the chaser.
+    velocity_lvlh_m_s : (3,) array
+        True velocity of the chaser.
+    commanded_lvlh_m_s : (3,) array
+        Commanded velocity change.
+    delta_v_lvlh_m_s : (3,) array
+        Delivered velocity change.
     estimate : RelativeEstimate or None
-        Estimate predicted to ``t_s``, or None.
+        Estimate predicted to ``t_s``; None without a track.
     error : (12,) array or None
-        Truth minus estimate.
+        Error of the estimate, truth minus estimate.
     nees : float or None
-        Its NEES.
+        Normalised estimation error squared.
     pose_age_s : float or None
         Age of the newest pose in the estimate.
     violation : bool
-        True inside the sphere and outside the corridor.
+        True inside the keep-out sphere but outside the corridor.
     pointing_error_rad : float
-        Angle between the camera's attitude and the commanded one at its true position.
+        Angle between the camera's attitude and the ideal one at its true position.
     """
 
     t_s: float
@@ -123,11 +129,11 @@ class ClosedLoopResult:
     outcome : Outcome
         Arrived, aborted (with a reason, and never inside the sphere), or failed.
     reason : str
-        Reason of the last two.
+        Reason for an abort or failure.
     final_error_m : float
-        Truth from the path's end.
+        True distance from the path's end.
     final_error_deg : float
-        The larger of the camera's error of pointing and the error of the target's estimated attitude.
+        Larger one of the camera's pointing error and the error of the estimated target attitude.
     delta_v_m_s : float
         Total velocity change.
     """
@@ -143,12 +149,12 @@ class ClosedLoopResult:
 
 
 def check_closed_loop(flight: Flight, what: str) -> None:
-    """Raise UserError for a flight whose chaser does not follow a path by thrusters.
+    """Raise unless the flight's chaser follows a path with thrusters.
 
     Raises
     ------
     UserError
-        With what the scenario needs.
+        If not; the message says what the scenario needs.
     """
     guidance = flight.guidance
     by_path = not guidance.ballistic and not hasattr(guidance, "impulse_lvlh")
@@ -168,21 +174,23 @@ def fly_closed_loop(
     poses: PoseSource,
     config: ClosedLoopConfig = ClosedLoopConfig(),
 ) -> ClosedLoopResult:
-    """Fly an approach on poses alone: in each period the newest estimate decides the thrust.
+    """Fly an approach on pose measurements: in each period the newest estimate determines the thrust.
 
     The chaser knows both absolute orbits, its own attitude, which follows the command exactly, and the target's centre
-    of mass and, with ``inertia_known``, inertia. An image is taken after the decision that leads to it.
+    of mass and, with ``inertia_known``, its inertia. An image shows the state after the decision that precedes it.
 
     Parameters
     ----------
     flight : Flight
-        Flight whose target, guidance path and camera pointing are used; its chaser gives the start.
-    com_target_m, inertia_kg_m2 : (3,) array
-        (3, 3) mass properties of the target's model, its own axes.
+        Flight that defines the target, the guidance path and the camera pointing; its chaser gives the start.
+    com_target_m : (3,) array
+        Centre of mass of the target, model frame.
+    inertia_kg_m2 : (3, 3) array
+        Inertia of the target, model axes.
     poses : PoseSource
         Source of poses.
     config : ClosedLoopConfig, optional
-        Settings.
+        Settings of the loop.
 
     Raises
     ------
@@ -196,7 +204,7 @@ def fly_closed_loop(
 
 
 class ClosedLoop:
-    """Closed loop in progress: it asks for an image and for the estimate, and decides.
+    """Closed loop in progress: requests images and estimates, and decides.
 
     Parameters
     ----------
@@ -206,10 +214,10 @@ class ClosedLoop:
         See `fly_closed_loop`.
     inertia_kg_m2 : array
         See `fly_closed_loop`.
+    arrived : callable
+        Returns the poses that became available by a time and were not returned before.
     config : ClosedLoopConfig, optional
         See `fly_closed_loop`.
-    arrived : callable
-        Returns the poses that have come by a time and were not returned before.
     """
 
     def __init__(
@@ -222,7 +230,7 @@ class ClosedLoop:
     ) -> None:
         check_closed_loop(flight, "the flight")
         thrusters = flight.guidance.acting_thrusters
-        assert thrusters is not None  # noqa: S101 - checked
+        assert thrusters is not None  # noqa: S101 - check_closed_loop requires thrusters
         self.steps: list[LoopStep] = []
         self._flight, self._arrived, self._config, self._thrusters = flight, arrived, config, thrusters
         self._com = np.asarray(com_target_m, float)
@@ -253,14 +261,14 @@ class ClosedLoop:
 
     @property
     def between_pictures_s(self) -> float:
-        """Time from one image to the next."""
+        """Time between images."""
         return self._thrusters.period_s * self._config.frame_every
 
     def pictures(self) -> Iterator[Snapshot]:
-        """Yield the images to take, each of the state flown, until the chaser arrives, has retreated, or the flight
-        ends.
+        """Yield the images to take, each of the state that was flown, until arrival, the end of a retreat, or the
+        flight's end.
 
-        The next is not decided before it is requested.
+        The next image is not decided before it is requested.
         """
         h = self._thrusters.period_s
         for k in range(int(np.floor(self._flight.duration_s / h))):
@@ -328,14 +336,14 @@ class ClosedLoop:
     def _camera(
         self, state_lvlh: tuple[FloatArray, FloatArray], frame: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
-        """Return attitude and rate of a camera that points at the target from a state; pointing is exact."""
+        """Return attitude and rate of a camera that points exactly at the target from a state."""
         p, v = frame.to_eci(*state_lvlh)
         return self._flight.pointing.attitude(-p, -v, frame)
 
     def _thrust(
         self, t: float, h: float, wanted_m_s: FloatArray, frame: Lvlh
     ) -> tuple[FloatArray, FloatArray]:
-        """Fire, add the command to the filter, and propagate with the thrust delivered."""
+        """Apply a velocity change: the filter receives the command, and the flight the delivered thrust."""
         commanded, self._mass_kg = self._thrusters.fire(wanted_m_s, self._mass_kg)
         if commanded.any():
             self._filter.add_thrust(
@@ -348,13 +356,13 @@ class ClosedLoop:
         return np.asarray(commanded), delivered
 
     def _is_away(self, step: LoopStep) -> bool:
-        """Return True beyond twice the sphere's radius, or at once if the position is unknown."""
+        """Return True beyond twice the sphere's radius, or if the position is unknown."""
         keep_out = self._flight.guidance.keep_out
         radius = 0.0 if keep_out is None else keep_out.radius_m
         return step.estimate is None or float(np.linalg.norm(step.position_lvlh_m)) > 2 * radius
 
     def result(self) -> ClosedLoopResult:
-        """Return the outcome after `pictures` has ended, or so far."""
+        """Outcome of the loop so far; final once `pictures` has ended."""
         steps = self.steps
         last = steps[-1]
         violations = sum(bool(step.violation) for step in steps)

@@ -1,4 +1,4 @@
-"""Consistency of a filter: normalised estimation error squared and its confidence band."""
+"""Consistency of a filter: normalised estimation error squared, and its confidence band."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def fisher_quantile(probability: float, degrees: float, degrees_of_size: float) 
 
 
 def nees(error: FloatArray, covariance: FloatArray) -> float:
-    """Return the normalised estimation error squared; its mean is the number of states if the covariance is right.
+    """Return the normalised estimation error squared. Its mean is the number of states if the covariance is correct.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Scale of the poses' errors on the current view: a factor for each component, learned on the way."""
+"""Scale of the pose errors in the current view: a factor per error component, estimated in flight."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleSettings:
-    """Prior of the scale factors and their rate of change.
+    """Prior of the scale factors, and their forgetting.
 
     Parameters
     ----------
     prior_poses : float, optional
-        Weight of the initial factor of 1, in poses.
+        Weight of the initial factor of 1 [poses].
     kept : float, optional
-        Share of the information from poses that remains at the next one; the rest returns to the prior.
-    least, most : float, optional
-        Bounds of a factor.
+        Share of the information that remains at the next pose; the rest returns to the prior.
+    least : float, optional
+        Lower bound of a factor.
+    most : float, optional
+        Upper bound of a factor.
     """
 
     prior_poses: float = 4.0
@@ -33,22 +35,22 @@ class ScaleSettings:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ErrorScale:
-    """Belief about the squared factors of a pose's six error components: independent inverse gamma distributions.
+    """Belief about the squared scale factors of a pose's six error components: independent inverse gamma distributions.
 
-    An estimator's errors are measured over many views; on the one that is flown towards they are half or five times
-    as large. The factor multiplies both the errors that poses remember and those that are new in each.
+    An estimator's error model is an average over many views; in a single view the errors may be half or five times as
+    large. The factor multiplies both the correlated errors of poses and their white part.
 
     Parameters
     ----------
     weight : float, optional
-        Weight of the poses in the belief, in poses.
+        Weight of the poses in the belief [poses].
     squares : (6,) array, optional
         Weighted sum of squared errors over their expected variance.
 
     References
     ----------
     Sarkka & Nummenmaa (2009), Recursive noise adaptive Kalman filtering by variational Bayesian approximations, IEEE
-    Trans. Automatic Control 54(3); here with one pass, and a belief that fades to its prior.
+    Trans. Automatic Control 54(3); here with one iteration, and forgetting towards the prior.
     """
 
     settings: ScaleSettings = field(default_factory=ScaleSettings)
@@ -62,20 +64,20 @@ class ErrorScale:
 
     @property
     def factors(self) -> FloatArray:
-        """Factors (6,) of the standard deviations in camera axes: right, down, forward, rotation about the same.
+        """Factors (6,) of the standard deviations in camera axes: right, down, forward, rotation about the same axes.
 
-        The geometric mean of the belief: a factor too small harms more than one too large by the same ratio.
+        The geometric mean of the belief, because a factor too small harms more than one too large by the same ratio.
         """
         degrees = self.degrees_of_freedom
-        # the mean logarithm of an inverse gamma variable, but for terms of the second order
+        # mean logarithm of an inverse gamma variable, up to second-order terms
         squared = (self.settings.prior_poses + self.squares) / (degrees - 1.0)
         return np.clip(np.sqrt(squared), self.settings.least, self.settings.most)
 
     def faded(self) -> ErrorScale:
-        """Return the belief at the next pose, before that pose is used."""
+        """Return the belief predicted to the next pose."""
         kept = self.settings.kept
         return replace(self, weight=kept * self.weight, squares=kept * self.squares)
 
     def after(self, squares: FloatArray) -> ErrorScale:
-        """Return the belief after one more pose with squared errors (6,), relative to the variance of a factor of 1."""
+        """Return the belief updated with squared errors (6,), relative to the variance for a factor of 1."""
         return replace(self, weight=self.weight + 1.0, squares=self.squares + squares)

@@ -20,14 +20,16 @@ class PoseMeasurement:
     Parameters
     ----------
     t_s : float
-        Mid-exposure, time from the flight's start [s].
-    q_camera_from_target_wxyz, t_camera_from_target_m : (4,) array
-        (3,) pose of the model's frame.
+        Time of mid-exposure since the start of the flight [s].
+    q_camera_from_target_wxyz : (4,) array
+        Measured attitude quaternion.
+    t_camera_from_target_m : (3,) array
+        Measured position of the model's origin, camera frame [m].
     q_camera_from_eci_wxyz : (4,) array
         Attitude of the camera at that time, known from the star tracker.
     errors : (6, 6) array
-        Square root of the error covariance, one column for each independent error. Rows are translation in camera
-        axes [m] and rotation in target axes [rad].
+        Square root of the error covariance, one column per independent error. Rows are translation in camera axes [m],
+        then rotation in target axes [rad].
     remembered : float
         Share of each error's variance that is correlated between successive poses.
     """
@@ -40,17 +42,17 @@ class PoseMeasurement:
     remembered: float
 
     def new_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """Return the (6, 6) input matrix of the white part of the errors, driven by unit-variance noise.
+        """Return the input matrix (6, 6) of the white part of the errors, driven by unit-variance noise.
 
         Parameters
         ----------
         factors : (6,) array or float, optional
-            Or scalar scale of the errors.
+            Scale factors of the errors.
         """
         return np.asarray(np.sqrt(1.0 - self.remembered) * self.errors * factors)
 
     def remembered_errors(self, factors: FloatArray | float = 1.0) -> FloatArray:
-        """Return the (6, 6) input matrix of the correlated part of the errors; see `new_errors`."""
+        """Return the input matrix (6, 6) of the correlated part of the errors; see `new_errors`."""
         return np.asarray(np.sqrt(self.remembered) * self.errors * factors)
 
 
@@ -61,9 +63,9 @@ class ErrorMemory:
     Parameters
     ----------
     turn_rad : float, optional
-        Rotation of the target relative to the camera after which the correlation has fallen to 1/e.
+        Rotation of the target relative to the camera at which the correlation has fallen to 1/e.
     range_ratio : float, optional
-        Ratio of ranges after which the correlation has fallen to 1/e.
+        Ratio of ranges at which the correlation has fallen to 1/e.
     """
 
     turn_rad: float = 1.0
@@ -89,15 +91,19 @@ class Snapshot:
     Parameters
     ----------
     t_s : float
-        Time from the flight's start [s].
-    position_eci_m, velocity_eci_m_s : (3,) array
+        Time since the start of the flight [s].
+    position_eci_m : (3,) array
         Chaser minus target's centre of mass, GCRS axes.
-    q_camera_from_eci_wxyz, omega_camera_rad_s : array
-        Attitude of the camera, and its rate about its own axes.
+    velocity_eci_m_s : (3,) array
+        Velocity of the chaser relative to the target, GCRS axes.
+    q_camera_from_eci_wxyz : (4,) array
+        Attitude of the camera.
+    omega_camera_rad_s : (3,) array
+        Angular rate of the camera, its own axes.
     q_eci_from_target_wxyz : (4,) array
         Attitude of the target.
     com_target_m : (3,) array
-        Centre of mass of the target in the model's frame.
+        Centre of mass of the target, model frame.
     """
 
     t_s: float
@@ -117,19 +123,23 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseNoise:
-    """Noise model of accepted poses: normal errors, partly correlated between poses, and rates of loss and failure.
+    """Noise model of accepted poses: partly correlated normal errors, and rates of loss and failure.
 
-    The defaults are those of the estimator `hybrid` on Tango with the SPEED camera, measured along closed loops with
-    the target seen from everywhere (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
+    The defaults describe the estimator `hybrid` on Tango with the SPEED camera in closed loops, averaged over all views
+    of the target (``python -m tools.studies.pose_errors``; docs/hil_closed_loop.md).
 
     Parameters
     ----------
-    across_m, across_share : float, optional
-        Standard deviation across the boresight: a constant [m] and a share of the range, added in quadrature.
+    across_m : float, optional
+        Constant part of the standard deviation across the boresight; added in quadrature to ``across_share``.
+    across_share : float, optional
+        Part of the standard deviation across the boresight that is proportional to range.
     along_share : float, optional
         Standard deviation along the boresight, as a share of the range.
-    tilt_rad, roll_rad : float, optional
-        Standard deviations of the rotation about each axis across the boresight, and about it [rad].
+    tilt_rad : float, optional
+        Standard deviation of the rotation about each axis perpendicular to the boresight.
+    roll_rad : float, optional
+        Standard deviation of the rotation about the boresight.
     remembered : float, optional
         Share of each variance that is correlated between successive poses.
     memory : ErrorMemory, optional
@@ -151,7 +161,7 @@ class PoseNoise:
     wrong: float = 0.004
 
     def sigmas(self, range_m: float) -> FloatArray:
-        """Return the (6,) standard deviations in camera axes: of translation [m], then of rotation [rad]."""
+        """Return the standard deviations (6,) in camera axes: translation [m], then rotation [rad]."""
         across = float(np.hypot(self.across_m, self.across_share * range_m))
         along = self.along_share * range_m
         return np.array([across, across, along, self.tilt_rad, self.tilt_rad, self.roll_rad])
@@ -163,7 +173,7 @@ class PoseNoise:
         t_camera_from_target_m: FloatArray,
         q_camera_from_eci_wxyz: FloatArray,
     ) -> PoseMeasurement:
-        """Make a measurement of a pose with its error model; the target must be near the boresight."""
+        """Make a measurement from a pose and this error model; the target must be near the boresight."""
         errors = self._axes(q_camera_from_target_wxyz) * self.sigmas(
             float(np.linalg.norm(t_camera_from_target_m))
         )
@@ -178,7 +188,7 @@ class PoseNoise:
 
     @staticmethod
     def _axes(q_camera_from_target_wxyz: FloatArray) -> FloatArray:
-        """Return the (6, 6) matrix that converts errors from camera axes: rotations to target axes."""
+        """Return the matrix (6, 6) that converts errors from camera axes, rotations to target axes."""
         axes = np.eye(6)
         axes[3:, 3:] = matrix_from_quat(q_camera_from_target_wxyz).T
         return axes

@@ -1,4 +1,4 @@
-"""Navigation filter: poses update the estimate at their exposure time; with a gate, loss and reacquisition."""
+"""Navigation filter: delayed poses update the estimate, with a gate, loss of track and reacquisition."""
 
 from __future__ import annotations
 
@@ -42,26 +42,28 @@ Status = Literal["searching", "tracking", "lost"]
 
 @dataclass(frozen=True, kw_only=True)
 class FilterSettings:
-    """Settings of the filter.
+    """Settings of the navigation filter.
 
     Parameters
     ----------
     gate : float, optional
-        Share of right poses that pass the test of the innovation.
+        Share of correct poses that pass the innovation gate.
     found_after : int, optional
-        Poses consistent with each other that start a track.
+        Number of mutually consistent poses that start a trusted track.
     lost_after : int, optional
-        Gated in a row that end trust in it.
+        Number of successive gated poses after which the track is lost.
     displaced_after : int, optional
-        Poses consistent with each other that take a track's place, none of its own between.
-    start_speed_m_s, start_rate_rad_s : float, optional
-        Initial sigma of velocity and rate, each axis.
+        Number of mutually consistent gated poses, without an accepted one in between, that replace the track.
+    start_speed_m_s : float, optional
+        Initial sigma of the velocity, per axis.
+    start_rate_rad_s : float, optional
+        Initial sigma of the angular rate, per axis.
     history_s : float, optional
         Largest delay of a pose.
     memory : ErrorMemory, optional
-        Correlation and scale of the poses' errors.
+        Correlation of the pose errors.
     scale : ScaleSettings, optional
-        Correlation and scale of the poses' errors.
+        Scale of the pose errors.
     """
 
     gate: float = 0.9999
@@ -77,35 +79,34 @@ class FilterSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Fix:
-    """Accepted pose and the estimate after it."""
+    """Accepted pose, and the estimate after it."""
 
     pose: PoseMeasurement
     after: RelativeEstimate
 
 
 class NavigationFilter:
-    """Extended Kalman filter of relative orbit and target attitude (multiplicative) on delayed poses.
+    """Multiplicative extended Kalman filter of relative orbit and target attitude on delayed poses.
 
-    A pose is applied at its exposure; what was applied after that is applied again (Bar-Shalom's out-of-sequence
-    update by reprocessing, which loses nothing). A pose whose innovation fails the gate starts a second track beside
-    the first; once ``displaced_after`` poses agree with each other and none with the first, that one is followed.
-    How large the poses' errors are is learned from what is left of the innovations (`ErrorScale`); the gate is as wide
-    as its uncertainty asks for.
+    A pose is applied at its exposure time, and later poses are reprocessed, which is an exact out-of-sequence update. A
+    pose that fails the gate starts a second, candidate track; once ``displaced_after`` poses agree with the candidate
+    and none with the first track, the candidate replaces it. The scale of the pose errors is estimated from the
+    residuals (`ErrorScale`), and its uncertainty widens the gate.
 
     Parameters
     ----------
     motion : MotionModel
         Motion model of chaser and target.
     lvlh : callable
-        The target's LVLH frame by time, of its known orbit.
+        LVLH frame of the target as a function of time, from its known orbit.
     com_target_m : (3,) array
-        Its centre of mass in the model's frame.
+        Centre of mass of the target, model frame.
 
     References
     ----------
     Lefferts, Markley & Shuster (1982), J. Guidance 5(5); Bar-Shalom, Li & Kirubarajan (2001), sec. 5.4 (gate and
-    consistency), ch. 8 (autocorrelated measurement noise: biases of poses are states) and 12.7 (delayed
-    measurements); Gelb (ed.) 1974, Applied Optimal Estimation, sec. 4.5.
+    consistency), ch. 8 (autocorrelated measurement noise: pose biases are states) and 12.7 (delayed measurements);
+    Gelb (ed.) 1974, Applied Optimal Estimation, sec. 4.5.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class NavigationFilter:
 
     @property
     def status(self) -> Status:
-        """State of the track: none, tentative or trusted."""
+        """Status of the track."""
         if not self._track:
             return "searching"
         return "lost" if self._gated_in_a_row >= self.settings.lost_after else "tracking"
@@ -137,16 +138,16 @@ class NavigationFilter:
         return self._track[-1].pose.t_s if self._track else None
 
     def add_thrust(self, interval: ThrustInterval) -> None:
-        """Add thrust as commanded."""
+        """Add commanded thrust."""
         self._thrust.append(interval)
         if self._predicted is not None and interval.start_s < self._predicted.t_s:
             self._predicted = None
 
     def add(self, pose: PoseMeasurement) -> Verdict:
-        """Add a pose, at any time, and return the verdict on it.
+        """Process a pose, in any order of time, and return the verdict on it.
 
-        One that is the newest's again to the last digit is of an image that stands still, and tells nothing: noise
-        makes two images differ.
+        A pose identical to the newest one is ignored: with image noise, two images never give identical poses, so it is
+        from a frozen image.
         """
         newest, self._newest = self._newest, pose
         if newest is not None and _same(newest, pose):
@@ -164,7 +165,7 @@ class NavigationFilter:
         return self._add_to_candidate(pose)
 
     def _add_to_candidate(self, pose: PoseMeasurement) -> Verdict:
-        """Add a pose to the candidate track of poses that the track does not explain, or start one."""
+        """Add a gated pose to the candidate track, or start one."""
         longer = self._with(self._candidate, pose) if self._candidate else None
         if longer == "too old":
             return "too old"
@@ -179,7 +180,7 @@ class NavigationFilter:
         return "found"
 
     def estimate(self, t_s: float) -> RelativeEstimate | None:
-        """Return the estimate propagated to a time; None before there is a track."""
+        """Return the estimate propagated to a time; None without a track."""
         if not self._track:
             return None
         last = self._predicted
@@ -190,7 +191,7 @@ class NavigationFilter:
         return self._predicted
 
     def _with(self, fixes: list[_Fix], pose: PoseMeasurement) -> list[_Fix] | Literal["too old"] | None:
-        """Return the fixes with one more in its place; None if it fails the gate."""
+        """Return the fixes with one more in time order; None if it fails the gate."""
         before = [fix for fix in fixes if fix.pose.t_s <= pose.t_s]
         later = fixes[len(before) :]
         if not before:
@@ -205,15 +206,15 @@ class NavigationFilter:
         return result
 
     def _gate(self, scale: ErrorScale) -> float:
-        """Return the largest squared distance: Student's t in six dimensions, chi-square if the scale is known."""
+        """Return the gate, a squared distance: Student's t in six dimensions, or chi-square if the scale is known."""
         return 6.0 * fisher_quantile(self.settings.gate, 6, scale.degrees_of_freedom)
 
     def _predicted_to(self, fix: _Fix, pose: PoseMeasurement) -> RelativeEstimate:
-        """Return the estimate at a later pose's exposure, with the remembered errors reduced as the view changes."""
+        """Return the estimate at a later pose's exposure, with the correlated errors decayed by the change of view."""
         old, new = fix.after, self.motion.propagated(fix.after, pose.t_s, self._thrust)
         frame = self._lvlh(old.t_s)
         p, v = frame.to_eci(old.position_lvlh_m, old.velocity_lvlh_m_s)
-        # by the estimated rates, not from pose to pose, whose noise would be taken for a turn
+        # use the estimated rates: differences of noisy poses would count as rotation
         target = matrix_from_quat(old.q_eci_from_target_wxyz) @ old.omega_target_rad_s
         turn = (target - np.cross(p, v) / (p @ p)) * (new.t_s - old.t_s)
         ratio = np.linalg.norm(new.position_lvlh_m) / np.linalg.norm(old.position_lvlh_m)
@@ -227,7 +228,7 @@ class NavigationFilter:
         self._thrust = [i for i in self._thrust if i.end_s >= start]
 
     def updated(self, estimate: RelativeEstimate, pose: PoseMeasurement) -> tuple[RelativeEstimate, float]:
-        """Return the estimate updated by a pose of its time, and the squared Mahalanobis distance of the innovation."""
+        """Return the estimate updated by a simultaneous pose, and the innovation's squared Mahalanobis distance."""
         estimate = estimate.with_scaled_errors(estimate.error_scale.faded())
         factors = estimate.error_scale.factors
         new = pose.new_errors(factors)
@@ -236,11 +237,11 @@ class NavigationFilter:
         S = H @ C @ H.T + R
         K = np.linalg.solve(S, H @ C).T
         distance = float(innovation @ np.linalg.solve(S, innovation))
-        # Joseph's form keeps it symmetric and positive
+        # Joseph form: stays symmetric and positive
         left = np.eye(18) - K @ H
         covariance = left @ C @ left.T + K @ R @ K.T
         after = estimate.corrected(K @ innovation, (covariance + covariance.T) / 2)
-        # the pose's new errors by the estimate after it, relative to those of a factor of 1
+        # the pose's white errors from the updated estimate, relative to those for a factor of 1
         H = self._sensitivity(after, pose, factors)
         whiten = np.linalg.inv(pose.new_errors())
         residual = whiten @ self._residual(after, pose, factors)
@@ -249,7 +250,7 @@ class NavigationFilter:
         return after.with_scaled_errors(scale), distance
 
     def _residual(self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray) -> FloatArray:
-        """Return the (6,) innovation: pose minus its prediction, remembered errors included."""
+        """Return the innovation (6,): pose minus its prediction, correlated errors included."""
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_lvlh = self._lvlh(pose.t_s).R_eci_from_lvlh
         origin = target_origin_offset_m(estimate, self._com)
@@ -262,7 +263,7 @@ class NavigationFilter:
     def _sensitivity(
         self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray
     ) -> FloatArray:
-        """Return the (6, 18) sensitivity of a pose to the errors of the estimate."""
+        """Return the sensitivity (6, 18) of a pose to the errors of the estimate."""
         R_camera_from_eci = matrix_from_quat(pose.q_camera_from_eci_wxyz)
         R_eci_from_target = matrix_from_quat(estimate.q_eci_from_target_wxyz)
         H = np.zeros((6, 18))
@@ -273,7 +274,7 @@ class NavigationFilter:
         return H
 
     def _first_estimate(self, pose: PoseMeasurement) -> RelativeEstimate:
-        """Return the estimate from one pose; velocity and rate are zero with a wide covariance."""
+        """Return the estimate from one pose, with zero velocity and rate and a wide covariance."""
         q = quat_normalize(
             quat_multiply(quat_conjugate(pose.q_camera_from_eci_wxyz), pose.q_camera_from_target_wxyz)
         )
@@ -290,7 +291,7 @@ class NavigationFilter:
         of_new = M @ pose.new_errors(scale.factors)
         covariance = np.zeros((18, 18))
         covariance[:12, :12] = of_new @ of_new.T + of_bias @ of_bias.T
-        # the pose's error adds to the estimate, so the remaining error has the other sign
+        # the pose's error adds to the estimate, so the remaining error has the opposite sign
         covariance[:12, B], covariance[B, :12] = -of_bias, -of_bias.T
         covariance[B, B] = np.eye(6)
         covariance[V, V] += self.settings.start_speed_m_s**2 * np.eye(3)

@@ -1,4 +1,4 @@
-"""Poses without images: the truth, or the truth with the errors of an estimator."""
+"""Poses without images: the truth, or the truth with simulated errors of an estimator."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 
 class PoseSource(Protocol):
-    """Source of poses: exposes on request and answers some time later."""
+    """Source of poses: exposes on request, and answers with a delay."""
 
     def look(self, snapshot: Snapshot) -> None:
-        """Expose an image of this moment."""
+        """Expose an image at this moment."""
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses available by ``t_s`` that were not returned before."""
 
 
 class PoseErrors:
-    """Random errors of one run's poses, which are correlated.
+    """Correlated random errors of one run's poses.
 
     Parameters
     ----------
     noise : PoseNoise
-        Errors of the poses.
+        Noise model of the poses.
     rng : Generator
-        Generator, new for each run.
+        Random generator, new for each run.
     """
 
     def __init__(self, noise: PoseNoise, rng: Generator) -> None:
@@ -45,12 +45,12 @@ class PoseErrors:
         self._before: tuple[FloatArray, FloatArray] | None = None
 
     def draw(self, snapshot: Snapshot) -> PoseMeasurement | None:
-        """Return a pose of a snapshot with errors drawn; None if none is accepted.
+        """Return the pose of a snapshot with random errors; None if no pose is accepted.
 
-        A wrong one is turned by any angle, and a tenth of the range away.
+        A grossly wrong pose has a random rotation and is displaced by a tenth of the range.
         """
         q, t = snapshot.pose()
-        # always draw the same numbers, so that runs differ by their seed alone
+        # always draw the same numbers, so that runs differ only by their seed
         fresh, other = self._rng.standard_normal((2, 6))
         is_there, is_wrong = self._rng.random(2) < (self._noise.available, self._noise.wrong)
         anywhere = self._rng.standard_normal(6)
@@ -76,14 +76,14 @@ class PoseErrors:
 
 
 class LatePoses:
-    """Queue of poses that are available a constant delay after the exposure."""
+    """Queue of poses that become available a constant delay after exposure."""
 
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._waiting: deque[PoseMeasurement] = deque()
 
     def wait(self, pose: PoseMeasurement) -> None:
-        """Keep a pose until its delay has passed."""
+        """Store a pose until its delay has passed."""
         self._waiting.append(pose)
 
     def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
@@ -100,7 +100,7 @@ class NoisyPoses(LatePoses):
     Parameters
     ----------
     noise : PoseNoise
-        Errors of the poses.
+        Noise model of the poses.
     latency_s : float
         Time from mid-exposure to the answer.
     seed : int
@@ -119,7 +119,7 @@ class NoisyPoses(LatePoses):
 
 
 class TruePoses(LatePoses):
-    """Truth itself, after the same delay; the filter assumes the accuracy of ``noise`` nevertheless."""
+    """Exact truth after a constant delay; the filter nevertheless assumes the accuracy of ``noise``."""
 
     def __init__(self, noise: PoseNoise, latency_s: float) -> None:
         super().__init__(latency_s)

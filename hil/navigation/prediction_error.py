@@ -23,10 +23,14 @@ class ForecastError:
 
     Parameters
     ----------
-    median_deg, p95_deg, rms_deg : float
-        Statistics of the angle between predicted and true attitude [deg].
+    median_deg : float
+        Median angle between predicted and true attitude.
+    p95_deg : float
+        95th percentile of the angle.
+    rms_deg : float
+        RMS of the angle.
     sigma_deg : float
-        RMS predicted by the filter, one sigma about all three axes [deg].
+        RMS angle predicted by the filter, one sigma about all three axes.
     """
 
     horizon_s: float
@@ -44,20 +48,20 @@ def forecast_errors(
     horizons_s: Sequence[float],
     end_s: float,
 ) -> list[ForecastError]:
-    """Return the errors of the attitude at each estimate's time (horizon 0) and predicted from there.
+    """Return the attitude errors at each estimate's time (horizon 0), and of predictions from there.
 
     Parameters
     ----------
     estimates : iterable of RelativeEstimate
         Estimates of one or more runs.
     truth : AttitudeTrack
-        The target's attitude.
+        True attitude of the target.
     motion : MotionModel
-        Model for the prediction.
+        Motion model for the prediction.
     horizons_s : sequence of float
-        Prediction horizons, rising.
+        Prediction horizons, increasing.
     end_s : float
-        End of the truth; later predictions are left out.
+        End of the truth; later predictions are omitted.
     """
     samples: dict[float, list[tuple[float, float]]] = {horizon: [] for horizon in horizons_s}
     for estimate in estimates:

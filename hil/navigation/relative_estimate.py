@@ -1,4 +1,4 @@
-"""Relative estimate: chaser relative to the target, the target's attitude and rate, and the covariance."""
+"""Relative estimate: chaser relative to target, the target's attitude and rate, and their covariance."""
 
 from __future__ import annotations
 
@@ -26,30 +26,32 @@ if TYPE_CHECKING:
 
 _LONGEST_STEP_S = 1.0
 P, V, A, W, B = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 18)
-"""Slices of the error state: position, velocity, attitude, rate, and the poses' remembered errors."""
+"""Slices of the error state: position, velocity, attitude, rate, and the correlated pose errors."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RelativeEstimate:
-    """State of chaser and target with the covariance of its errors.
+    """State of chaser and target, with the covariance of its errors.
 
     Parameters
     ----------
     t_s : float
-        Time from the flight's start [s].
-    position_lvlh_m, velocity_lvlh_m_s : (3,) array
+        Time since the start of the flight [s].
+    position_lvlh_m : (3,) array
         Chaser minus target's centre of mass, in the rotating LVLH frame.
+    velocity_lvlh_m_s : (3,) array
+        Velocity in that frame.
     q_eci_from_target_wxyz : (4,) array
         Attitude of the target.
     omega_target_rad_s : (3,) array
-        Its rate to ECI, own axes.
+        Angular rate of the target relative to ECI, target axes.
     joint_covariance : (18, 18) array
-        Of the errors of position [m], velocity [m s-1], attitude (turn about target axes) [rad], rate [rad s-1], and
-        of ``pose_bias``.
+        Covariance of the errors of position [m], velocity [m s-1], attitude (rotation about target axes) [rad], rate
+        [rad s-1] and ``pose_bias``.
     pose_bias : (6,) array, optional
-        Remembered part of the poses' errors, each of unit variance (`PoseMeasurement`).
+        Correlated part of the pose errors, each of unit variance (`PoseMeasurement`).
     error_scale : ErrorScale, optional
-        Scale of those errors on this view.
+        Scale of those errors in this view.
     """
 
     t_s: float
@@ -63,7 +65,7 @@ class RelativeEstimate:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance (12, 12) of position, velocity, attitude and rate, marginal over the poses' errors."""
+        """Covariance (12, 12) of position, velocity, attitude and rate, marginalised over the pose errors."""
         return self.joint_covariance[:12, :12]
 
     @property
@@ -77,8 +79,9 @@ class RelativeEstimate:
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[A, A])[-1], 0.0)))
 
     def corrected(self, error: FloatArray, covariance: FloatArray) -> RelativeEstimate:
-        """Return the estimate with an error (18,) removed; the attitude's is multiplicative (Lefferts, Markley &
-        Shuster 1982).
+        """Return the estimate with an error (18,) removed.
+
+        The attitude error is multiplicative (Lefferts, Markley & Shuster 1982).
         """
         turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
         return replace(
@@ -92,9 +95,9 @@ class RelativeEstimate:
         )
 
     def with_older_bias(self, kept: float) -> RelativeEstimate:
-        """Return the estimate with the poses' remembered errors decayed to a share ``kept``.
+        """Return the estimate with the correlated pose errors decayed to a share ``kept``.
 
-        A Gauss-Markov process of first order and unit variance: the forgotten part is replaced by white noise.
+        A first-order Gauss-Markov process of unit variance: white noise replaces the decayed part.
         """
         keep = np.ones(18)
         keep[B] = kept
@@ -103,14 +106,14 @@ class RelativeEstimate:
         return replace(self, joint_covariance=covariance, pose_bias=kept * self.pose_bias)
 
     def with_scaled_errors(self, scale: ErrorScale) -> RelativeEstimate:
-        """Return the estimate with the poses' errors rescaled to another belief.
+        """Return the estimate with the pose errors rescaled to another belief.
 
-        The part of the estimate's error that comes from the remembered errors of poses scales with them; their
-        estimated sizes [m, rad] are kept.
+        The part of the estimate's error that is caused by correlated pose errors scales with them; their estimated
+        values [m, rad] are kept.
         """
         ratio = scale.factors / self.error_scale.factors
         C = self.joint_covariance
-        # the regression of the twelve states' errors on the six remembered ones
+        # regression of the twelve states' errors on the six correlated pose errors
         gain = np.linalg.solve(C[B, B], C[B, :12]).T
         grown = np.eye(18)
         grown[:12, B] = gain * (ratio - 1.0)
@@ -129,7 +132,7 @@ class RelativeEstimate:
         q_eci_from_target_wxyz: FloatArray,
         omega_target_rad_s: FloatArray,
     ) -> FloatArray:
-        """Return the (12,) truth minus estimate, in the order of the covariance."""
+        """Return truth minus estimate (12,), in the order of the covariance."""
         return np.concatenate(
             [
                 position_lvlh_m - self.position_lvlh_m,
@@ -142,9 +145,9 @@ class RelativeEstimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ThrustInterval:
-    """Thrust commanded over an interval [s]: acceleration (3,) [m s-2] along the LVLH axes of its start.
+    """Thrust commanded over an interval [s]: acceleration (3,) [m s-2] along the LVLH axes at its start.
 
-    It keeps its direction among the stars, from which the axes turn away meanwhile.
+    The direction is constant in inertial space, while the LVLH axes rotate.
     """
 
     start_s: float
@@ -154,20 +157,20 @@ class ThrustInterval:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotionModel:
-    """Propagation of an estimate: Clohessy-Wiltshire with the commanded thrust, the target as a free rigid body.
+    """Propagation of an estimate: Clohessy-Wiltshire with commanded thrust, and a free rigid target.
 
     Parameters
     ----------
     n_rad_s : float
-        Mean motion of the target's orbit, taken for a circle.
+        Mean motion of the target's orbit, assumed circular.
     inertia_kg_m2 : (3, 3) array, optional
-        Of the target, own axes, to scale; None for a constant rate.
+        Inertia of the target, own axes, up to a factor; None for a constant rate.
     acceleration_noise : float, optional
-        Density of unmodelled acceleration, white [m s-2 Hz-1/2].
+        Density of the unmodelled white acceleration [m s-2 Hz-1/2].
     rate_noise : float, optional
         Density of the target's white angular acceleration [rad s-2 Hz-1/2].
     thrust_sigma : float, optional
-        Sigma of delivered relative to commanded thrust, independent for each axis and period.
+        Sigma of the delivered relative to the commanded thrust, independent for each axis and period.
     """
 
     n_rad_s: float
@@ -184,16 +187,16 @@ class MotionModel:
         Parameters
         ----------
         estimate : RelativeEstimate
-            At its own time.
+            Estimate at its own time.
         to_s : float
-            No earlier than that.
+            Time of the result, no earlier than the estimate's.
         thrust : sequence of ThrustInterval, optional
-            Commanded thrust; gaps are coasts.
+            Commanded thrust; the chaser coasts in between.
 
         Raises
         ------
         ValueError
-            If ``to_s`` lies before the estimate.
+            If ``to_s`` is earlier than the estimate.
 
         References
         ----------
@@ -228,7 +231,7 @@ class MotionModel:
             Q[at + 3 : at + 6, at + 3 : at + 6] = white * h * I3
         if thrust is not None:
             push, since = thrust.acceleration_lvlh_m_s2, estimate.t_s - thrust.start_s
-            # Simpson's rule over the step: the part that came at tau has moved on for h - tau
+            # Simpson's rule over the step: thrust at tau acts for the remaining h - tau
             pushes = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
             first, middle, last = pushes
             moved = moved + h / 6 * (first + 4 * middle + last)
@@ -246,15 +249,16 @@ class MotionModel:
         )
 
     def _pushed(self, push: FloatArray, since_s: float, left_s: float) -> FloatArray:
-        """Return the (6,) effect of constant acceleration that began ``since_s`` ago, ``left_s`` later."""
+        """Return the effect (6,), ``left_s`` later, of a constant acceleration that began ``since_s`` ago."""
         c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
         x, y, z = push.tolist()
         turned = np.array([c * x + s * y, c * y - s * x, z])
         return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
 
     def _rotated(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-        """Return attitude and rate after one classical Runge-Kutta step of the rate; the attitude uses its mean
-        (error h^3).
+        """Return attitude and rate after one step.
+
+        The rate uses the classical Runge-Kutta method, and the attitude the mean rate (error h^3).
         """
         if self.inertia_kg_m2 is None:
             return quat_normalize(quat_multiply(q, quat_from_rotvec(w * h))), w
@@ -274,17 +278,17 @@ class MotionModel:
     def _euler(self, w: FloatArray) -> FloatArray:
         """Return the angular acceleration of a free body [rad s-2]."""
         J = self.inertia_kg_m2
-        assert J is not None  # noqa: S101 - a constant rate asks for none
+        assert J is not None  # noqa: S101 - not called for a constant rate
         return np.asarray(self._inverse_inertia @ -(skew(w) @ (J @ w)), float)
 
     @cached_property
     def _inverse_inertia(self) -> FloatArray:
         J = self.inertia_kg_m2
-        assert J is not None  # noqa: S101 - a constant rate asks for none
+        assert J is not None  # noqa: S101 - not called for a constant rate
         return np.asarray(np.linalg.inv(J), float)
 
     def _attitude_transition(self, w: FloatArray, h: float) -> FloatArray:
-        """Return the (6, 6) transition of the errors of attitude and rate, with the rate held over the step."""
+        """Return the transition matrix (6, 6) of attitude and rate errors, with the rate constant over the step."""
         F = np.zeros((6, 6))
         F[:3, :3], F[:3, 3:] = -skew(w), np.eye(3)
         J = self.inertia_kg_m2
@@ -298,11 +302,11 @@ class MotionModel:
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """Return the (3, 3) matrix whose product with x is the cross product of v and x."""
+    """Return the cross-product matrix (3, 3) of ``v``."""
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def target_origin_offset_m(estimate: RelativeEstimate, com_target_m: FloatArray) -> FloatArray:
-    """Return the (3,) model's origin minus centre of mass in GCRS axes [m]."""
+    """Return the model's origin minus the centre of mass (3,), GCRS axes [m]."""
     return -(matrix_from_quat(estimate.q_eci_from_target_wxyz) @ com_target_m)

@@ -35,6 +35,7 @@ class HeldOutErrors:
     Parameters
     ----------
     turn_rad : float
+        Rotation error about each axis.
     across_share : float
         Position error across the line of sight, as a share of the range.
     along_share : float

@@ -49,8 +49,6 @@ class Streams:
         Segments after merging all streams.
     by_name : dict of str to array
         Segments of each stream.
-    merged : dict of str to array
-        Segments of each stream after its own merging, if the method merges streams separately.
     corners : (C, 2) array
         Harris corners.
     ellipses : tuple of EllipseFit
@@ -59,6 +57,8 @@ class Streams:
         Thinned Sobel edges around the region.
     region : Region, optional
         Region, enlarged if the method does so; edges outside it are dropped.
+    merged : dict of str to array, optional
+        Segments of each stream after its own merging, if the method merges streams separately.
     """
 
     lines: Array

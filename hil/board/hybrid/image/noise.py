@@ -83,8 +83,8 @@ def black_level(reduced: Array, noise: float) -> float:
 
     Parameters
     ----------
-    Reduced image.
-        The reduced image.
+    reduced : (h, w) array
+        Reduced image.
     noise : float
         Standard deviation of its noise.
     """
@@ -96,8 +96,8 @@ def has_flat_floor(reduced: Array, noise: float) -> bool:
 
     Parameters
     ----------
-    Reduced image.
-        The reduced image.
+    reduced : (h, w) array
+        Reduced image.
     noise : float
         Standard deviation of its noise.
     """

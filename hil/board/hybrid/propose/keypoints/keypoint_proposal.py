@@ -5,8 +5,7 @@ likelihood in the best crops are proposed.
 
 References
 ----------
-Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft (keypoints,
-Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft
+Park, Sharma & D'Amico (2019), Towards robust learning-based pose estimation of noncooperative spacecraft.
 """
 
 from __future__ import annotations
