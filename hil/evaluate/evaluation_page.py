@@ -44,8 +44,8 @@ ABOUT = {
 ABOUT_METHODS = (
     "Success: share of feasible frames whose best pose, accepted or not, is within 5 deg and 5 % (coarse), 0.5 deg "
     "and 0.5 % of range (fine). Errors: over accepted frames, including infeasible ones unless stated. Small figures: "
-    "95 % intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: mean \N{PLUS-MINUS SIGN} standard "
-    "deviation."
+    "95 % intervals, Wilson's for shares, bootstrap for errors. Along the camera's axes: mean "
+    "\N{PLUS-MINUS SIGN} standard deviation."
 )
 
 KEY = element(

@@ -47,8 +47,8 @@ CAPTIONS = {
     "histograms": "Feasible frames with a pose, in logarithmic bins; the dark part is accepted. Values beyond the "
     "scale are in the first or last bin.",
     "decision": "Left: every threshold of the confidence, all frames; mark: the accepted frames; a method with more "
-    "than 10 % wrong poses at any threshold lies beyond the axis. Right: share of correct poses in each bin of confidence "
-    "(Wilson 95 %); on the dashed line the confidence is a calibrated probability.",
+    "than 10 % wrong poses at any threshold lies beyond the axis. Right: share of correct poses in each bin of "
+    "confidence (Wilson 95 %); on the dashed line the confidence is a calibrated probability.",
     "stages": "Median time of each stage in order, one frame, this machine.",
 }
 

@@ -1,5 +1,5 @@
 """Host side: streams frames to a board and keeps the ledger. No pose is estimated here.
 
-``run`` drives a run frame by frame; ``link_process`` has the line and its timestamps in a process of its own, because
-a renderer that draws in software holds the interpreter's lock; ``ledger`` is what remains, ``report`` shows it.
+``run`` drives a run frame by frame. ``link_process`` runs the link and its time stamps in a separate process, because a
+software renderer holds the interpreter's lock. ``ledger`` holds the records, and ``report`` presents them.
 """

@@ -1,4 +1,4 @@
-"""Attitude prediction of the navigation filter in closed loops without images, for hil forecast."""
+"""Attitude prediction of the navigation filter in closed loops without images, for ``hil forecast``."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 FORECAST_CSV, FORECAST_PNG = "forecast.csv", "forecast.png"
 STEPS = 12
-"""Number of horizons from zero to the longest."""
+"""Number of horizons, from zero to the longest."""
 SETTLED_S, BETWEEN_S = 60.0, 10.0
-"""Age of the track at the first prediction, and the interval between predictions [s]."""
+"""Age of the track at the first prediction, and interval between predictions [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Forecasts:
-    """Errors against the horizon by two models of the target's motion: rigid body of known inertia, constant rate."""
+    """Prediction errors against the horizon for two models of the target: free rigid body, and constant rate."""
 
     rigid_body: list[ForecastError]
     constant_rate: list[ForecastError]
@@ -48,12 +48,12 @@ def fly_forecasts(
     horizon_s: float,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> Forecasts:
-    """Fly a plan's closed loop on noisy poses, ``runs`` seeds from the plan's on, and predict from each track.
+    """Fly a plan's closed loop on noisy poses with ``runs`` consecutive seeds, and predict from each track.
 
     Raises
     ------
     UserError
-        If the flight has no path or no thrusters, is too short, or no run has a track.
+        If the flight has no path or thrusters or is too short, or if no run has a track.
     """
     if plan.flight.duration_s < SETTLED_S + horizon_s:
         raise UserError(
@@ -94,7 +94,7 @@ def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
     Raises
     ------
     UserError
-        If they cannot be written.
+        If the files cannot be written.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -109,7 +109,7 @@ def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
     """Plot the error against the horizon, one panel each: RMS, 95th percentile, and the RMS predicted by the filter."""
     figure, axes = figure_with_axes(1, len(panels), 3.6, width=6.2 * len(panels))
     every = [e for _, forecasts in panels for e in (*forecasts.rigid_body, *forecasts.constant_rate)]
-    # the same for all panels, and never so narrow that a decade has no label
+    # common to all panels, and wide enough for a labelled decade
     limits = min(e.rms_deg for e in every) / 3, max(e.p95_deg for e in every) * 3
     for ax, (title, forecasts) in zip(axes, panels, strict=True):
         for name, errors, colour in (
@@ -119,7 +119,7 @@ def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:
             at = [e.horizon_s for e in errors]
             ax.plot(at, [e.rms_deg for e in errors], "o-", ms=3, color=colour, label=f"{name}, RMS")
             ax.plot(at, [e.p95_deg for e in errors], ":", color=colour, lw=1, label="95th percentile")
-        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="one sigma, predicted")
+        ax.plot(at, [e.sigma_deg for e in errors], "--", color="black", lw=1, label="predicted one sigma")
         ax.set(
             yscale="log",
             xlabel="prediction horizon [s]",

@@ -1,4 +1,4 @@
-"""Audit of a run by its images alone: comparison of their time codes with the ledger."""
+"""Audit of a run from its images alone: comparison of their time codes with the ledger."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
     Pictures = Iterable[tuple[str, NDArray[Any]]]
 
 IMAGES_TOPIC = "/camera/image_raw"
-# Largest number of disagreements of each kind to list.
+# Largest number of disagreements listed per kind.
 MAX_LISTED = 20
 
 
 @dataclass(kw_only=True)
 class PictureAudit:
-    """Comparison of images and ledger.
+    """Comparison of images with the ledger.
 
     Parameters
     ----------
     pictures : int
-        Number of pictures.
+        Number of images.
     agree : int
-        Pictures whose code has number and time of a row of the ledger.
+        Number of images whose time code matches a row of the ledger.
     unreadable : list of str
-        Pictures without a code, or with one whose check fails.
+        Images without a valid time code.
     wrong : list of str
-        A sentence on each picture whose code disagrees with the ledger.
+        One sentence per image whose code disagrees with the ledger.
     twice : list of str
-        Pictures with the code of an earlier picture.
+        Images with the code of an earlier image.
     missing : list of int
-        Answered frames without a picture.
+        Answered frames without an image.
     """
 
     pictures: int = 0
@@ -57,23 +57,23 @@ class PictureAudit:
 
     @property
     def passed(self) -> bool:
-        """True if there is exactly one picture of every answered frame, and all agree with the ledger."""
+        """True if every answered frame has exactly one image, and all agree with the ledger."""
         return bool(self.agree) and not (self.unreadable or self.wrong or self.twice or self.missing)
 
 
 def audit_pictures(
     rows: Sequence[FrameRecord], pictures: Pictures, place: CodePlace | None = None
 ) -> PictureAudit:
-    """Read the code of each image and compare it with the ledger.
+    """Read the time code of each image and compare it with the ledger.
 
     Parameters
     ----------
     rows : sequence of FrameRecord
         Rows of the ledger.
     pictures : Pictures
-        Name and image of each picture.
+        Name and pixels of each image.
     place : CodePlace, optional
-        Place of the code in the run.
+        Position of the time code in the run.
     """
     place = CodePlace() if place is None else place
     by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
@@ -85,11 +85,11 @@ def audit_pictures(
             continue
         row = by_frame.get(code.frame_id)
         if row is None:
-            audit.wrong.append(f"{name} says frame {code.frame_id}, of which the ledger knows nothing")
+            audit.wrong.append(f"{name} has the code of frame {code.frame_id}, which is not in the ledger")
         elif nanoseconds_utc(row.epoch_utc) != code.time_ns:
             off_ms = 1e-6 * (code.time_ns - nanoseconds_utc(row.epoch_utc))
             audit.wrong.append(
-                f"{name} says frame {code.frame_id} and {off_ms:+.3f} ms beside the ledger's time of it"
+                f"{name} has the code of frame {code.frame_id}, {off_ms:+.3f} ms from its time in the ledger"
             )
         elif code.frame_id in matched:
             audit.twice.append(name)
@@ -102,19 +102,19 @@ def audit_pictures(
 
 
 def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield name and image of each PNG file of a folder, or of each ROS 2 image of an MCAP file.
+    """Yield name and pixels of each PNG file in a folder, or of each ROS 2 image in an MCAP file.
 
     Raises
     ------
     UserError
-        If there are none, or they cannot be read.
+        If there are no images, or they cannot be read.
     """
     if source.is_dir():
         for path in pictures_in(source):
             yield path.name, read_png(path)
         return
     try:
-        from mcap.exceptions import McapError  # noqa: PLC0415 - an optional part
+        from mcap.exceptions import McapError  # noqa: PLC0415 - optional dependency
         from mcap.reader import make_reader  # noqa: PLC0415
         from mcap_ros2.decoder import DecoderFactory  # noqa: PLC0415
     except ImportError as error:
@@ -126,15 +126,15 @@ def pictures_of(source: Path) -> Iterator[tuple[str, NDArray[Any]]]:
                 yield f"picture at {message.log_time} ns", _pixels(image)
     except (OSError, McapError, ValueError) as error:
         raise UserError(
-            f"{source} cannot be read ({error}): name a folder of PNG files, or what --mcap wrote"
+            f"{source} cannot be read ({error}): name a folder of PNG files, or a file written with --mcap"
         ) from error
 
 
-def _pixels(image: Any) -> NDArray[Any]:  # noqa: ANN401 - made at run time from the message's definition
-    """Return the digital numbers of a sensor_msgs/Image."""
+def _pixels(image: Any) -> NDArray[Any]:  # noqa: ANN401 - generated at run time from the message definition
+    """Return the pixels of a sensor_msgs/Image."""
     kinds = {"mono8": ("u1", 1), "mono16": ("<u2", 1), "rgb8": ("u1", 3), "rgb16": ("<u2", 3)}
     if image.encoding not in kinds or image.is_bigendian:
-        raise ValueError(f"a picture is {image.encoding}, which is none of {', '.join(kinds)}")
+        raise ValueError(f"an image has encoding {image.encoding}, allowed: {', '.join(kinds)}")
     dtype, channels = kinds[image.encoding]
     shape = (image.height, image.width) if channels == 1 else (image.height, image.width, channels)
     return np.frombuffer(bytes(image.data), dtype).reshape(shape)

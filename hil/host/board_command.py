@@ -1,4 +1,4 @@
-"""The command that connects a board to a host."""
+"""Command line that connects a board to a host."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import socket
 from flyaround.hil.link.transports.url import parse_url
 from flyaround.simulator.runtime.urls import without_secrets
 
-ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listened on at the user's wish
+ANY_ADDRESS = ("0.0.0.0", "::")  # noqa: S104 - listening on all addresses is the user's choice
 
 
 def board_url(url: str) -> str:
-    """Return the address for a board: this machine's name if the host listens on all its addresses."""
+    """Return the URL for a board: with this machine's name if the host listens on all addresses."""
     scheme, host, port = parse_url(url)
     if scheme != "serial" and host in ANY_ADDRESS:
         return f"{scheme}://{socket.gethostname()}:{port}"

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-# realtime: the first exposure begins this long after its picture is ready
+# Real time: delay from the first image being ready to the first exposure [ns].
 LEAD_NS = 20_000_000
 
-# reason of the goodbye by the way in which the run ended
+# Reason in the goodbye, by the way in which the run ended
 GOODBYES: dict[Ended, str] = {
     "completed": "the run is over",
-    "board_lost": "the run is over: the board was not back in time",
+    "board_lost": "the run is over: the board did not reconnect in time",
     "no_board": "the run is over: no board was ready in time",
     "interrupted": "the run was stopped at the host",
     "failed": "the run failed at the host",
@@ -44,7 +44,7 @@ GOODBYES: dict[Ended, str] = {
 
 
 def _readout(frame: Frame) -> Readout:
-    """Return the part of the detector that the image shows, if the scene has one."""
+    """Return the region of the detector that the image shows, if the scene defines one."""
     detector, (height, width) = frame.scene.sensor.detector, frame.image.shape[:2]
     if detector is None:
         return Readout()
@@ -74,14 +74,14 @@ class BoardSink:
         self._writer: LedgerWriter | None = None
         self._tally = LedgerTally()
         self.is_lost = False
-        self._open: dict[int, Frame] = {}  # handed over, outcome not yet known
+        self._open: dict[int, Frame] = {}  # handed over, outcome still unknown
         self._started_utc = datetime.now(UTC).isoformat(timespec="seconds")
         self._origin_ns: int | None = None
         self.recording_failures: list[str] = []
         self._terms: RunTerms | None = None
 
     def write(self, frame: Frame) -> None:
-        """Send one frame; afterwards ``is_lost`` is True if the board stayed away for too long."""
+        """Send one frame; afterwards ``is_lost`` is True if the board did not reconnect in time."""
         if self._realtime:
             self._when_due(frame)
         else:
@@ -98,8 +98,9 @@ class BoardSink:
         self.wait_for_outcomes()
 
     def _when_due(self, frame: Frame) -> None:
-        """Send a frame at the scenario's pace, the camera's latency after its exposure, whatever renderer and board
-        do.
+        """Send a frame at the scenario's pace, a constant latency after its exposure.
+
+        The schedule does not depend on the speed of renderer or board.
         """
         scene = frame.scene
         t_ns = round((scene.t_s + 0.5 * scene.exposure_s + self.config.latency_s) * 1e9)
@@ -115,7 +116,7 @@ class BoardSink:
             self._collect(0.1)
         self._submit(frame, self._origin_ns + t_ns)
         if self.config.decide_every_s is not None:
-            # less the lead, in which the next one is drawn
+            # reserve the lead time for rendering the next frame
             decide_ns = self._origin_ns + round((scene.t_s + self.config.decide_every_s) * 1e9) - LEAD_NS
             while (left_ns := decide_ns - time.monotonic_ns()) > 0:
                 self._collect(1e-9 * left_ns)
@@ -125,7 +126,7 @@ class BoardSink:
             self.is_lost = True
 
     def open_books(self) -> None:
-        """Begin the ledger, if any, and write the terms that a killed run could not write later."""
+        """Open the ledger, if any, and write the run's terms, which a killed run could not write later."""
         config = self.config
         if config.log_dir is None:
             return
@@ -142,7 +143,7 @@ class BoardSink:
             raise
 
     def _run_settings(self) -> dict[str, Any]:
-        """Return the run's settings for both terms and summary."""
+        """Return the run's settings for terms and summary."""
         link = self.config.link
         return {
             "started_utc": self._started_utc,
@@ -156,7 +157,7 @@ class BoardSink:
     def record_board(self, gl_renderer: str) -> None:
         """Add the board and the graphics driver to the terms."""
         if self.config.send_sun and self.link.board is not None and not self.link.board.takes_fields:
-            logger.warning("this board takes no optional fields: the Sun's direction is not sent to it")
+            logger.warning("this board accepts no optional fields: the Sun direction is not sent")
         if self.config.log_dir is not None and self._terms is not None:
             versions, board = Versions.here(gl_renderer), self._board()
             sun_sent = self.config.send_sun and self.link.board is not None and self.link.board.takes_fields
@@ -167,7 +168,7 @@ class BoardSink:
         return None if self.link.last_board is None else self.link.last_board.board
 
     def _tell(self, what: Callable[[Recorder], None]) -> None:
-        """Notify the recorders; one that fails (a full disk) is dropped, and the run and its ledger continue."""
+        """Notify the recorders. One that fails, such as on a full disk, is dropped; the run and its ledger continue."""
         for recorder in tuple(self._recorders):
             try:
                 what(recorder)
@@ -175,16 +176,16 @@ class BoardSink:
                 self._recorders.remove(recorder)
                 self.recording_failures.append(str(error))
                 logger.warning("%s stops: %s", type(recorder).__name__, error)
-                with contextlib.suppress(OSError, RuntimeError):  # said already
+                with contextlib.suppress(OSError, RuntimeError):  # reported already
                     recorder.close()
 
     def end(self, ended: Ended) -> LedgerSummary:
-        """Say goodbye to the board and close the ledger; in bounded time if the run was interrupted.
+        """Say goodbye to the board and close the ledger, within a bounded time if the run was interrupted.
 
         Raises
         ------
         UserError
-            If rows or the summary of a run that went well cannot be written; of another, its own failure says more.
+            If the ledger or summary of a successful run cannot be written; after a failure, its error is raised.
         """
         well = ended in {"completed", "board_lost"}
         self.link.close(GOODBYES[ended], CLOSE_TIMEOUT_S if well else QUICK_TIMEOUT_S)
@@ -201,7 +202,7 @@ class BoardSink:
             self._tell(lambda recorder: recorder.close())
 
     def _close_books(self, ended: Ended) -> LedgerSummary:
-        """Drop frames without an outcome and write the summary."""
+        """Drop frames without an outcome, and write the summary."""
         self._take_results()
         for frame in list(self._open.values()):
             record = FrameRecord.of(frame)
@@ -240,7 +241,7 @@ class BoardSink:
         self._tell(lambda recorder: recorder.frame(frame))
 
     def wait_for_outcomes(self) -> None:
-        """Wait until every submitted frame has its outcome, which the link process ensures."""
+        """Wait until every submitted frame has an outcome, which the link process guarantees."""
         while self._open:
             self._collect(0.5)
 

@@ -1,4 +1,4 @@
-"""Bundle for a board in one file: agent, estimators, link, pyserial and board models, as a Python zip."""
+"""Board bundle: agent, estimators, link, pyserial and board models in one executable Python zip."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ MAIN = b'from flyaround.hil.board.__main__ import run_and_exit\n\nrun_and_exit("
 
 SHEBANG = b"#!/usr/bin/env python3\n"
 
-# Zips know no time before 1980; one date for all, so that the same sources give the same bytes.
+# Earliest date of a zip file, used for all members so that the same sources give the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-# Folder of the keypoint network's weights: the trunk, and a head for each craft that has one.
+# Folder of the keypoint network's weights: the trunk, and one head per target.
 WEIGHTS = "weights"
 
 # Parts of pyserial that a Linux board never imports.
@@ -48,9 +48,9 @@ LEFT_OUT = (
 
 
 def write_bundle(path: Path, targets: Sequence[Target]) -> int:
-    """Write the bundle with the board models of ``targets`` and return its size [bytes].
+    """Write the bundle with the board models of ``targets``, and return its size [bytes].
 
-    It needs Python 3.9, numpy and OpenCV 4.6 on the board, and nothing else.
+    On the board it needs only Python 3.9, NumPy and OpenCV 4.6.
 
     Raises
     ------
@@ -69,16 +69,16 @@ def write_bundle(path: Path, targets: Sequence[Target]) -> int:
 
 def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     yield "__main__.py", MAIN
-    yield "flyaround/__init__.py", b""  # the package itself is for newer Pythons
+    yield "flyaround/__init__.py", b""  # the real package needs a newer Python
     root = Path(flyaround.hil.__path__[0])
     for source in (root / "__init__.py", *(root / "board").rglob("*.py"), *(root / "link").rglob("*.py")):
-        # debug images are for people: no estimate needs them
+        # debug images are not needed for estimation
         if source.parent.name != "debug":
             yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
     names = {SAME_SHAPE.get(target.name, target.name) for target in targets}
     for kind in ("*.npz", "trunk.onnx", "kernels.h", "linux-*.so", CHECKSUMS):
         for data in (root / "board").rglob(kind):
-            # of the heads, those of the crafts that go along
+            # only the heads of the bundled targets
             if WEIGHTS not in data.parts or data.stem in names or data.stem == "trunk":
                 yield f"flyaround/hil/{data.relative_to(root).as_posix()}", data.read_bytes()
     for target in targets:
@@ -88,7 +88,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
         )
     spec = importlib.util.find_spec("serial")
     if spec is None or spec.origin is None:
-        raise UserError("the bundle carries pyserial, which is not installed here; pip install pyserial")
+        raise UserError("the bundle includes pyserial, which is not installed here: pip install pyserial")
     serial = Path(spec.origin).parent
     for source in serial.rglob("*.py"):
         inner = source.relative_to(serial)

@@ -1,4 +1,4 @@
-"""Plot of a closed loop: the approach, the errors of the estimate with sigma, and the holds."""
+"""Plot of a closed loop: trajectory, estimation errors with sigma, and holds."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 AXES = ("radial", "along_track", "cross_track")
 PHASES = {"hold": ORANGE, "abort": VERMILION}
-"""Phases marked on the time axis."""
+"""Phases that are marked on the time axis."""
 
 
 def numbers(column: Sequence[str]) -> FloatArray:
-    """Return a column as floats with gaps as NaN."""
+    """Return a column as floats, with NaN for empty cells."""
     return np.array([float(cell) if cell else np.nan for cell in column])
 
 
 def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray, what: str) -> None:
-    """Plot an error of the estimate and the largest sigma of the filter."""
+    """Plot an estimation error and the filter's largest sigma."""
     ax.plot(t_s, error, color=BLUE, label="error")
     ax.plot(t_s, sigma, color=DIM, lw=1, label="sigma")
     ax.set(xlabel="time [s]", ylabel=what)
@@ -36,17 +36,17 @@ def plot_errors(ax: Axes, t_s: FloatArray, error: FloatArray, sigma: FloatArray,
 
 
 def position_error_m(steps: Mapping[str, Sequence[str]]) -> FloatArray:
-    """Return the length of the position error in each period, NaN without an estimate."""
+    """Return the norm of the position error in each period; NaN without an estimate."""
     return np.sqrt(np.sum([numbers(steps[f"{axis}_error_m"]) ** 2 for axis in AXES], axis=0))
 
 
 def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
-    """Return the PNG of ``closed_loop.csv``, given its columns by name."""
+    """Return a PNG plot of ``closed_loop.csv``, given its columns by name."""
     figure, (way, position, attitude) = figure_with_axes(1, 3, 3.6, width=13, widths=(1.2, 1, 1))
     t_s = numbers(steps["t_s"])
     for axis, colour in zip(AXES, (BLUE, VERMILION, GREEN), strict=True):
         way.plot(t_s, numbers(steps[f"{axis}_m"]), color=colour, label=axis.replace("_", "-"))
-    way.set(xlabel="time [s]", ylabel="chaser from target [m]")
+    way.set(xlabel="time [s]", ylabel="chaser relative to target [m]")
     plot_errors(
         position,
         t_s,
@@ -65,7 +65,7 @@ def plot_closed_loop(steps: Mapping[str, Sequence[str]]) -> bytes:
         during = np.array([name == phase for name in steps["phase"]])
         if during.any():
             for ax in (way, position, attitude):
-                # seen through the curves, and named once
+                # transparent behind the curves, with a single legend entry
                 transform = ax.get_xaxis_transform()
                 ax.fill_between(
                     t_s, 0, 1, where=during, transform=transform, color=colour, alpha=0.2, lw=0, step="post",

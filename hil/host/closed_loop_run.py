@@ -1,4 +1,4 @@
-"""Closed-loop flights for the host: guided by a board's poses of rendered images, or by the truth without images."""
+"""Closed-loop flights for the host, guided by a board's poses on rendered images, or by the truth without images."""
 
 from __future__ import annotations
 
@@ -56,24 +56,24 @@ COLUMNS = (
     "delta_v_m_s",
     "violation",
 )
-# largest file to read: about a million control periods
+# Largest accepted file [bytes], about a million control periods
 MAX_BYTES = 1 << 28
 
 PoseFrom = Literal["board", "truth", "noisy"]
 
 
 class BoardPoses:
-    """Queue of the board's accepted poses, as measurements for the navigation filter.
+    """Queue of the board's accepted poses as measurements for the navigation filter.
 
-    The link carries no covariance, so that of ``noise`` is used.
+    The link carries no covariance, so the one of ``noise`` is used.
 
     Parameters
     ----------
     noise : PoseNoise
         Error model of the poses.
     link : PoseLink, optional
-        Simulated delay of poses in lockstep, where the flight's clock stops until the board answers. Without it, as in
-        real time, a pose is available as soon as it is received.
+        Simulated delay of poses in lockstep, where the flight's clock waits for the board. Without it, as in real time,
+        a pose is available as soon as it is received.
     """
 
     def __init__(self, noise: PoseNoise, link: PoseLink | None) -> None:
@@ -248,7 +248,7 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
     Raises
     ------
     UserError
-        If ``every_s`` is no multiple of the control period.
+        If ``every_s`` is not a multiple of the control period.
     """
     thrusters = plan.flight.guidance.acting_thrusters
     if every_s is None or thrusters is None:
@@ -256,8 +256,8 @@ def frame_every(every_s: float | None, plan: Plan) -> int:
     periods = round(every_s / thrusters.period_s)
     if periods < 1 or abs(periods * thrusters.period_s - every_s) > 1e-9:
         raise UserError(
-            f"--every {every_s:g} is no multiple of the thrusters' period of {thrusters.period_s:g} s, at which the "
-            "loop decides; choose one that is"
+            f"--every {every_s:g} is not a multiple of the thrusters' control period of {thrusters.period_s:g} s: "
+            "choose one that is"
         )
     return periods
 
@@ -268,7 +268,7 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
     Raises
     ------
     UserError
-        If it cannot be written.
+        If the file cannot be written.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -279,12 +279,12 @@ def write_steps(folder: Path, steps: Iterable[LoopStep]) -> None:
 
 
 def read_steps(folder: Path) -> dict[str, list[str]]:
-    """Return the columns of a folder's ``closed_loop.csv``; none if there is no such file.
+    """Return the columns of a folder's ``closed_loop.csv``; empty if there is no such file.
 
     Raises
     ------
     UserError
-        If it is damaged.
+        If the file is damaged.
     """
     path = folder / STEPS_CSV
     if not path.exists():
@@ -292,14 +292,14 @@ def read_steps(folder: Path) -> dict[str, list[str]]:
     try:
         lines = list(csv.reader(io.StringIO(read_regular(path, MAX_BYTES).decode()), strict=True))
         if tuple(lines[0]) != COLUMNS or len({len(line) for line in lines}) > 1:
-            raise ValueError("its columns are others")
+            raise ValueError("unexpected columns")
         words = ("phase", "reason", "filter")
         for line in lines[1:]:
             for name, cell in zip(COLUMNS, line, strict=True):
                 if cell and name not in words:
                     float(cell)
     except (OSError, ValueError, IndexError, csv.Error) as error:
-        raise UserError(f"{path} is damaged ({error!s:.120}): take a whole copy of it") from error
+        raise UserError(f"{path} is damaged ({error!s:.120}): copy it again") from error
     return {name: [line[k] for line in lines[1:]] for k, name in enumerate(COLUMNS)}
 
 

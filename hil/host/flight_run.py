@@ -1,4 +1,4 @@
-"""One flight through the host by its options: frames of a plan, of a folder, or of a closed loop."""
+"""One flight through the host: frames of a plan, of a folder, or of a closed loop."""
 
 from __future__ import annotations
 
@@ -38,26 +38,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightOptions:
-    """Options of a flight besides its link.
+    """Options of a flight, except those of its link.
 
     Parameters
     ----------
     closed_loop : ClosedLoopConfig, optional
-        Settings of a flight on the poses; None follows the plan.
+        Settings of a closed loop; by default the flight follows the plan.
     pose_link : PoseLink, optional
-        Delay of poses of a closed loop in lockstep; default their usual latency, and that of the line's faults.
+        Delay of poses of a closed loop in lockstep; by default the usual latency plus the line's faults.
     pose_noise : PoseNoise, optional
-        Assumed errors of the board's poses in a closed loop; default those of ``hybrid``.
+        Assumed errors of the board's poses in a closed loop; by default those of ``hybrid``.
     source : Path, optional
         Folder whose images are sent instead of rendered ones.
     source_text : bytes, optional
-        Scenario file and command line, for the record of the run.
+        Contents of the scenario file, for the record of the run.
     command : tuple of str, optional
-        Scenario file and command line, for the record of the run.
+        Words of the command line, for the record of the run.
     time_code : bool, optional
         True to draw a time code into a corner.
-    workers, device_index : int, optional
-        Processes and GPU of the rendering.
+    workers : int, optional
+        Number of render processes.
+    device_index : int, optional
+        EGL device to render on.
     """
 
     closed_loop: ClosedLoopConfig | None = None
@@ -72,19 +74,19 @@ class FlightOptions:
 
 
 class FlightRun:
-    """Flight ready to be sent.
+    """Flight that is ready to be sent.
 
     Parameters
     ----------
     plan : Plan
         Plan of the flight.
     config : RunConfig
-        Settings of the run, to which the target and a closed loop are added.
+        Settings of the run; the target and a closed loop are added.
 
     Raises
     ------
     UserError
-        If a closed loop is asked of a flight without path or thrusters.
+        If a closed loop is requested for a flight without path or thrusters.
     """
 
     def __init__(self, plan: Plan, config: RunConfig, options: FlightOptions) -> None:
@@ -120,7 +122,7 @@ class FlightRun:
         on_listening: Callable[[str, str | None], None] | None = None,
         on_end: Callable[[LedgerSummary], None] | None = None,
     ) -> LedgerSummary:
-        """Send the flight with `run_host`; a closed loop's decisions are written next to the ledger.
+        """Send the flight with `run_host`; decisions of a closed loop are written next to the ledger.
 
         Parameters
         ----------
@@ -162,7 +164,7 @@ class FlightRun:
 
 
 def interval_s(plan: Plan) -> float | None:
-    """Return the median interval between frames."""
+    """Return the median interval between frames [s]."""
     return float(np.median(np.diff(plan.times_s))) if plan.n_frames > 1 else None
 
 
@@ -174,14 +176,14 @@ def with_time_code(
     Parameters
     ----------
     place : CodePlace, optional
-        Place of the code, default the upper left corner; ``time_code_px`` of each frame is its box.
+        Position of the code, by default the upper left corner; ``time_code_px`` of each frame is its box.
     faults : Faults, optional
-        Faults of the camera, of which `RepeatedNumber` keeps its counter at the last number.
+        Camera faults, of which `RepeatedNumber` keeps its counter at the last number.
 
     Raises
     ------
     UserError
-        If the code does not fit the image.
+        If the code does not fit into the image.
     """
     place = CodePlace() if place is None else place
     for frame in with_camera_numbers(frames, faults):
@@ -189,8 +191,8 @@ def with_time_code(
         if not place.fits(height, width):
             left, top, right, bottom = place.box_px
             raise UserError(
-                f"a time code takes {right - left} x {bottom - top} px and the picture has {width} x {height}: "
-                "leave --time-code out, or read more of the sensor"
+                f"a time code takes {right - left} x {bottom - top} px but the picture has {width} x {height}: "
+                "leave --time-code out, or enlarge roi_px"
             )
         counter = frame.number if frame.camera_frame is None else frame.camera_frame
         code = CornerCode(counter, nanoseconds_utc(frame.scene.epoch_utc))

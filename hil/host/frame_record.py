@@ -28,31 +28,35 @@ DURATIONS = (
     "board_total_ms",
     "downlink_ms",
 )
-"""Fields of `FrameRecord` that hold the durations of a frame's stages."""
+"""Fields of `FrameRecord` that hold durations of a frame's stages."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameTimes:
-    """Times of a frame in progress, on the host's monotonic clock [ns]; None while unknown.
+    """Times of a frame in progress on the host's monotonic clock [ns]; None if unknown.
 
     Parameters
     ----------
     due_ns : int, optional
-        The camera hands the image over; None for a camera that is triggered in time.
+        Time at which the camera must hand the image over; None for a triggered camera.
     latency_s : float
-        From the end of the exposure until the image is handed over.
+        Time from the end of the exposure to the hand-over [s].
     ready_ns : int, optional
-        The image is there; after ``due_ns`` the camera is late.
+        Time at which the image was rendered; later than ``due_ns`` if the camera is late.
     handed_over_ns : int, optional
-        The link process takes the image up, whether or not it is sent.
-    send_start_ns, send_end_ns : int, optional
-        The first byte is about to leave; the last one is with the operating system.
+        Time at which the link process accepted the image, whether or not it is sent.
+    send_start_ns : int, optional
+        Time just before the first byte was sent.
+    send_end_ns : int, optional
+        Time at which the operating system had accepted the last byte.
     received_ns : int, optional
-        The answer is back.
+        Time at which the answer was received.
     answer : PoseMessage, optional
         The board's answer, with its own times.
-    clock_offset_ns, clock_bound_ns : int, optional
-        The board's clock minus the host's, and the bound of its error.
+    clock_offset_ns : int, optional
+        The board's clock minus the host's.
+    clock_bound_ns : int, optional
+        Bound of the error of this offset.
     """
 
     due_ns: int | None = None
@@ -67,7 +71,7 @@ class FrameTimes:
     clock_bound_ns: int | None = None
 
     def exposure_ns(self, exposure_s: float) -> tuple[int, int] | None:
-        """Return start and end of the exposure: the latency before the image is due or was handed over."""
+        """Return start and end of the exposure, from the time at which the image was due or handed over."""
         over_ns = self.handed_over_ns if self.due_ns is None else self.due_ns
         if over_ns is None:
             return None
@@ -76,69 +80,88 @@ class FrameTimes:
 
     @property
     def board_fault(self) -> str:
-        """Reason why the times reported by the board are impossible; empty if possible or absent.
+        """Reason why the times reported by the board are impossible; empty if they are possible or absent.
 
-        They are in order, and by the clock offset not before the frame was sent nor after its answer came, within the
-        bound of that offset.
+        Possible times are in order and, within the bound of the clock offset, neither before the frame was sent nor
+        after its answer was received.
         """
         pose, offset, bound = self.answer, self.clock_offset_ns, self.clock_bound_ns
         if pose is None or not (pose.receive_ns or pose.start_ns or pose.end_ns):
             return ""
         if not pose.receive_ns <= pose.start_ns <= pose.end_ns:
-            return "received, begun and answered are not in this order"
+            return "reception, start and answer are not in this order"
         if offset is None or bound is None or self.send_start_ns is None or self.received_ns is None:
             return ""
         early_ms = ((self.send_start_ns - bound) - (pose.receive_ns - offset)) * 1e-6
         late_ms = ((pose.end_ns - offset) - (self.received_ns + bound)) * 1e-6
         if early_ms > 0:
             return f"received {early_ms:.4g} ms before it was sent"
-        return f"answered {late_ms:.4g} ms after the answer came" if late_ms > 0 else ""
+        return f"answered {late_ms:.4g} ms after the answer was received" if late_ms > 0 else ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:
-    """The record of one frame; its columns are documented in docs/formats/ledger.md.
+    """Record of one frame; its columns are documented in docs/formats/ledger.md.
 
-    It begins with the host's frame, the link process adds the times and the outcome, and `complete` derives the
-    columns of the ledger.
+    It starts with the host's frame; the link process adds the times and the outcome, and `complete` derives the columns
+    of the ledger.
 
     Parameters
     ----------
     outcome : str
-        ``accepted``, ``declined`` or ``dropped:CAUSE``; empty while it is not known.
+        ``accepted``, ``declined`` or ``dropped:CAUSE``; empty while unknown.
     e2e_ms : float, optional
-        From the first byte out to the pose back, both on the link process's clock.
+        Time from the first byte sent to the pose received, on the link process's clock.
     send_lag_ms : float, optional
-        Delay of the start of sending (realtime).
-    uplink_ms, downlink_ms : float, optional
-        Frame out to frame whole at the board; pose out to pose in; by the clock offset.
-    board_wait_ms, board_total_ms : float, optional
-        Frame whole to estimator's start, and to its end.
-    q_wxyz, t_m : tuple, optional
-        ``camera_from_target`` as the board has it; ``truth_*`` the true one.
-    E_T_m, E_R_deg : float, optional
-        Pose error, where both are known.
+        Delay of the start of sending (real time).
+    uplink_ms : float, optional
+        Time from sending the frame to its complete reception on the board, by the clock offset.
+    board_wait_ms : float, optional
+        Time from complete reception on the board to the start of the estimator.
+    board_total_ms : float, optional
+        Time from complete reception on the board to the end of the estimator.
+    downlink_ms : float, optional
+        Time from sending the pose to its reception, by the clock offset.
+    q_wxyz : tuple, optional
+        Estimated ``q_camera_from_target``; ``truth_q_wxyz`` is the true one.
+    t_m : tuple, optional
+        Estimated ``t_camera_from_target``; ``truth_t_m`` is the true one.
+    E_T_m : float, optional
+        Position error, if the truth is known.
+    E_R_deg : float, optional
+        Attitude error, if the truth is known.
     faults : tuple of str
-        Faults of camera and line that struck the frame on purpose.
-    exposure_start_utc, exposure_end_utc : str
-        On the host's clock, ISO 8601 to the nanosecond, as are the next ones.
-    drawn_utc, handed_over_utc, sent_utc, received_utc : str
-        The image was there; the camera gave it to the link; the last byte was with the operating system; the pose
-        was back.
-    received_on_board_utc, begun_utc, answered_utc : str
-        Frame whole, estimator begins and ends, by the clock offset.
+        Deliberate faults of camera and line that affected the frame.
+    exposure_start_utc : str
+        Start of the exposure, on the host's clock, ISO 8601 with nanoseconds like all following times.
+    exposure_end_utc : str
+        End of the exposure.
+    drawn_utc : str
+        Time at which the image was rendered.
+    handed_over_utc : str
+        Time at which the camera handed the image to the link.
+    sent_utc : str
+        Time at which the operating system had accepted the last byte.
+    received_on_board_utc : str
+        Time of complete reception on the board, by the clock offset.
+    begun_utc : str
+        Start of the estimator, by the clock offset.
+    answered_utc : str
+        End of the estimator, by the clock offset.
+    received_utc : str
+        Time at which the pose was received.
     handover_error_ms : float, optional
-        Handed over minus end of exposure and latency (realtime).
-    late : bool, optional
-        True if the image was not there when it was to be handed over (realtime).
+        Hand-over minus end of exposure and latency (real time).
     staleness_ms : float, optional
-        Age of mid-exposure when the estimator began.
+        Age of mid-exposure at the start of the estimator.
+    late : bool, optional
+        True if the image was not rendered when it was due (real time).
     deadline_met : bool, optional
-        True if the answer came within the deadline; False of a frame without one, None where there is none.
+        True if the answer met the deadline, False without an answer, None without a deadline.
     time_fault : str
-        Why the times that the board reports cannot be; they are left out then. Empty where they can.
+        Reason why the board's times are impossible, in which case they are omitted; else empty.
     times : FrameTimes
-        Clock readings while the frame is under way; a complete record has none.
+        Clock readings of a frame in progress; a complete record has none.
     """
 
     frame_id: int
@@ -182,7 +205,7 @@ class FrameRecord:
 
     @staticmethod
     def of(frame: Frame) -> FrameRecord:
-        """Make the record of a frame not yet in progress."""
+        """Make the record of a frame that is not yet in progress."""
         scene = frame.scene
         return FrameRecord(
             frame_id=frame.number,
@@ -194,11 +217,11 @@ class FrameRecord:
         )
 
     def at(self, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with more times."""
+        """Return the record with additional times."""
         return replace(self, times=replace(self.times, **times))
 
     def ended(self, outcome: str, reason: str, **times: Any) -> FrameRecord:  # noqa: ANN401 - fields of FrameTimes
-        """Return the record with its outcome and last times."""
+        """Return the record with its outcome and final times."""
         return replace(self.at(**times), outcome=outcome, reason=reason)
 
     @property
@@ -208,11 +231,11 @@ class FrameRecord:
 
     @property
     def wrong(self) -> bool | None:
-        """True if the pose is no coarse success (5 deg, 5 % of the range) as in `evaluate`; None if unknown."""
+        """True if the pose is not a coarse success (5 deg, 5 % of the range) as in `evaluate`; None if unknown."""
         if self.E_T_m is None or self.E_R_deg is None or self.truth_t_m is None:
             return None
         share = self.E_T_m / max(float(np.linalg.norm(self.truth_t_m)), 1e-9)
-        # not a number is not within a limit
+        # negated, so that NaN counts as wrong
         return not (self.E_R_deg <= COARSE_DEG and share <= COARSE_SHARE)
 
 
@@ -222,22 +245,23 @@ def complete(
     utc_minus_monotonic_ns: int = 0,
     deadline_ms: float | None = None,
 ) -> FrameRecord:
-    """Return a record from the link as the ledger has it.
+    """Return a link record in the form of the ledger.
 
     Parameters
     ----------
     record : FrameRecord
-        With its outcome, and with times.
+        Record with its outcome and times.
     truth : tuple of Quat and Vec3 or None
-        (4,) and (3,) tuples, optional Quaternion and position ``camera_from_target``.
+        True quaternion and position, camera from target.
     utc_minus_monotonic_ns : int
+        Offset between the host's clocks, the same for all rows of a run.
         Of the host's clocks, the same for all rows of a run.
     deadline_ms : float, optional
         Deadline of an answer, from the start of sending.
     """
     times, shift, pose = record.times, utc_minus_monotonic_ns, record.times.answer
     fault, exposure = times.board_fault, record.exposure_ns or (None, None)
-    # on the host's clock, as far as the board's times can be placed on it
+    # on the host's clock, if the clock offset is known
     board: tuple[int | None, ...] = (None, None, None)
     wait_ms = total_ms = None
     if pose is not None and pose.end_ns and not fault:
@@ -299,7 +323,7 @@ def _with_pose(record: FrameRecord, pose: PoseMessage | None, truth: tuple[Quat,
 
 
 def pose_errors(q_wxyz: Quat, t_m: Vec3, truth_q_wxyz: Quat, truth_t_m: Vec3) -> tuple[float, float]:
-    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; a bad quaternion gives 180 deg at most."""
+    """Return ``E_T`` [m] and ``E_R`` [deg] of a pose; 180 deg at most, even for an invalid quaternion."""
     error_m = float(np.linalg.norm(np.subtract(t_m, truth_t_m)))
     norm = float(np.linalg.norm(q_wxyz))
     if norm < 1e-9:

@@ -1,4 +1,4 @@
-"""Errors of the board's poses for the filter, as measured by an evaluation of its estimator."""
+"""Error model of a board's poses for the filter, from an evaluation of its estimator."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from flyaround.simulator.runtime.untrusted_files import read_regular, refuse_dee
 
 MAX_BYTES = 10_000_000
 
-# Limits of a sine or a share: outside of them a value is no plausible accuracy.
+# Plausible range of a sine or share that states an accuracy.
 MIN_VALUE, MAX_VALUE = 1e-7, 3.2
 
 
 class _Metrics(msgspec.Struct, frozen=True):
-    """Fields read from a metrics.json."""
+    """Fields that are read from metrics.json."""
 
     spread: PoseSpread | None = None
 
 
 def read_pose_noise(path: Path) -> PoseNoise:
-    """Return the noise of an estimator's poses, of the first method in a ``metrics.json``.
+    """Return the noise model of an estimator's poses, from the first method in a ``metrics.json``.
 
     Raises
     ------
     UserError
-        If the file is none, or has too few accepted poses.
+        If the file is invalid, or has too few accepted poses.
     """
     where = f"--pose-errors {path}"
     try:
@@ -46,7 +46,7 @@ def read_pose_noise(path: Path) -> PoseNoise:
         ) from error
     if spread is None:
         raise UserError(
-            f"{where} has no spread of poses, which takes ten accepted ones; evaluate more frames"
+            f"{where} has no spread of poses, which needs ten accepted ones: evaluate more frames"
         )
     sizes = (spread.across_share, spread.along_share, spread.tilt_rad, spread.roll_rad)
     if not all(MIN_VALUE <= x <= MAX_VALUE for x in sizes):

@@ -1,4 +1,4 @@
-"""Images of a folder as frames of a camera: looped, with the numbers and times of a flight."""
+"""Stored images as frames of a camera: looped, with the frame numbers and times of a flight."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
 
-# largest size of the decoded pictures that are kept [bytes]; others are read again on each round
+# Largest size of cached decoded images [bytes]; others are decoded again in each round
 KEPT_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
 class StoredPicture:
-    """Image and its known data."""
+    """Stored image with its known metadata."""
 
     path: Path
     image: NDArray[np.unsignedinteger]
@@ -37,7 +37,7 @@ class StoredPicture:
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """Return the PNG files of a folder, or of the ``images`` of a data set, by name, without masks and other layers.
+    """Return the PNG files of a folder, or of a data set's ``images``, by name, without masks and other layers.
 
     Raises
     ------
@@ -57,13 +57,14 @@ def pictures_in(folder: Path) -> list[Path]:
 def frames_of_folder(plan: Plan, folder: Path) -> Iterator[Frame]:
     """Yield frames of a folder's images, looped until the plan ends.
 
-    Each round has new frame numbers and times: those of the plan. An image with a truth record next to it (a data
-    set's) brings its own camera, sensor, exposure and truth; one without takes the plan's, and its pose is not known.
+    Each round has new frame numbers and times, those of the plan. An image with a truth record next to it (as in a data
+    set) keeps its own camera, sensor, exposure and truth. Other images use those of the plan, and their pose is
+    unknown.
 
     Raises
     ------
     UserError
-        If an image is not what the camera gives, or shows another target.
+        If an image does not match the camera, or shows another target.
     """
     paths = pictures_in(folder)
     cache: dict[int, StoredPicture] = {}
@@ -91,7 +92,7 @@ def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
     else:
         if truth.scene.target != flown.target:
             raise UserError(
-                f"{picture.path} shows {truth.scene.target.name} and the scenario flies {flown.target.name}, or another"
+                f"{picture.path} shows {truth.scene.target.name} but the scenario flies {flown.target.name}, or another"
                 " version of it: name a scenario of the same target"
             )
         scene = replace(truth.scene, epoch_utc=flown.epoch_utc, t_s=flown.t_s, frame_index=flown.frame_index)
@@ -109,6 +110,6 @@ def _frame(flown: SceneState, picture: StoredPicture) -> Frame:
         actual = f"{width} x {height} px, {(channels or [1])[0]} channel(s), {8 * image.dtype.itemsize} bits"
         expected = f"{shape[1]} x {shape[0]} px, one channel, {bits} bits"
         raise UserError(
-            f"{picture.path} has {actual}, and the camera gives {expected}: give the scenario the pictures' camera"
+            f"{picture.path} has {actual}, but the camera delivers {expected}: use the pictures' camera in the scenario"
         )
     return Frame(scene, image, NO_RADIANCE, truth)

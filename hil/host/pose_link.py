@@ -1,4 +1,4 @@
-"""Time at which a pose is available, by the flight's clock: the latency of a link and the line's faults."""
+"""Availability of poses on the flight's clock: latency of a link, and faults of the line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flyaround.hil.navigation.pose_sources import PoseSource
     from flyaround.simulator.scenario.faults import Faults, LineFault
 
-# from mid-exposure to a pose: what `hybrid` takes for a picture of 1920 x 1200 on a slow core
+# Latency from mid-exposure to a pose [s]: that of `hybrid` on a 1920 x 1200 image and a slow core
 LATENCY_S = 0.3
 SUPPORTED_FAULTS = (Delay, Jitter, Drop)
 """Faults of the line that affect a link of poses."""
@@ -26,16 +26,16 @@ SUPPORTED_FAULTS = (Delay, Jitter, Drop)
 
 @dataclass(frozen=True, kw_only=True)
 class PoseLink:
-    """Link from an image to its pose in the filter, on the flight's clock alone.
+    """Link from an image to its pose in the filter, simulated on the flight's clock.
 
     Parameters
     ----------
     latency_s : float, optional
         Time from mid-exposure to the pose, without faults.
     faults : tuple of LineFault, optional
-        Delays, jitters and drops of the line; a drop's chance is that of an image. Others are left out.
+        Delays, jitters and drops of the line; a drop's probability is per image. Others are ignored.
     seed : int, optional
-        Seed of the random draws, which depend on it and the image's number alone.
+        Seed of the random draws, which depend only on it and the image's number.
     """
 
     latency_s: float = LATENCY_S
@@ -44,7 +44,7 @@ class PoseLink:
 
     @staticmethod
     def in_lockstep(faults: Faults) -> PoseLink:
-        """Make the link of a board in lockstep: the line's delays; losses happen on the line itself."""
+        """Make the link of a board in lockstep: delays of the line only, because losses occur on the line itself."""
         late = tuple(fault for fault in faults.line if isinstance(fault, Delay | Jitter))
         return PoseLink(faults=late, seed=faults.seed)
 
@@ -55,18 +55,18 @@ class PoseLink:
         Raises
         ------
         UserError
-            If there is a fault that only an image or a line could have.
+            If there is a fault that only affects images or a line.
         """
         for fault in (*faults.camera, *faults.line):
             if not isinstance(fault, SUPPORTED_FAULTS):
                 raise UserError(
                     f"a fault {fault.name!r} needs pictures and a line: fly on a board's poses, or leave it out; "
-                    "without pictures there are delay, jitter and drop"
+                    "without pictures only delay, jitter and drop are possible"
                 )
         return PoseLink(faults=faults.line, seed=faults.seed)
 
     def delay_s(self, number: int, t_s: float) -> float | None:
-        """Return the delay of an image's pose after its exposure at ``t_s``; None if lost."""
+        """Return the delay of the pose of an image exposed at ``t_s``; None if it is lost."""
         delay_s = self.latency_s
         for k, fault in enumerate(self.faults):
             if not isinstance(fault, SUPPORTED_FAULTS) or not fault.acts(t_s):
@@ -82,12 +82,12 @@ class PoseLink:
 
 
 class PoseQueue:
-    """Poses in transit over a link that keeps their order.
+    """Poses in transit over a link that preserves their order.
 
     Parameters
     ----------
     link : PoseLink or None
-        Their delays; None hands each on as it comes.
+        Delay of the poses; None for immediate delivery.
     """
 
     def __init__(self, link: PoseLink | None) -> None:
@@ -96,7 +96,7 @@ class PoseQueue:
         self._last_s = -np.inf
 
     def put(self, number: int, pose: PoseMeasurement) -> None:
-        """Add the pose of an image by its number."""
+        """Add the pose of an image, by the image's number."""
         if self._link is None:
             self._waiting.append((-np.inf, pose))
             return
@@ -114,19 +114,19 @@ class PoseQueue:
 
 
 class LinkedPoses:
-    """Source of immediate poses, delayed by a link.
+    """Source of poses that delays those of an immediate source by a link.
 
     Parameters
     ----------
     source : PoseSource
-        Looks, and answers at once.
+        Source that answers immediately.
     """
 
     def __init__(self, source: PoseSource, link: PoseLink) -> None:
         self._source, self._queue, self._number = source, PoseQueue(link), 0
 
     def look(self, snapshot: Snapshot) -> None:
-        """Expose an image of this moment."""
+        """Expose an image at this moment."""
         self._source.look(snapshot)
         for pose in self._source.arrived(snapshot.t_s):
             self._queue.put(self._number, pose)

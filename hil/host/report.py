@@ -1,4 +1,4 @@
-"""Report of a run, made from any ledger folder: one page with its plots."""
+"""Report of a run, generated from its ledger folder: one page with its plots."""
 
 from __future__ import annotations
 
@@ -30,36 +30,36 @@ if TYPE_CHECKING:
 
 REPORT_HTML = "report.html"
 TRACE_JSON = "trace.json"
-# largest summary.json: thousands of times the usual size
+# Largest accepted summary.json [bytes], thousands of times the usual size
 MAX_BYTES = 1 << 24
 
 WRONG_LABEL = "accepted poses wrong"
-TIME_FAULT_LABEL = "answers with board times that cannot be"
+TIME_FAULT_LABEL = "answers with impossible board times"
 MAX_TIME_FAULTS = 20
-"""Rows of the table of impossible times."""
-LATE_LABEL = "not drawn in time"
+"""Largest number of rows in the table of impossible times."""
+LATE_LABEL = "not rendered in time"
 INSIDE_LABEL = "periods inside the sphere"
 
 CAPTIONS = {
-    "latency": "From the first byte of the frame to the pose back, on the link process's monotonic clock.",
+    "latency": "From the first byte of the frame to the pose received, on the link process's monotonic clock.",
     "timeline": "Every frame in order; a red line is a frame without an answer, a red dot an accepted pose that is"
     " wrong.",
-    "jitter": "Change from one answer to the next; in real time also how late frames left.",
-    "camera": "Age of mid-exposure when the estimator began; in real time also how far the camera was off its constant"
-    " latency, every frame.",
-    "drops": "Each stroke is a frame. Faults were asked for; what they did to the frame is its outcome.",
+    "jitter": "Change of latency from one answer to the next; in real time also the delay of sending.",
+    "camera": "Age of mid-exposure when the estimator began; in real time also the error of the camera's constant"
+    " latency, over all frames.",
+    "drops": "Each stroke is a frame. Faults were deliberate; their effect on the frame is its outcome.",
     "outcomes": "Each frame that was offered to the link has exactly one outcome.",
-    "stages": "Medians do not add up to the median of the whole; link times rest on the clock offset.",
-    "closed loop": "The chaser in the target's LVLH frame, and the errors of what the filter believes, by the truth;"
-    " coloured while guidance holds or aborts.",
-    "errors": "Against the truth as the host knows it; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
+    "stages": "Medians of stages do not add up to the median of the whole; link times depend on the clock offset.",
+    "closed loop": "The chaser in the target's LVLH frame, and the true errors of the filter's estimate; shaded while"
+    " guidance holds or aborts.",
+    "errors": "Relative to the truth known to the host; an accepted pose beyond 5 deg or 5 % of the range is wrong.",
 }
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` and ``trace.json`` into a ledger folder and return the page's path.
+    """Write ``report.html`` and ``trace.json`` into a ledger folder, and return the path of the page.
 
-    A ledger without summary.json (the host was killed) is summarised from its rows and from run.json.
+    A ledger without summary.json, because the host was killed, is summarised from its rows and run.json.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def _summary(folder: Path, rows: Sequence[FrameRecord]) -> LedgerSummary:
 
 
 def _terms(folder: Path, rows: Sequence[FrameRecord]) -> dict[str, Any]:
-    """Return the settings of a run without a summary; for ledgers older than run.json, from the rows."""
+    """Return the settings of a run without a summary; from the rows for ledgers older than run.json."""
     terms = read_terms(folder)
     if terms is not None:
         return {
@@ -129,22 +129,22 @@ def _record(terms: RunTerms | None, s: LedgerSummary) -> Markup:
         (
             "software",
             f"flyaround {v.flyaround}, Python {v.python}, numpy {v.numpy}, OpenCV {v.opencv}"
-            + (f", drawn by {v.gl_renderer}" if v.gl_renderer else ""),
+            + (f", rendered by {v.gl_renderer}" if v.gl_renderer else ""),
         ),
     ]
     if board is not None:
         model = f"model {board.model or 'unnamed'} {board.model_sha256}".rstrip()
         lines.append(("board", f"{board.name}, method {board.method}, {model}"))
     if terms.sun_sent:
-        lines.append(("given to the board", "direction to the Sun, with each frame"))
+        lines.append(("sent to the board", "direction to the Sun, with each frame"))
     if terms.command:
         lines.append(("command", shlex.join(terms.command)))
     text = element(
         "details",
-        element("summary", "the scenario's text"),
+        element("summary", "text of the scenario"),
         element("div", element("pre", scenario.text), class_="scroll"),
     )
-    return markup(table(("what was flown", ""), lines), text)
+    return markup(table(("configuration", ""), lines), text)
 
 
 def _named_faults(terms: RunTerms) -> str:
@@ -169,7 +169,7 @@ def _read(path: Path) -> LedgerSummary:
 def _text(value: float | None, unit: str, digits: int = 3) -> str:
     if value is None:
         return "\N{EN DASH}"
-    # thousands are written out: 1362 ms, never 1.36e+03
+    # all digits of large numbers: 1362 ms, not 1.36e+03
     figure = f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
     return f"{figure}\N{THIN SPACE}{unit}"
 
@@ -192,9 +192,9 @@ def _drift(s: LedgerSummary) -> str:
 
 TIMES = (
     ("end to end", "e2e_ms"),
-    ("staleness when used", "staleness_ms"),
-    ("camera's latency off by", "handover_error_ms"),
-    ("sent later than due", "send_lag_ms"),
+    ("age when used", "staleness_ms"),
+    ("error of the camera's latency", "handover_error_ms"),
+    ("delay of sending", "send_lag_ms"),
     ("drawing", "render_ms"),
     ("link out", "uplink_ms"),
     ("waiting on the board", "board_wait_ms"),
@@ -226,15 +226,15 @@ def _faults(rows: Sequence[FrameRecord]) -> Markup:
         lines.append(
             (name, str(len(hit_outcomes)), *(str(hit_outcomes.count(outcome)) for outcome in outcomes))
         )
-    return table(("fault on purpose", "frames", *outcomes), lines)
+    return table(("deliberate fault", "frames", *outcomes), lines)
 
 
 def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
     """Return the section of a closed loop: its result and plots."""
     figures = [
         (c.outcome, "approach"),
-        (_text(c.final_error_m, "m"), "off the hold point"),
-        (_text(c.final_error_deg, "deg"), "off in attitude"),
+        (_text(c.final_error_m, "m"), "from the hold point"),
+        (_text(c.final_error_deg, "deg"), "attitude error"),
         (_text(c.min_range_m, "m"), "nearest"),
         (f"{c.keep_out_violations}", INSIDE_LABEL),
         (_text(c.delta_v_m_s, "m/s"), "spent"),
@@ -250,7 +250,7 @@ def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
 
 def _mistakes(s: LedgerSummary) -> str:
     kinds = "; ".join(f"{n} x {kind}" for kind, n in s.link.mistakes.items())
-    return f"{s.link.protocol_mistakes} protocol mistake(s){f' ({kinds})' if kinds else ''}"
+    return f"{s.link.protocol_mistakes} protocol violation(s){f' ({kinds})' if kinds else ''}"
 
 
 def _page(
@@ -306,9 +306,9 @@ def _page(
     if faulty:
         lines = [(str(row.frame_id), row.time_fault) for row in faulty[:MAX_TIME_FAULTS]]
         page.add(
-            note(f"The board reports times that cannot be for {len(faulty)} frames; they are left out above.")
+            note(f"The board reported impossible times for {len(faulty)} frames; they are omitted above.")
         )
-        page.add(table(("frame", "what cannot be"), lines))
+        page.add(table(("frame", "problem"), lines))
     if any(row.faults for row in rows):
         page.add(_faults(rows))
     page.add(element("br"), [plot(png, CAPTIONS[name], alt=name) for name, png in plots.items()])
@@ -339,7 +339,7 @@ def _key_figures(s: LedgerSummary) -> Markup:
         (_text(s.median_E_R_deg, "deg"), "median E_R, accepted"),
     ]
     bad = [label for label, n in ((WRONG_LABEL, s.accepted_wrong), (LATE_LABEL, s.late)) if n]
-    # in a campaign's lockstep nothing of the wall clock is kept
+    # in lockstep campaigns, wall-clock times are not kept
     if s.e2e_ms_p50 is None and s.accepted + s.declined:
         figures = [figure for figure in figures if not figure[1].startswith("latency")]
     if s.deadline_misses is not None:
@@ -351,7 +351,7 @@ def _key_figures(s: LedgerSummary) -> Markup:
         figures.append((_text(s.staleness_ms_p99, "ms"), "age when used, p99"))
     if s.handover_error_ms_p99 is not None:
         figures.append(
-            (_text(s.handover_error_ms_p99, "ms"), f"off {_text(s.latency_ms, 'ms')} latency, p99")
+            (_text(s.handover_error_ms_p99, "ms"), f"error of {_text(s.latency_ms, 'ms')} latency, p99")
         )
     if s.late:
         figures.append((f"{s.late}", LATE_LABEL))

@@ -37,17 +37,17 @@ STAGES = (
 
 WRONG = "accepted, wrong"
 
-# the kinds of answers in the order of legends, each with its marker
+# Kinds of answers in the order of legends, with their markers.
 MARKERS = {ACCEPTED: "o", WRONG: "X", DECLINED: "x"}
 
 
 def outcome_colour(outcome: str) -> str:
-    """Return green for accepted, orange for declined, red for accepted but wrong or dropped, as on every plot."""
+    """Return green for accepted, orange for declined, red for accepted but wrong or dropped."""
     return {ACCEPTED: GREEN, DECLINED: ORANGE}.get(outcome, RED)
 
 
 def kind_of(row: FrameRecord) -> str:
-    """Return the row's outcome; an accepted pose that the truth contradicts is a kind of its own."""
+    """Return the row's outcome; an accepted pose that the truth contradicts is a separate kind."""
     return WRONG if row.outcome == ACCEPTED and row.wrong else row.outcome
 
 
@@ -56,12 +56,12 @@ def _title(ax: Axes, text: str) -> None:
 
 
 def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figure | None:
-    """Plot histogram and cumulative share of the end-to-end latency."""
+    """Plot histogram and cumulative distribution of the end-to-end latency."""
     e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
     if not len(e2e):
         return None
     figure, (left, right) = figure_with_axes(1, 2, HEIGHT)
-    # bins over the bulk; the few beyond it are named, not squeezed into the last bin unseen
+    # bins over the bulk; the title states the outliers
     top = float(np.percentile(e2e, 99.5)) if len(e2e) > 40 else float(e2e[-1])
     beyond = int(np.sum(e2e > top))
     left.hist(e2e[e2e <= top], bins=min(40, max(8, len(e2e) // 4)), color=BLUE, edgecolor="white", lw=0.4)
@@ -116,7 +116,7 @@ def plot_timeline(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Fig
 
 
 def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Plot the change of latency from frame to frame, and the lateness of sending."""
+    """Plot the change of latency from frame to frame, and the delay of sending."""
     e2e = np.array([row.e2e_ms for row in rows if row.e2e_ms is not None])
     lag = np.array([row.send_lag_ms for row in rows if row.send_lag_ms is not None])
     if len(e2e) < 2:
@@ -130,7 +130,7 @@ def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
     _title(axes[0], f"Jitter: rms {np.sqrt(np.mean(change**2)):.3g} ms")
     if len(lag):
         axes[1].plot(np.sort(lag), np.arange(1, len(lag) + 1) / len(lag), color=BLUE, lw=2)
-        axes[1].set(xlabel="sent later than due [ms]", ylabel="share of sent frames", ylim=(0, 1.02))
+        axes[1].set(xlabel="delay of sending [ms]", ylabel="share of sent frames", ylim=(0, 1.02))
         axes[1].set_xscale("symlog", linthresh=0.01)
         axes[1].set_xlim(left=0)
         _title(axes[1], f"Pacing: p50 {np.percentile(lag, 50):.3g}, p99 {np.percentile(lag, 99):.3g} ms")
@@ -138,7 +138,7 @@ def plot_jitter(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
 
 
 def plot_outcomes(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Plot frames by outcome and cause."""
+    """Plot the number of frames by outcome and cause."""
     if not rows:
         return None
     counts = Counter(kind_of(row) for row in rows)
@@ -158,7 +158,7 @@ def plot_outcomes(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Fi
 
 
 def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Plot the stages of an answered frame: link out, waiting, each board stage, link back."""
+    """Plot the stages of an answered frame: uplink, waiting, each board stage, downlink."""
     answered = [row for row in rows if row.e2e_ms is not None]
     names = list(dict.fromkeys(name for row in answered for name in row.stages_ms))
     parts: list[tuple[str, list[float]]] = [
@@ -183,12 +183,12 @@ def plot_stages(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
     ax.grid(visible=False, axis="y")
     ax.set_xlim(0, 1.18 * max(float(np.percentile(values, 99)) for _, values in parts))
     ax.set_xlabel("p50 (bar) and p99 (tick) [ms]")
-    _title(ax, "Where the time goes")
+    _title(ax, "Time per stage")
     return figure
 
 
 def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figure | None:
-    """Plot pose errors over simulated time: accepted, accepted but wrong, and declined apart."""
+    """Plot pose errors over simulated time, distinguishing accepted, accepted but wrong, and declined."""
     posed = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not posed:
         return None
@@ -211,7 +211,7 @@ def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
         _title(
             ax, f"Median of accepted: {np.median(accepted):.3g} {unit}" if accepted else "No pose accepted"
         )
-    # wrong poses are at the top, where a legend inside would hide them
+    # below the axes: wrong poses are at the top, where a legend would hide them
     figure.legend(
         *axes[0].get_legend_handles_labels(), fontsize=9, frameon=False, ncols=3, loc="outside lower center"
     )
@@ -242,7 +242,7 @@ def plot_camera(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
         axes[1].set(xlabel="handed over - (end of exposure + latency) [ms]", ylabel="frames", xscale="log")
         axes[1].set_yscale("symlog", linthresh=1)
         p99, worst = np.percentile(errors, 99), errors.max()
-        _title(axes[1], f"Camera's latency: p99 {p99:.3g}, max {worst:.3g} ms off")
+        _title(axes[1], f"Error of the camera's latency: p99 {p99:.3g}, max {worst:.3g} ms")
     return figure
 
 

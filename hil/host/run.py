@@ -1,4 +1,4 @@
-"""One run of frames through the loop: lockstep or real time, with a ledger that always adds up."""
+"""One run of frames through the loop, in lockstep or real time, with a ledger that accounts for every frame."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from flyaround.simulator.scenario.faults import LineFault
 
 __all__ = ["RunConfig", "run_host"]
 
-# frames handed to the link process and not yet sent: the renderer may run this far ahead
+# Number of frames handed to the link process but not yet sent, by which the renderer may run ahead
 N_SLOTS = 4
 
-# Ctrl-C and SIGTERM
+# Signals that end a run: Ctrl-C and SIGTERM
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -46,32 +46,32 @@ def run_host(
     Parameters
     ----------
     frames : iterable of Frame
-        As `flyaround.hil.host.plan_frames` has them from the loop, drawn as they are needed.
+        Frames in order, such as those of `flyaround.hil.host.plan_frames`, rendered on demand.
     config : RunConfig
-        With ``truth="separate"`` and no ``truth_url``, truth loggers connect one port up. An address that other
-        machines reach needs a key.
+        Settings of the run. With ``truth="separate"`` and no ``truth_url``, truth loggers connect to the next port. An
+        address that other machines can reach needs a key.
     on_row : callable, optional
-        Called with each row once its outcome is known, in that order.
+        Called with each row once its outcome is known, in order of the outcomes.
     on_listening : callable, optional
         Called with the URLs once the ports are open.
     on_end : callable, optional
-        Called with the summary after the ledger is closed, also if the run is interrupted or fails; Ctrl-C waits for
+        Called with the summary after the ledger is closed, even if the run is interrupted or fails; Ctrl-C waits for
         it.
 
     Raises
     ------
     UserError
-        If a port is in use, no board comes, or the ledger cannot be written (any more). The ledger of what
-        went before is closed properly. Also if a recorder failed, after the run has come to its end.
+        If a port is in use, no board connects, or the ledger cannot be written; the ledger is closed properly
+        nevertheless. Also if a recorder failed, once the run is complete.
     KeyboardInterrupt
-        Ctrl-C, or SIGTERM where the program raises one of it; likewise.
+        On Ctrl-C, or on SIGTERM if the program converts it; the ledger is closed properly.
     """
     check_access(config.link)
-    # one anchor for the run: the wall clock may be set meanwhile, intervals stay true
+    # one anchor for the run: the wall clock may be changed, intervals must not
     anchor_ns = time.time_ns() - time.monotonic_ns()
     terms = replace(with_truth_endpoint(config.link), utc_minus_monotonic_ns=anchor_ns)
     with HostLink(terms) as link:
-        # ports first, so that a taken one is reported before anything is drawn or written
+        # open the ports first, so that one in use is reported before anything is rendered or written
         run = BoardSink(link, replace(config, link=terms), on_row)
         ended: Ended = "failed"
         try:
@@ -81,7 +81,7 @@ def run_host(
             iterator = iter(frames)
             first = next(iterator, None)
             if first is None:
-                raise UserError("there is no frame to send: ask for at least one")
+                raise UserError("there is no frame to send: request at least one")
             ack = HelloAck(
                 camera=msgspec.to_builtins(first.scene.camera),
                 width_px=first.image.shape[1],
@@ -117,12 +117,12 @@ def run_host(
                     if on_end is not None:
                         on_end(summary)
                 finally:
-                    # those that draw end with the run, not when the last reference to them goes
+                    # stop the render processes with the run, not with the last reference to the generator
                     if isinstance(frames, Generator):
                         frames.close()
     if run.recording_failures:
         raise UserError(
-            f"{'; '.join(run.recording_failures)}; the run went on to its end, and its ledger is whole"
+            f"{'; '.join(run.recording_failures)}; the run continued to its end, and its ledger is complete"
         )
     return summary
 
@@ -141,7 +141,7 @@ def _send_all(
 
 
 def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
-    """Yield all frames, checked against the terms of the first."""
+    """Yield all frames, checked for consistency with the first one."""
     yield first
     before = first
     for frame in rest:
@@ -160,11 +160,11 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until the block is done, which must take a short and bounded time.
+    """Defer SIGINT and SIGTERM until the end of the block, which must take a short and bounded time.
 
-    Who stops a program often sends the signal twice (``timeout``, an impatient Ctrl-C): the second must not break off
-    what the first began. Where an exception is on its way already, from inside or from before, they are forgotten: it
-    ends the run as well.
+    Users and programs such as ``timeout`` often send the signal twice, and the second must not interrupt the handling
+    of the first. If an exception is raised in the block, or was in progress before it, deferred signals are discarded,
+    because the exception ends the run anyway.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals

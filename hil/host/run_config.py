@@ -1,4 +1,4 @@
-"""Terms of one run of frames through the loop."""
+"""Settings of one run of frames through the loop."""
 
 from __future__ import annotations
 
@@ -29,30 +29,32 @@ class RunConfig:
     link : LinkConfig
         Settings of the link to board and truth loggers.
     log_dir : Path, optional
-        For ``frames.csv`` and ``summary.json``; None keeps no files.
+        Folder for ``frames.csv`` and ``summary.json``; None writes no files.
     connect_timeout_s : float, optional
-        Wait for the first board.
+        Time-out for the first board.
     window : int, optional
-        Most frames under way at once; the board may ask for fewer.
+        Largest number of frames in flight; the board may request fewer.
     deadline_s : float, optional
-        A frame not answered within this is a miss; realtime's default is the frame interval.
+        Time after which an answer misses the deadline; in real time the frame interval by default.
     latency_s : float, optional
-        Realtime: the camera hands an image over so long after the end of its exposure, whatever drawing took.
-    target_name, target_sha256 : str, optional
-        The target that is flown; a board with another model is refused.
+        Real time: constant delay from the end of the exposure to the hand-over of the image.
+    target_name : str, optional
+        Name of the target.
+    target_sha256 : str, optional
+        Hash of the target; a board with another model is refused.
     recorders : tuple of Recorder, optional
-        Record each frame and its outcome; closed with the ledger.
+        Recorders of each frame and its outcome, closed with the ledger.
     closed_loop : callable, optional
-        Asked in the end what a closed loop came to; None where the frames follow a plan.
+        Returns the result of a closed loop at the end; None if the frames follow a plan.
     decide_every_s : float, optional
-        Realtime, a closed loop: the next frame is requested no earlier than so long after this one's exposure, with
-        all poses that have come by then in.
+        Real-time closed loop: earliest request of the next frame after an exposure, so that all poses received by then
+        are used.
     flown : FlownRecord, optional
-        Scenario and command for the record of the run.
+        Scenario and command line, for the record of the run.
     send_sun : bool, optional
-        The direction to the Sun in the camera frame goes with each frame, to boards that take it.
+        Send the direction to the Sun in the camera frame with each frame, to boards that accept it.
     new_line_faults : callable, optional
-        Asked before each frame for faults of the line that begin now, where the link lets them be added.
+        Called before each frame; returns faults of the line that begin then, if the link supports adding them.
     """
 
     link: LinkConfig

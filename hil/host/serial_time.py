@@ -1,4 +1,4 @@
-"""Time of one frame on a serial line, reported before the run with ways to shorten it."""
+"""Transmission time of a frame on a serial line, reported before the run with ways to shorten it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATIENCE_S = 1.0
 
 
 def line_time_s(image_bytes: int, baud: int) -> float:
-    """Return the time of a frame on a line of this rate: start and stop bits, packets and framing included."""
+    """Return the time of a frame at a baud rate, including start and stop bits, packets and framing [s]."""
     whole, rest = divmod(image_bytes, SerialTransport.chunk_bytes)
     line_bytes = _line_bytes(FrameHeader.LAYOUT.size)
     line_bytes += whole * _line_bytes(FrameChunk.LAYOUT.size + SerialTransport.chunk_bytes)
@@ -29,8 +29,9 @@ def line_time_s(image_bytes: int, baud: int) -> float:
 
 
 def _line_bytes(payload_bytes: int) -> int:
-    """Return the largest size of a packet on the line: COBS adds one byte in 254 and one more, with a zero on either
-    side.
+    """Return the largest size of a packet on the line [bytes].
+
+    COBS adds one byte in 254 and one more, and a zero delimits the packet on either side.
     """
     packet_bytes = OVERHEAD_BYTES + payload_bytes
     return packet_bytes + packet_bytes // 254 + 1 + 2
@@ -39,7 +40,7 @@ def _line_bytes(payload_bytes: int) -> int:
 def serial_advice(
     link: LinkConfig, size_px: tuple[int, int], bits: int, pixel_format: PixelFormat, every_s: float | None
 ) -> str | None:
-    """Return advice on frames on a serial line; None for any other line.
+    """Return advice about frames on a serial line; None for any other line.
 
     Parameters
     ----------
@@ -48,11 +49,11 @@ def serial_advice(
     size_px : tuple of int
         Width and height of the images.
     bits : int
-        Bits of a pixel.
+        Bits per pixel.
     pixel_format : PixelFormat
-        How they are sent.
+        Pixel format on the line.
     every_s : float or None
-        Interval of frames in real time; None if the host waits for each pose.
+        Frame interval in real time; None if the host waits for each pose.
     """
     scheme, _, baud = parse_url(link.url)
     if scheme != "serial":
@@ -63,17 +64,17 @@ def serial_advice(
     frame = f"a frame of {width_px} x {height_px} px as {pixel_format.name}"
     text = f"{frame} takes {took_s:.3g} s on a line of {baud} baud"
     if packed:
-        text += f", about {took_s / ZSTD_NOISY:.2g} s with zstd where it is noisy"
+        text += f", about {took_s / ZSTD_NOISY:.2g} s with zstd for a noisy image"
     least_s = took_s / ZSTD_NOISY if packed else took_s
     if least_s > link.timeout_s:
-        text += f": longer than the {link.timeout_s:g} s that a pose may take, so that frames are dropped (--timeout)"
+        text += f": longer than the {link.timeout_s:g} s time-out of a pose, so that frames are dropped (--timeout)"
     elif every_s is not None and least_s > every_s:
-        text += f": longer than the {every_s:g} s from frame to frame, so that some are never sent"
+        text += f": longer than the {every_s:g} s frame interval, so that some frames are never sent"
     elif least_s < PATIENCE_S:
         return text
-    helps = ["a smaller read-out (roi_px, binning under [sensor]) or camera", "a faster line or a network"]
+    helps = ["a smaller read-out (roi_px or binning under [sensor]) or camera", "a faster line or a network"]
     if not packed:
         helps.insert(0, "--encoding zstd")
     if pixel_format is PixelFormat.Mono16 and bits <= PixelFormat.Mono12p.depth_bits:
         helps.insert(0, "--pixel-format Mono12p")
-    return f"{text}. What helps: {', '.join(helps)}"
+    return f"{text}. Remedies: {', '.join(helps)}"

@@ -1,4 +1,4 @@
-"""Access to the link: local programs, remote ones with the key; and the address of the truth."""
+"""Access policy of the link: local programs, or remote ones with the key; and the address of the truth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def default_truth_url(url: str) -> str:
     Raises
     ------
     UserError
-        If the URL is bad.
+        If the URL is invalid.
     """
     scheme, host, port = _parsed(url)
     if scheme == "serial":
@@ -32,12 +32,12 @@ def default_truth_url(url: str) -> str:
 
 
 def with_truth_endpoint(link: LinkConfig) -> LinkConfig:
-    """Return the link with a truth endpoint if truth travels separately, otherwise without.
+    """Return the link with a truth endpoint if the truth is sent separately, otherwise without.
 
     Raises
     ------
     UserError
-        If a URL is bad.
+        If a URL is invalid.
     """
     if link.truth != "separate":
         return replace(link, truth_url=None)
@@ -55,11 +55,11 @@ def check_access(link: LinkConfig) -> None:
     for url in (link.url, link.truth_url):
         if url is not None and link.key is None and not is_private(url):
             raise UserError(
-                f"{url} can be reached from other machines and whoever connects is answered: give both sides a key"
+                f"{url} can be reached from other machines without authentication: give both sides a key"
                 " (flyaround hil key FILE, then --key FILE), or listen on tcp://127.0.0.1:PORT"
             )
     if link.key is not None and any(isinstance(fault, ClockDrift) for fault in link.faults.line):
-        raise UserError("a fault clock_drift changes what the board signs: leave out the fault or the key")
+        raise UserError("a fault clock_drift changes signed packets: leave out the fault or the key")
 
 
 def is_private(url: str) -> bool:
@@ -68,7 +68,7 @@ def is_private(url: str) -> bool:
     Raises
     ------
     UserError
-        If the URL is bad.
+        If the URL is invalid.
     """
     scheme, host, port = _parsed(url)
     if scheme == "serial":
@@ -77,7 +77,7 @@ def is_private(url: str) -> bool:
 
 
 def is_loopback(host: str, port: int) -> bool:
-    """Return True if a host's name means this machine alone; False if it cannot be resolved."""
+    """Return True if a host name resolves to this machine only; False if it cannot be resolved."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError:

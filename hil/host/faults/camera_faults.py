@@ -1,4 +1,4 @@
-"""Camera faults on frames: pixels change, truth stays, and each frame names its faults."""
+"""Camera faults: pixels change, the truth stays, and each frame lists its faults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
-    """Yield frames as the faulty camera gives them; ``faults`` of each names the causes.
+    """Yield frames as the faulty camera delivers them; ``faults`` of each frame lists the causes.
 
     The same frames and seed give the same bytes.
     """
@@ -58,9 +58,9 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
 
 
 def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Frame]:
-    """Yield frames with the camera's own counter, which repeats its last number if a fault says so.
+    """Yield frames with the camera's own counter, which repeats its last number under `RepeatedNumber`.
 
-    Those that have one already keep it.
+    Frames that already have one keep it.
     """
     counter: int | None = None
     for frame in frames:
@@ -78,7 +78,7 @@ def with_camera_numbers(frames: Iterable[Frame], faults: Faults) -> Iterator[Fra
 
 
 def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
-    """Return the plan with its automatic exposure stuck while a fault says so; a fixed exposure cannot stick."""
+    """Return the plan with automatic exposure stuck during such a fault; a fixed exposure is unaffected."""
     track = plan.exposures
     stuck = tuple(fault for fault in faults.camera if isinstance(fault, StuckExposure))
     if track is None or not stuck:
@@ -88,13 +88,13 @@ def with_exposure_faults(plan: Plan, faults: Faults) -> Plan:
 
 @dataclass(frozen=True, eq=False)
 class HeldExposure:
-    """Exposure that follows the light except while stuck."""
+    """Automatic exposure that is constant during a fault."""
 
     track: Exposures
     stuck: tuple[StuckExposure, ...]
 
     def exposure_s(self, t_s: float) -> float:
-        """Return the exposure at a time of the flight [s]."""
+        """Return the exposure time at a time of the flight [s]."""
         for fault in self.stuck:
             if fault.acts(t_s):
                 return self.track.exposure_s(fault.start_s)
@@ -104,8 +104,8 @@ class HeldExposure:
 def _changed(
     image: Pixels, fault: CameraFault, key: tuple[int, int], number: int, white: int
 ) -> Pixels | None:
-    """Return the image with one fault applied; None if it did not act or does not affect pixels."""
-    camera = np.random.default_rng(key)  # random numbers that stay the same from frame to frame
+    """Return the image with one fault applied; None if the fault is inactive or does not affect pixels."""
+    camera = np.random.default_rng(key)  # random numbers that are the same for every frame
     frame = np.random.default_rng((*key, number))
     height, width = image.shape[:2]
     if isinstance(fault, StuckPixels):

@@ -36,28 +36,28 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.faults import Direction, Faults, LineFault
 
 DAMAGE_AT = 4 + HEADER.size
-"""First byte of a packet that may be damaged, after framing and header, so that its length stays valid."""
+"""First byte of a packet that may be damaged: after framing and header, so that its length stays valid."""
 HOLD_S = 0.05
-"""Time that a packet to be swapped waits for the next one."""
+"""Longest time that a packet to be swapped waits for the next one [s]."""
 IDLE_S = 0.05
 _FRAME_ID = struct.Struct("<I")
 
 
 class FaultJournal:
-    """Faults that acted on each frame, over all sessions of a run; written by the pumps, read by the ledger."""
+    """Faults that affected each frame, over all sessions of a run; written by the pumps, read by the ledger."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._by_frame: dict[int, list[str]] = {}
         self.t_s = 0.0
-        """Flight time of the newest frame on the line."""
+        """Flight time of the newest frame on the line [s]."""
         self.cut: set[int] = set()
-        """Numbers of past disconnections."""
+        """Indices of past disconnections."""
         self.added: list[LineFault] = []
         """Faults added during the run."""
 
     def note(self, frame_id: int | None, name: str) -> None:
-        """Note a fault on a packet of a frame."""
+        """Record a fault on a packet of a frame."""
         if frame_id is None:
             return
         with self._lock:
@@ -66,7 +66,7 @@ class FaultJournal:
                 names.append(name)
 
     def take(self, frame_id: int) -> tuple[str, ...]:
-        """Return the faults of a frame and forget them."""
+        """Return the faults of a frame, and remove them."""
         with self._lock:
             return tuple(self._by_frame.pop(frame_id, ()))
 
@@ -84,7 +84,7 @@ class SocketTransport(StreamTransport):
         return self._sock.fileno()
 
     def close(self) -> None:
-        """Close the end; a second call does nothing."""
+        """Close the socket. Closing twice is allowed."""
         if not self._closed:
             self._closed = True
             with contextlib.suppress(OSError):
@@ -122,7 +122,7 @@ def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> 
     near, far = SocketTransport(line.name, ours), SocketTransport(line.name, theirs)
     near.chunk_bytes = line.chunk_bytes
     for fault in faults.line:
-        if isinstance(fault, Bandwidth):  # a slow line cuts finer, as a serial one does
+        if isinstance(fault, Bandwidth):  # a slow line sends smaller pieces, like a serial one
             near.chunk_bytes = max(64, min(near.chunk_bytes, int(0.25 * fault.bytes_per_s)))
     over = threading.Event()
     pumps = (
@@ -135,7 +135,7 @@ def with_line_faults(line: Transport, faults: Faults, journal: FaultJournal) -> 
 
 
 class _Pump:
-    """One direction of the line: packets are passed on when due."""
+    """One direction of the line; packets are passed on when due."""
 
     def __init__(
         self,
@@ -149,9 +149,9 @@ class _Pump:
         self._direction, self._source, self._sink = direction, source, sink
         self._faults, self._journal = faults, journal
         self._over = (
-            over  # a serial port is not closed with its session: the next one's packets are not for this pump
+            over  # a serial port outlives its session: later packets belong to the next session's pump
         )
-        self._due: list[tuple[int, Packet, bool]] = []  # in order of time, since packets never overtake here
+        self._due: list[tuple[int, Packet, bool]] = []  # sorted by time, because packets do not overtake here
         self._last_due_ns = 0
         self._line_free_ns = 0
         self._jitter_ns = 0
@@ -169,7 +169,7 @@ class _Pump:
                 except LinkClosed:
                     break
                 except PacketError:
-                    continue  # damaged before it came here: the receiver misses it as it would on the line
+                    continue  # damaged before it arrived: the receiver loses it as on the real line
                 if packet is not None:
                     self._take(packet, now_ns())
                 self._send_due()
@@ -195,7 +195,7 @@ class _Pump:
                 if k not in self._journal.cut and packet.type is PacketType.FRAME_HEADER:
                     self._journal.cut.add(k)
                     self._journal.note(frame_id, fault.name)
-                    raise LinkClosed("the line was cut on purpose")
+                    raise LinkClosed("the line was cut by a fault")
             elif isinstance(fault, Delay):
                 due_ns += round(1e6 * fault.delay_ms)
                 self._journal.note(frame_id, fault.name)
@@ -252,7 +252,7 @@ class _Pump:
         return np.random.default_rng((*key, index))
 
     def _drifted(self, packet: Packet, ppm: float) -> Packet:
-        """Return the packet with the board's clock running fast since the first time that it sent."""
+        """Return the packet with the board's clock running fast since its first packet."""
         if packet.type not in (PacketType.POSE, PacketType.TIME_SYNC_REPLY):
             return packet
         message = decode_message(packet)

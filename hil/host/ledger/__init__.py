@@ -1,1 +1,1 @@
-"""Rows of frames in frames.csv, and their summary. Reads and writes files only."""
+"""Ledger files: rows of frames in frames.csv, and their summary."""

@@ -1,4 +1,4 @@
-"""The ledger: one row per frame in frames.csv, written as soon as its outcome is known."""
+"""Ledger: one row per frame in frames.csv, written as soon as its outcome is known."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FRAMES_CSV = "frames.csv"
-# a million rows, and far more frames than a run has
+# Largest accepted file [bytes], about a million rows
 MAX_BYTES = 1 << 29
 
 
@@ -42,7 +42,7 @@ _TIMES = (
 _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}
-# ledgers without these are older and read, too
+# Columns that older ledgers may lack
 LATER_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS, "time_fault")
 COLUMNS = (
     "frame_id",
@@ -65,8 +65,8 @@ class LedgerWriter:
     Raises
     ------
     UserError
-        If the folder cannot be written or already holds a ledger; from ``add``, if a row cannot be written (a full
-        disk): the rows before it stay, whole, and those after it are not kept.
+        If the folder cannot be written or already holds a ledger. From ``add``, if a row cannot be written (disk full):
+        earlier rows remain complete, later ones are discarded.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -76,7 +76,7 @@ class LedgerWriter:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = path.open("xb", buffering=0)
         except FileExistsError as error:
-            raise UserError(f"{path} is there already: name another folder for this ledger") from error
+            raise UserError(f"{path} exists already: name another folder for this ledger") from error
         except OSError as error:
             raise UserError(
                 f"ledger folder {folder} cannot be written ({error.strerror}): name another folder"
@@ -92,20 +92,20 @@ class LedgerWriter:
         self._file.close()
 
     def discard(self) -> None:
-        """Close and remove the file of a run that cannot begin."""
+        """Close and remove the file of a run that could not start."""
         self._file.close()
         with contextlib.suppress(OSError):
             self._path.unlink()
 
     def _write(self, cells: list[str]) -> None:
-        # one write of one whole line: a reader never sees half a row
+        # a single write of a whole line, so that readers never see half a row
         if self._broken:
             return
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow(cells)
         line = memoryview(text.getvalue().encode())
         try:
-            # nearly always one write; a second one after a short write says why it was short
+            # usually one write suffices; after a short one, the next raises the reason
             remaining = line
             while remaining:
                 remaining = remaining[self._file.write(remaining) or 0 :]
@@ -118,8 +118,8 @@ class LedgerWriter:
                     self._file.close()
                     self._path.unlink()
             raise UserError(
-                f"{self._path} cannot be written ({error.strerror}): its {max(0, self._rows)} rows so far are whole;"
-                " make room, or name a folder on another disk with --log"
+                f"{self._path} cannot be written ({error.strerror}): its {max(0, self._rows)} rows so far are complete:"
+                " free some space, or name a folder on another disk with --log"
             ) from error
         self._rows += 1
         self._bytes += len(line)
@@ -156,7 +156,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
     Raises
     ------
     UserError
-        If there is no ledger, its columns are others, or what is in it is damaged.
+        If there is no ledger, or it has other columns or is damaged.
     """
     path = folder / FRAMES_CSV
     try:
@@ -179,7 +179,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
     except (ValueError, TypeError, RecursionError, csv.Error) as error:
         where = f", line {line}," if line else ""
         raise UserError(
-            f"{path}{where} is damaged ({error!s:.120}): take a whole copy of the ledger, or delete what is damaged"
+            f"{path}{where} is damaged ({error!s:.120}): copy the ledger again, or delete the damaged lines"
         ) from error
     return sorted(rows, key=lambda row: row.frame_id)
 
@@ -190,12 +190,12 @@ def _vector(cells: dict[str, str], columns: tuple[str, ...]) -> tuple[float, ...
 
 def _row(cells: dict[str, str]) -> FrameRecord:
     if None in cells or None in cells.values():
-        raise ValueError(f"it has not {len(COLUMNS)} fields")
+        raise ValueError(f"it does not have {len(COLUMNS)} fields")
     if cells["outcome"] not in {ACCEPTED, DECLINED} and not cells["outcome"].startswith(DROPPED):
-        raise ValueError(f"its outcome {cells['outcome'][:40]!r} is none")
+        raise ValueError(f"its outcome {cells['outcome'][:40]!r} is invalid")
     stages_ms = json.loads(cells["stages_ms"]) if cells["stages_ms"] else {}
     if not isinstance(stages_ms, dict) or not all(isinstance(ms, int | float) for ms in stages_ms.values()):
-        raise ValueError("its stages_ms are no times by name")
+        raise ValueError("its stages_ms are not times by name")
     optional: dict[str, Any] = {
         name: float(cells[name]) if cells[name] else None for name in (*DURATIONS, *_ERRORS)
     }

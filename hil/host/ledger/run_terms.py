@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.scenario import Scenario
 
 RUN_JSON = "run.json"
-MAX_BYTES = 1 << 24  # largest run.json: ten times the largest scenario file
+MAX_BYTES = 1 << 24  # Largest accepted run.json [bytes], ten times the largest scenario file
 
 
 class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Scenario by its name, its text without the secrets of URLs, and the SHA-256 of its file.
+    """Scenario: its name, its text without secrets in URLs, and the SHA-256 of its file.
 
-    The text is that of the TOML file, or a JSON document where a program made the scenario.
+    The text is that of the TOML file, or a JSON document if the scenario was made by a program.
     """
 
     name: str
@@ -51,7 +51,7 @@ class ScenarioRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Versions(msgspec.Struct, frozen=True, kw_only=True):
-    """Software of the host; ``gl_renderer`` is the graphics driver, empty if nothing was rendered."""
+    """Software versions of the host; ``gl_renderer`` is the graphics driver, empty if nothing was rendered."""
 
     flyaround: str
     python: str
@@ -72,7 +72,7 @@ class Versions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """Subject of a run: scenario, seed, target with the hash of its model, and the command."""
+    """Configuration of a run: scenario, seed, target with the hash of its model, and command line."""
 
     scenario: ScenarioRecord
     seed: int
@@ -87,9 +87,9 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
         Parameters
         ----------
         source : bytes, optional
-            The scenario's file.
+            Contents of the scenario file.
         command : sequence of str, optional
-            The words on the command line.
+            Words of the command line.
         """
         return FlownRecord(
             scenario=ScenarioRecord.of(plan.scenario, source),
@@ -101,9 +101,9 @@ class FlownRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
-    """Terms of a run, written when its ledger begins: all that is known of a killed run.
+    """Terms of a run, written when its ledger is opened, so that a killed run is documented.
 
-    ``board``, the driver in ``versions`` and ``sun_sent`` are added once the first board is ready. No key is ever
+    ``board``, the driver in ``versions`` and ``sun_sent`` are added once the first board is ready. Keys are never
     recorded.
     """
 
@@ -127,7 +127,7 @@ class RunTerms(msgspec.Struct, frozen=True, kw_only=True):
     board: Board | None = None
 
 
-def run_terms(flown: FlownRecord | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - its fields
+def run_terms(flown: FlownRecord | None, **terms: Any) -> RunTerms:  # noqa: ANN401 - fields of RunTerms
     """Return the terms of a run of this process, from the plan and the other fields of ``RunTerms``."""
     record = {} if flown is None else msgspec.structs.asdict(flown)
     return RunTerms(versions=Versions.here(), **record, **terms)
@@ -145,18 +145,18 @@ def write_terms(folder: Path, terms: RunTerms) -> None:
     Raises
     ------
     UserError
-        If it cannot be written.
+        If the file cannot be written.
     """
     write_document(folder / RUN_JSON, terms)
 
 
 def read_terms(folder: Path) -> RunTerms | None:
-    """Return the terms of a ledger folder; None if it is older than this file.
+    """Return the terms of a ledger folder; None for older ledgers without this file.
 
     Raises
     ------
     UserError
-        If they are damaged.
+        If the file is damaged.
     """
     path = folder / RUN_JSON
     if not path.exists():

@@ -1,4 +1,4 @@
-"""Summary of a ledger, written as ``summary.json``: counts of outcomes, percentiles of latency, pose errors."""
+"""Summary of a ledger, written as ``summary.json``: counts of outcomes, latency percentiles, pose errors."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
 class ClosedLoopFigures(msgspec.Struct, frozen=True, kw_only=True):
     """Result of a closed loop; ``final_error_m`` is the true distance from the end of the path.
 
-    ``final_error_deg`` is the larger of the camera's pointing error and the error of the target's estimated attitude.
-    ``keep_out_violations`` counts periods of control that began inside the sphere and outside the corridor.
+    ``final_error_deg`` is the larger one of the camera's pointing error and the error of the estimated target attitude.
+    ``keep_out_violations`` counts control periods that began inside the keep-out sphere but outside the corridor.
     """
 
     pose: Literal["board", "truth", "noisy"]
@@ -128,7 +128,7 @@ _PERCENTILES: dict[str, dict[str, float]] = {
     "handover_error_ms": {"p50": 50, "p99": 99, "p999": 99.9, "max": 100},
     "staleness_ms": {"p50": 50, "p95": 95, "p99": 99, "max": 100},
 }
-"""Percentiles of the summary by field of the records and suffix of the summary's field."""
+"""Percentiles of the summary, by field of the records and suffix of the summary's field."""
 
 
 def this_machine() -> Machine:
@@ -158,7 +158,7 @@ def percentile(values: Sequence[float] | FloatArray, q: float) -> float | None:
 
 
 class LedgerTally:
-    """Accumulator of the columns that a summary needs, about 80 bytes a row, so that runs of days fit in memory."""
+    """Accumulator of the columns that a summary needs, about 80 bytes per row, so that runs of days fit in memory."""
 
     def __init__(self, rows: Iterable[FrameRecord] = ()) -> None:
         self.outcomes: Counter[str] = Counter()
@@ -193,7 +193,7 @@ class LedgerTally:
                     values.append(value)
 
     def interval_ms(self) -> float | None:
-        """Return the median interval between frames; None with fewer than two."""
+        """Return the median interval between frames [ms]; None for fewer than two."""
         times = np.sort(self.columns["t_s"])
         return 1e3 * float(np.median(np.diff(times))) if len(times) > 1 else None
 
@@ -222,7 +222,7 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
     Raises
     ------
     AssertionError
-        If the counts do not add up, so that a frame is missing.
+        If the counts are inconsistent, so that a frame is missing.
     """
     tally = rows if isinstance(rows, LedgerTally) else LedgerTally(rows)
     outcomes, columns = tally.outcomes, tally.columns
@@ -231,7 +231,7 @@ def summarise(rows: Iterable[FrameRecord] | LedgerTally, **run: Any) -> LedgerSu
     }
     dropped_total = sum(dropped.values())
     if len(tally) != outcomes[ACCEPTED] + outcomes[DECLINED] + dropped_total:
-        raise AssertionError(f"the ledger does not add up: {dict(outcomes)} of {len(tally)} frames")
+        raise AssertionError(f"inconsistent ledger: {dict(outcomes)} of {len(tally)} frames")
     deadline_ms = run.get("deadline_ms")
     answered = columns["e2e_ms"]
     percentiles: dict[str, Any] = {

@@ -1,1 +1,1 @@
-"""Recordings of a run for other tools: MCAP and a live view, Chrome traces, CCSDS space packets."""
+"""Recorders of a run for other tools: MCAP and a live view, Chrome traces, CCSDS space packets."""

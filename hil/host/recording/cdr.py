@@ -1,4 +1,4 @@
-"""ROS 2 messages as CDR, by rosbags (extra ``logs``)."""
+"""ROS 2 messages in CDR encoding, by rosbags (optional dependency ``logs``)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 class CdrEncoder:
-    """Encoder of messages given as dictionaries.
+    """CDR encoder of messages given as dictionaries.
 
     Parameters
     ----------
     definitions : mapping
-        Text of each message type, with those of its parts, by the type's name.
+        Definition text of each message type, including those of its parts, by type name.
     """
 
     def __init__(self, definitions: Mapping[str, str]) -> None:
@@ -28,7 +28,7 @@ class CdrEncoder:
             self._store.register({k: v for k, v in types.items() if k not in self._store.fielddefs})
 
     def encode(self, kind: str, value: Mapping[str, Any]) -> bytes:
-        """Return a message as little-endian CDR."""
+        """Return a message in little-endian CDR."""
         return bytes(self._store.serialize_cdr(self._message(kind, value), kind))
 
     def _message(self, kind: str, value: Mapping[str, Any]) -> object:

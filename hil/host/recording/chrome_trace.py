@@ -1,6 +1,6 @@
 """Run as a Chrome trace, for Perfetto or chrome://tracing.
 
-Format: Trace Event Format, complete events ("X"), microseconds. Rows: drawing, line out, board, stages, line back.
+Trace Event Format, complete events ("X"), microseconds. Tracks: rendering, uplink, board, stages, downlink.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRACKS = {
 
 
 def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
-    """Return the events of a ledger's rows. Frames start at their time in the flight; unknown times are left out."""
+    """Return the events of a ledger's rows. Frames start at their time in the flight; unknown times are omitted."""
     events: list[dict[str, Any]] = [
         {"ph": "M", "name": "process_name", "pid": pid, "args": {"name": name}}
         for pid, name in ((HOST, "host"), (BOARD, "board"))
@@ -37,7 +37,7 @@ def trace_events(rows: list[FrameRecord]) -> list[dict[str, Any]]:
     ]
     clock_us = 0.0
     for row in rows:
-        # in lockstep frames follow each other independently of the flight's pace
+        # in lockstep, frames follow each other independently of the flight's pace
         at = max(clock_us, 1e6 * row.t_s)
         about = {"frame": row.frame_id, "outcome": row.outcome, "reason": row.reason}
         at = _span(events, HOST, LINE_OUT, f"frame {row.frame_id}", at, row.uplink_ms, about)
@@ -70,6 +70,6 @@ def _span(
 
 
 def write_trace(rows: list[FrameRecord], path: Path) -> None:
-    """Write a ledger's rows as a trace."""
+    """Write a ledger's rows as a trace file."""
     text = json.dumps({"traceEvents": trace_events(rows), "displayTimeUnit": "ms"})
     write_atomic(path, text.encode())

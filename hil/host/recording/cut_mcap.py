@@ -1,4 +1,4 @@
-"""Interrupted MCAP files, ended after their last complete record so that any reader accepts them."""
+"""Repair of interrupted MCAP files: an end after the last complete record makes them readable."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MAGIC = b"\x89MCAP0\r\n"
-HEAD = struct.Struct("<Q")  # a record's length, after its opcode
-# DataEnd and Footer of a file without a summary, and the magic that ends it (MCAP, version 0)
+HEAD = struct.Struct("<Q")  # length of a record, after its opcode
+# DataEnd and Footer of a file without a summary, and the closing magic (MCAP, version 0)
 END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
 
 
 def end_cut_mcap(path: Path) -> None:
-    """End a file after its last complete record that leaves room for the end; a file without records stays as it is.
+    """End a file after its last complete record that leaves room for the end. Files without records are unchanged.
 
     Raises
     ------
     OSError
-        If it cannot be read.
+        If the file cannot be read.
     """
     with path.open("r+b") as file:
         for end in reversed(_ends_of_records(file)):
@@ -37,12 +37,12 @@ def end_cut_mcap(path: Path) -> None:
 
 def _ends_of_records(file: BinaryIO) -> list[int]:
     """Return the offset after each complete record of the data section."""
-    from mcap.exceptions import McapError  # noqa: PLC0415 - an optional part
+    from mcap.exceptions import McapError  # noqa: PLC0415 - optional dependency
     from mcap.records import Chunk, DataEnd, Footer  # noqa: PLC0415
     from mcap.stream_reader import StreamReader, breakup_chunk  # noqa: PLC0415
 
     ends = [len(MAGIC)]
-    # the file may end, or hold anything, within a record
+    # the file may end within a record, or hold arbitrary bytes there
     with contextlib.suppress(McapError, struct.error, ValueError, KeyError, OverflowError, MemoryError):
         for record in StreamReader(file, emit_chunks=True).records:
             if isinstance(record, DataEnd | Footer):

@@ -1,4 +1,4 @@
-"""Listener of a run: each frame as it is handed over, and its ledger row once its outcome is known."""
+"""Recorder protocol: receives each frame at hand-over, and its ledger row once its outcome is known."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class Recorder(Protocol):
     """Recorder of a run in some format; used by one thread, closed once."""
 
     def frame(self, frame: Frame) -> None:
-        """Record a frame that is handed to the link now."""
+        """Record a frame at the moment of its hand-over to the link."""
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """Record the outcome of a frame, which has lost its pixels by then."""
+        """Record the outcome of a frame, whose pixels have been released by then."""
 
     def close(self) -> None:
-        """Close after the run, however it ended."""
+        """Close after the run, even if it failed."""

@@ -78,18 +78,18 @@ TOPICS = {
 
 
 class _FileToWrite:
-    """A new file that never raises while it is written: it keeps the first error and drops all later data.
+    """New file that never raises while it is written: it keeps the first error and discards all later data.
 
     The MCAP writer of foxglove-sdk cannot handle a full disk, and needs consistent positions from ``seek``.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("xb")
-        self._end = 0  # position that the writer assumes, after an error
+        self._end = 0  # position that the writer assumes after an error
         self.error: OSError | None = None
 
     def write(self, data: bytes) -> int:
-        """Write the data, or drop it after an error; return its length either way."""
+        """Write the data, or discard it after an error; return its length in both cases."""
         if self.error is None:
             try:
                 return self._file.write(data)
@@ -147,12 +147,12 @@ class RosLog:
 
     def __init__(self, path: Path | None, live: tuple[str, int] | None = None) -> None:
         try:
-            import foxglove  # noqa: PLC0415 - an optional part
+            import foxglove  # noqa: PLC0415 - optional dependency
 
-            from flyaround.hil.host.recording.cdr import CdrEncoder  # noqa: PLC0415 - an optional part
+            from flyaround.hil.host.recording.cdr import CdrEncoder  # noqa: PLC0415 - optional dependency
         except ImportError as error:
             raise missing_extra("--mcap or --live", "logs", error) from error
-        # channels hold only a weak reference to their context: keep it alive
+        # channels hold only a weak reference to their context, so keep it alive
         self._context = context = foxglove.Context()
         definitions = DEFINITIONS | {FRAME_TIMING: FRAME_TIMING_DEFINITION}
         self._encoder = CdrEncoder({kind: definitions[kind] for kind in TOPICS.values()})
@@ -197,7 +197,7 @@ class RosLog:
             self._log("/tf", transform(q, t, epoch, TARGET_FRAME), epoch)
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """Write the estimated pose, if it was accepted, and the timing of the frame."""
+        """Write the estimated pose, if accepted, and the timing of the frame."""
         epoch = frame.scene.epoch_utc
         if row.outcome == "accepted" and row.q_wxyz is not None and row.t_m is not None:
             self._log("/estimate/pose", pose_stamped(row.q_wxyz, row.t_m, epoch), epoch)
@@ -212,10 +212,10 @@ class RosLog:
             sentence = self._give_up_file()
             if self._server is None:
                 raise OSError(sentence)
-            logger.warning("%s; the live view goes on", sentence)
+            logger.warning("%s; the live view continues", sentence)
 
     def _give_up_file(self) -> str:
-        """Close a file that can no longer be written and return the message; empty if it is complete."""
+        """Close a file that can no longer be written, and return the error message; empty if it is complete."""
         file, data = self._file, self._data
         self._file = self._data = None
         if file is not None:
@@ -228,8 +228,8 @@ class RosLog:
         with contextlib.suppress(OSError):
             end_cut_mcap(self._path)
         self._failure = (
-            f"{self._path} cannot be written ({data.error.strerror}), and ends there, readable: make room, or record"
-            " elsewhere"
+            f"{self._path} cannot be written ({data.error.strerror}); it ends there and is readable: free some space,"
+            " or record elsewhere"
         )
         return self._failure
 

@@ -1,7 +1,8 @@
 """Truth, answers and timing as CCSDS space packets, with an XTCE description for COSMOS and YAMCS.
 
 Packets: CCSDS 133.0-B-2. Time: CCSDS 301.0-B-4, day segmented (CDS), days since 1958-01-01, milliseconds of the day,
-microseconds of the millisecond; mid-exposure of the frame. Numbers are big-endian. Optional part: the extra ``logs``.
+microseconds of the millisecond; mid-exposure of the frame. Numbers are big-endian. Needs the optional dependency
+``logs``.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ OUTCOMES = ("accepted", "declined", "dropped")
 
 @dataclass(frozen=True)
 class PacketField:
-    """Number in a packet: name, size in bits, XTCE kind and unit."""
+    """Numeric field of a packet: name, size in bits, XTCE kind and unit."""
 
     name: str
     bits: int
@@ -45,7 +46,7 @@ class PacketField:
 
     @property
     def code(self) -> str:
-        """Format character of `struct`."""
+        """Format character for `struct`."""
         return {("float", 64): "d", ("uint", 32): "I", ("uint", 8): "B", ("enum", 8): "B"}[
             self.kind, self.bits
         ]
@@ -53,7 +54,7 @@ class PacketField:
 
 @dataclass(frozen=True)
 class PacketKind:
-    """Kind of packet: name, application process and the fields after the time."""
+    """Type of packet: name, application process and the fields after the time."""
 
     name: str
     apid: int
@@ -61,7 +62,7 @@ class PacketKind:
 
     @property
     def layout(self) -> struct.Struct:
-        """Layout of the fields."""
+        """Binary layout of the fields."""
         return struct.Struct(">" + "".join(field.code for field in self.fields))
 
 
@@ -98,26 +99,27 @@ def cds_time(epoch_utc: str) -> bytes:
 
 
 class SpacePacketSink:
-    """Sink of packets: a file, or datagrams.
+    """Sink of packets: a file, or UDP datagrams.
 
     Parameters
     ----------
     target : str
-        A file's path, or ``udp://HOST:PORT`` on this machine. The XTCE description goes next to the file, or to
-        ``xtce`` where that is named.
+        Path of a file, or ``udp://HOST:PORT`` on this machine.
+    xtce : Path, optional
+        Path of the XTCE description; by default next to the file.
 
     Raises
     ------
     UserError
-        If the extra is not installed, the file is there already, or the address is another machine's: packets carry
-        the truth, and datagrams authenticate nobody.
+        If the optional dependency is not installed, the file exists, or the address belongs to another machine: packets
+        carry the truth, and datagrams cannot be authenticated.
     """
 
     def __init__(self, target: str, xtce: Path | None = None) -> None:
-        from pathlib import Path  # noqa: PLC0415 - a type for all else
+        from pathlib import Path  # noqa: PLC0415 - at run time needed here only
 
         try:
-            from spacepackets.ccsds.spacepacket import PacketType, SpacePacketHeader  # noqa: PLC0415 - an optional part
+            from spacepackets.ccsds.spacepacket import PacketType, SpacePacketHeader  # noqa: PLC0415 - optional dependency
         except ImportError as error:
             raise missing_extra("--ccsds", "logs", error) from error
         self._header, self._telemetry = SpacePacketHeader, PacketType.TM
@@ -127,10 +129,10 @@ class SpacePacketSink:
         if target.startswith("udp://"):
             parts = urlsplit(target)
             if not parts.hostname or parts.port is None:
-                raise UserError(f"{target} is no address; write udp://127.0.0.1:PORT")
+                raise UserError(f"{target} is not an address: write udp://127.0.0.1:PORT")
             if not is_loopback(parts.hostname, parts.port):
                 raise UserError(
-                    f"{target} is another machine: packets carry the truth and nobody proves who reads them; "
+                    f"{target} is another machine: packets carry the truth, and their receiver is not authenticated: "
                     "send them to 127.0.0.1, or write a file"
                 )
             self._address = (parts.hostname, parts.port)
@@ -141,7 +143,7 @@ class SpacePacketSink:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = path.open("xb", buffering=0)
             except FileExistsError as error:
-                raise UserError(f"{path} is there already: name another file") from error
+                raise UserError(f"{path} exists already: name another file") from error
             xtce = path.with_suffix(".xtce.xml") if xtce is None else xtce
         if xtce is not None:
             write_atomic(xtce, xtce_document())
@@ -154,7 +156,7 @@ class SpacePacketSink:
             self._send("TRUTH", frame.scene.epoch_utc, values)
 
     def row(self, frame: Frame, row: FrameRecord) -> None:
-        """Write the answer to a frame and its times."""
+        """Write the answer to a frame, and its times."""
         nan = math.nan
         outcome = OUTCOMES.index(row.outcome.split(":")[0])
         pose = (*(row.q_wxyz or (nan,) * 4), *(row.t_m or (nan,) * 3))
@@ -186,7 +188,7 @@ class SpacePacketSink:
 
 
 def xtce_document() -> bytes:
-    """Return the packets' description: XTCE 1.2 (OMG), an abstract container and three that restrict its APID."""
+    """Return the XTCE 1.2 (OMG) description: an abstract container, and three that restrict its APID."""
     ET.register_namespace("xtce", XTCE_NAMESPACE)
     system = _element(None, "SpaceSystem", name="Flyaround")
     telemetry = _element(system, "TelemetryMetaData")

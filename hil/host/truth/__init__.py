@@ -1,1 +1,1 @@
-"""Ground truth on a separate endpoint, and a logger that receives it. Nothing here reaches a board."""
+"""Ground truth on a separate endpoint, and a logger that receives it. Nothing here is sent to a board."""

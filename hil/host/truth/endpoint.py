@@ -1,4 +1,4 @@
-"""TCP endpoint that streams ground truth to loggers, none of which can slow down the run."""
+"""TCP endpoint that streams ground truth to loggers without ever delaying the run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from flyaround.hil.link.transports.tcp import TcpListener, keep_alive
 from flyaround.hil.link.transports.url import parse_url
 
 MAX_CLIENTS = 16
-# a logger is disconnected if its send queue exceeds this size, or was not empty for this long
+# Limits of a logger's send queue, beyond which it is disconnected: size, and time for which it was not empty
 MAX_BACKLOG_BYTES = 8 << 20
 MAX_LAG_NS = 10_000_000_000
-# time-out for a logger's proof that it has the key
+# Time-out for a logger's proof of the key
 PROOF_NS = 10_000_000_000
-# time-out for sending the queues and the goodbye at the end, for all loggers together
+# Time-out for sending the queues and the goodbye at the end, for all loggers together
 CLOSE_S = 2.0
 
 
@@ -93,15 +93,15 @@ class _Client:
 
     @property
     def is_known(self) -> bool:
-        """True if the client may receive the truth: it proved that it has the key, or none is required."""
+        """True if the client may receive the truth: it proved knowledge of the key, or none is required."""
         return self.handshake is None or self.handshake.seal is not None
 
 
 class TruthEndpoint:
     """TCP server that sends TRUTH packets to the loggers that are connected at the time.
 
-    It accepts at most ``MAX_CLIENTS`` loggers and refuses others with an error message. A logger that disconnected, or
-    lags by ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
+    At most ``MAX_CLIENTS`` loggers are accepted; others are refused with an error message. A logger that disconnected,
+    or lags by ``MAX_BACKLOG_BYTES`` or ``MAX_LAG_NS``, is dropped.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class TruthEndpoint:
     board_url : str
         Address for boards, for the error message to a board that connects here by mistake.
     key : bytes, optional
-        Key that a logger must prove to have within ``PROOF_NS``; None for no authentication.
+        Key that a logger must prove to know within ``PROOF_NS``; None disables authentication.
     """
 
     def __init__(self, url: str, board_url: str, key: bytes | None = None) -> None:
@@ -153,7 +153,7 @@ class TruthEndpoint:
 
     @property
     def lagging(self) -> bool:
-        """True if data is queued, or a logger has not proved yet that it has the key."""
+        """True if data is queued, or a logger has not yet proved knowledge of the key."""
         return any(client.backlog or not client.is_known for client in self._clients)
 
     def flush(self) -> None:
@@ -162,14 +162,16 @@ class TruthEndpoint:
             try:
                 if client.is_board():
                     sentence = (
-                        f"this port gives ground truth to loggers: connect the board to {self._board_url}"
+                        f"this port serves ground truth to loggers: connect the board to {self._board_url}"
                     )
                     self._refuse(client, ErrorCode.OTHER, sentence)
                     continue
                 client.send()
                 if not client.is_known and now_ns() - client.since_ns >= PROOF_NS:
                     self._refuse(
-                        client, ErrorCode.OTHER, "no proof of the key came: give the logger --key FILE"
+                        client,
+                        ErrorCode.OTHER,
+                        "no proof of the key was received: give the logger --key FILE",
                     )
                     continue
             except OSError:
@@ -207,7 +209,7 @@ class TruthEndpoint:
         client.sequence += 1
 
     def _make_room(self) -> None:
-        """Make room by dropping clients that disconnected, or else the oldest without a proof of the key."""
+        """Make room by dropping clients that disconnected, or else the oldest one without a proof of the key."""
         if len(self._clients) < MAX_CLIENTS:
             return
         self.flush()

@@ -27,11 +27,11 @@ class TruthLogger:
     Parameters
     ----------
     url : str
-        Address of the truth endpoint, which may open later than ``start``.
+        Address of the truth endpoint, which may open after ``start``.
     path : Path
         JSON-lines file to write; an existing one is overwritten.
     key : bytes, optional
-        Key shared with the host; None without authentication.
+        Pre-shared key; None disables authentication.
     """
 
     def __init__(self, url: str, path: Path, key: bytes | None = None) -> None:
@@ -57,7 +57,7 @@ class TruthLogger:
         return self._connected.wait(timeout_s)
 
     def stop(self, linger_s: float = 2.0) -> int:
-        """Stop after the host's goodbye or ``linger_s``, and return the number of truths saved."""
+        """Stop after the host's goodbye or ``linger_s``, and return the number of saved records."""
         if self._connected.is_set():
             self._thread.join(linger_s)
         self._stop.set()
