@@ -1,9 +1,9 @@
 """Offset and drift between the monotonic clocks of two machines, with their uncertainty.
 
-The exchange is that of NTP: asked (a), received (b), answered (b), back (a). Reference: Mills (1991),
-Internet time synchronization, IEEE Trans. Communications 39(10): the sample with the smallest round
-trip has the smallest error, bounded by half of it. Drift is the slope of a robust line (Theil 1950, Sen 1968,
-median of the slopes of all pairs) through the offsets of the shortest round trip of each second.
+The exchange is NTP's: request sent (a), received (b), reply sent (b), received (a). The sample with the smallest round
+trip has the smallest error, bounded by half of it (Mills 1991, Internet time synchronization, IEEE Trans.
+Communications 39(10)). Drift is the slope of a robust line (Theil 1950, Sen 1968: median of the slopes of all pairs)
+through the offsets of the shortest round trip of each second.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ import numpy as np
 
 from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
-# oscillators of computers stay within this: what drift may be while it is not known
+# Largest drift of computer oscillators, assumed while the drift is unknown [ppm]
 LIKELY_PPM = 100.0
-# least duration of a line fit [s], and least number of seconds with an exchange
+# Least duration of a line fit [s], and least number of seconds with an exchange
 LINE_S, LINE_POINTS = 5.0, 5
 BIN_NS = 1_000_000_000
-# from the median of absolute deviations to a standard deviation
+# Ratio of the standard deviation to the median absolute deviation, normal distribution
 MAD_TO_SIGMA = 1.4826
 
 
 def now_ns() -> int:
-    """Return this machine's monotonic clock [ns]; the wall clock is never used for durations."""
+    """Return this machine's monotonic clock [ns]. The wall clock is never used for durations."""
     return time.monotonic_ns()
 
 
@@ -42,7 +42,7 @@ class ClockSample:
 
 @dataclass(frozen=True)
 class ClockLine:
-    """Line ``offset_ns`` at ``at_ns`` with slope ``drift_ppm``, known to ``sigma_ppm`` (one sigma)."""
+    """Line through clock offsets: ``offset_ns`` at ``at_ns``, slope ``drift_ppm``, and its one-sigma ``sigma_ppm``."""
 
     at_ns: int
     offset_ns: float
@@ -51,12 +51,12 @@ class ClockLine:
 
 
 class ClockFilter:
-    """Estimator of offset and drift of the other side's clock from the exchanges of the last minutes.
+    """Estimator of the offset and drift of the other side's clock from recent exchanges.
 
     Parameters
     ----------
     keep_s : float, optional
-        Age at which exchanges are dropped; a smaller value follows a faster change of drift.
+        Age at which exchanges are discarded; a smaller value follows changes of drift faster.
     """
 
     def __init__(self, keep_s: float = 120.0) -> None:
@@ -67,7 +67,7 @@ class ClockFilter:
         self._stale = False  # True if the line is older than the samples
 
     def add(self, asked_ns: int, received_ns: int, answered_ns: int, back_ns: int) -> None:
-        """Add one exchange; a negative round trip means a broken clock and is ignored."""
+        """Add one exchange. A negative round trip indicates a broken clock and is ignored."""
         round_trip = (back_ns - asked_ns) - (answered_ns - received_ns)
         if round_trip < 0:
             return
@@ -85,19 +85,19 @@ class ClockFilter:
         self._stale = True
 
     def add_reply(self, reply: TimeSyncReply, back_ns: int) -> int:
-        """Add one exchange from its reply packet and return its round trip [ns], negative for a broken clock."""
+        """Add one exchange from its reply packet; return its round trip [ns], negative for a broken clock."""
         self.add(reply.asked_ns, reply.received_ns, reply.sent_ns, back_ns)
         return (back_ns - reply.asked_ns) - (reply.sent_ns - reply.received_ns)
 
     def offset_at(self, at_ns: int) -> Optional[int]:
-        """Return the other clock minus this one at a time of this clock; None before the first exchange."""
+        """Return the other clock minus this one at a time of this clock [ns]; None before the first exchange."""
         best = self._best(at_ns)
         if best is None:
             return None
         return best.offset_ns + round(1e-6 * self._drift_ppm * (at_ns - best.at_ns))
 
     def offset_bound_at(self, at_ns: int) -> Optional[int]:
-        """Return the largest error of ``offset_at``: half a round trip plus the drift since [ns]."""
+        """Return the largest error of ``offset_at`` [ns]: half a round trip plus the drift since."""
         best = self._best(at_ns)
         return None if best is None else self._bound(best, at_ns)
 
@@ -110,7 +110,7 @@ class ClockFilter:
 
     @property
     def round_trip_ns(self) -> Optional[int]:
-        """Shortest round trip of the exchanges in memory."""
+        """Shortest round trip of the stored exchanges [ns]."""
         return min((sample.round_trip_ns for sample in self._samples), default=None)
 
     def __len__(self) -> int:
@@ -121,7 +121,7 @@ class ClockFilter:
         return 0.0 if self.line is None else self.line.drift_ppm
 
     def _bound(self, sample: ClockSample, at_ns: int) -> int:
-        # rounded up: halves of nanoseconds are lost in the offset
+        # rounded up, because the offset loses half a nanosecond
         known_ppm = LIKELY_PPM if self.line is None else 3 * self.line.sigma_ppm
         return sample.round_trip_ns // 2 + 1 + round(1e-6 * known_ppm * abs(at_ns - sample.at_ns))
 
@@ -132,8 +132,8 @@ class ClockFilter:
 def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     """Fit a robust line to offsets, with the uncertainty of its slope.
 
-    Samples whose round trip is beyond twice the shortest, and above their median, are left out: something stood in
-    their way, on one side more than on the other.
+    Samples with a round trip above twice the shortest and above the median are omitted, because they were delayed in
+    one direction more than in the other.
     """
     if not samples:
         return None
@@ -151,7 +151,7 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     # at least an eighth of the shortest round trip, whose asymmetry may change
     scatter = max(MAD_TO_SIGMA * float(np.median(np.abs(rest - centre))), float(trips.min()) / 8)
     sigma = scatter / float(np.sqrt(np.sum((at - middle) ** 2)))
-    # the median of slopes is 0.95 as efficient as least squares
+    # the median of slopes is 0.95 times as efficient as least squares
     return ClockLine(
         samples[0].at_ns + round(middle), samples[0].offset_ns + centre, 1e6 * slope, 1e6 * sigma / 0.95
     )
@@ -160,5 +160,5 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
 def answer_time_sync(
     request: TimeSyncRequest, received_ns: int, newest_frame: Optional[int] = None
 ) -> TimeSyncReply:
-    """Return the reply to a request, stamped now; ``newest_frame`` is the last one received whole."""
+    """Return the reply to a request, stamped now; ``newest_frame`` is the last one received completely."""
     return TimeSyncReply(request.asked_ns, received_ns, now_ns(), newest_frame)

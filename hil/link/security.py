@@ -1,14 +1,15 @@
-"""Authentication by a pre-shared key: each side proves it has the key; each packet carries a MAC valid once.
+"""Authentication by a pre-shared key: each side proves that it has the key, and each packet carries a one-time MAC.
 
-Challenge and answer both ways (after ISO/IEC 9798-4, mutual, three passes), HMAC-SHA-256 (RFC 2104) throughout:
+Mutual challenge-response in three passes (after ISO/IEC 9798-4), with HMAC-SHA-256 (RFC 2104):
 
     board -> host  AUTH_REQUEST    board's nonce (32)
     host -> board  AUTH_CHALLENGE  host's nonce (32), HMAC(key, "flyaround host"  | both nonces) (32)
     board -> host  AUTH_PROOF      HMAC(key, "flyaround board" | both nonces) (32)
 
-Each direction then has a key of its own, HMAC(key, "flyaround to board" or "flyaround to host" | both nonces). A sealed
-packet's payload ends in a counter (u64) and the first 16 bytes of HMAC(key, version, type, session, sequence, payload,
-counter). A counter that was seen, or is older than the last 1024, is refused. Nothing is encrypted.
+Each direction then uses its own key, HMAC(key, "flyaround to board" or "flyaround to host" | both nonces). A sealed
+packet's payload ends with a counter (u64) and the first 16 bytes of HMAC(key, version, type, session, sequence,
+payload, counter). A counter that was received before, or is older than the last 1024, is refused. Nothing is
+encrypted.
 """
 
 from __future__ import annotations
@@ -33,26 +34,26 @@ MAC_BYTES = 16
 COUNTER = struct.Struct("<Q")
 TRAILER_BYTES = COUNTER.size + MAC_BYTES
 WINDOW = 1024
-"""Largest reordering of packets that is accepted on a line that does not keep their order."""
+"""Largest reordering of packets that is accepted on lines that may reorder."""
 MIN_KEY_BYTES, MAX_KEY_BYTES = 16, 4096
 ANSWER_S = 10.0
 REPEAT_S = 1.0
 MAX_ASKS = 128
-"""Largest number of requests on one line before a proof; a board asks each second for a minute."""
+"""Largest number of requests on one line before a proof; a board sends one per second for a minute."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
 
 
 def read_key(path: str) -> bytes:
-    """Read a key from a file: its bytes without white space at the end.
+    """Read a key from a file: its bytes without trailing white space.
 
     Raises
     ------
     LinkError
-        If it cannot be read, is too short or too long, or others than its owner may read it.
+        If the file cannot be read, has an invalid length, or others than its owner may read it.
     """
     try:
-        # a pipe without a writer would hold the opening up for ever
+        # opening a pipe without a writer would block for ever
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
         with os.fdopen(descriptor, "rb") as file:
             mode = os.fstat(file.fileno()).st_mode
@@ -84,9 +85,9 @@ class Seal:
     Parameters
     ----------
     key : bytes
-        Shared.
+        Pre-shared key.
     nonces : bytes
-        The board's, then the host's.
+        Nonces of the board, then of the host.
     is_host : bool
         True at the host.
     """
@@ -96,7 +97,7 @@ class Seal:
         self._out, self._in = (there, back) if is_host else (back, there)
         self._sent = 0
         self._newest = 0
-        self._seen = 0  # bit k: whether the counter k below the newest came
+        self._seen = 0  # bit k is set if the counter k below the newest was received
 
     def seal(self, packet: Packet) -> Packet:
         """Return the packet with counter and MAC after its payload."""
@@ -105,14 +106,14 @@ class Seal:
         return replace(packet, payload=body + self._mac(self._out, packet, body))
 
     def open(self, packet: Packet) -> Packet:
-        """Return the packet as it was before sealing.
+        """Return the packet before sealing.
 
         Raises
         ------
         UnsealedPacket
-            If its MAC is missing or wrong.
+            If the MAC is missing or wrong.
         RepeatedPacket
-            If its counter was seen before.
+            If the counter was received before.
         """
         if len(packet.payload) < TRAILER_BYTES:
             raise UnsealedPacket(f"a {packet.type.name} packet has no MAC: it is not of this session")
@@ -130,7 +131,7 @@ class Seal:
             self._newest = counter
             return
         if -ahead >= WINDOW or self._seen >> -ahead & 1:
-            raise RepeatedPacket(f"a {name} packet came twice, or long after its time")
+            raise RepeatedPacket(f"a {name} packet was received twice, or much too late")
         self._seen |= 1 << -ahead
 
     @staticmethod
@@ -140,7 +141,7 @@ class Seal:
 
 
 class HostHandshake:
-    """Host side of the handshake: answers requests and holds a `Seal` once a board has proved itself."""
+    """Host side of the handshake: answers requests, and holds a `Seal` once a board has proved that it has the key."""
 
     def __init__(self, key: bytes, clock: Callable[[], float] = time.monotonic) -> None:
         self._key, self._clock = key, clock
@@ -152,23 +153,24 @@ class HostHandshake:
     def take(self, packet: Packet) -> Optional[Packet]:
         """Return the answer to a packet of the handshake; None if there is none.
 
-        A request that is repeated has the same answer, so that a board may prove any of those that a slow host gives.
-        A board that began again asks with another nonce; the seal of before stays until it has proved itself.
+        A repeated request gets the same answer, so that the board may use any of the answers of a slow host. A
+        restarted board uses another nonce; the previous seal remains valid until the new proof.
+
 
         Raises
         ------
         LinkClosed
-            If the first proof on this line is wrong, or a board asks again and again without one.
+            If the first proof on this line is wrong, or there are too many requests without a proof.
         UnsealedPacket
-            If a board has proved itself before, and this is a wrong proof or a request too many: it may come from a
-            stranger, and ends no session.
+            If a proof is wrong, or there are too many requests, after a board has been authenticated: a stranger may
+            have sent them, so the session continues.
         """
         if packet.type is PacketType.AUTH_REQUEST and len(packet.payload) == NONCE_BYTES:
             return self._challenge(packet.payload)
         if packet.type is PacketType.AUTH_PROOF and self._nonces is not None:
             if not hmac.compare_digest(packet.payload, _proof(self._key, "flyaround board", self._nonces)):
                 if self.seal is not None:
-                    raise UnsealedPacket("a proof is of another key, after a board has proved itself")
+                    raise UnsealedPacket("a proof with another key, after a board was authenticated")
                 self._nonces = None
                 raise LinkClosed("it has another key")
             if self.seal is None or self._nonces != self._of_seal:
@@ -182,7 +184,7 @@ class HostHandshake:
         if self.seal is not None and now_s - self._answered_s < REPEAT_S / 2:
             raise UnsealedPacket("a request for a proof comes too soon after another one")
         if self.seal is None and self._asks > MAX_ASKS:
-            raise LinkClosed("it asks again and again, and proves nothing")
+            raise LinkClosed("it sends requests without a proof")
         self._answered_s = now_s
         if self._nonces is None or self._nonces[:NONCE_BYTES] != board_nonce:
             self._nonces = board_nonce + os.urandom(NONCE_BYTES)
@@ -193,7 +195,7 @@ class HostHandshake:
 
 
 class HostTransport:
-    """Line on which a board must prove itself before any other message is accepted."""
+    """Line on which a board must prove that it has the key before other messages are accepted."""
 
     def __init__(self, line: Transport, key: bytes) -> None:
         self._line = line
@@ -201,7 +203,7 @@ class HostTransport:
         self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
-        """Send sealed; before the proof only errors and goodbyes are sent, unsealed."""
+        """Send a sealed packet. Before the proof only errors and goodbyes are sent, unsealed."""
         seal = self._handshake.seal
         if seal is not None:
             packet = seal.seal(packet)
@@ -228,14 +230,14 @@ class HostTransport:
                 return self._handshake.seal.open(packet)
             else:
                 why = "the host asks for a key: start the board with --key FILE"
-                with contextlib.suppress(LinkClosed):  # it may not wait to hear it
+                with contextlib.suppress(LinkClosed):  # the board may have disconnected
                     self._line.send_packet(
                         Packet(PacketType.ERROR, ErrorMessage(ErrorCode.OTHER, why).encode())
                     )
                 raise LinkClosed("it did not prove that it has the host's key: start it with --key FILE")
 
     def be_patient(self, silence_s: float) -> None:
-        """Set the time without a sign of life after which the other side is considered gone."""
+        """Set the silence after which the other side is considered lost."""
         self._line.be_patient(silence_s)
 
     def fileno(self) -> int:
@@ -255,7 +257,7 @@ class BoardTransport:
         self.name, self.chunk_bytes = line.name, line.chunk_bytes
 
     def send_packet(self, packet: Packet) -> None:
-        """Send sealed. HELLO is preceded by the proof again, since a line that loses bytes may have lost it."""
+        """Send a sealed packet. The proof is repeated before HELLO, because a lossy line may have lost it."""
         if packet.type is PacketType.HELLO:
             self._line.send_packet(self._proof)
         self._line.send_packet(self._seal.seal(packet))
@@ -271,12 +273,12 @@ class BoardTransport:
             packet = self._line.recv_packet(max(0.0, deadline - time.monotonic()))
             if packet is None:
                 return None
-            # a host that was late answers each request that was repeated meanwhile
+            # a slow host answers each of the repeated requests
             if packet.type is not PacketType.AUTH_CHALLENGE:
                 return self._seal.open(packet)
 
     def be_patient(self, silence_s: float) -> None:
-        """Set the time without a sign of life after which the other side is considered gone."""
+        """Set the silence after which the other side is considered lost."""
         self._line.be_patient(silence_s)
 
     def fileno(self) -> int:
@@ -289,12 +291,12 @@ class BoardTransport:
 
 
 def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_S) -> BoardTransport:
-    """Run the handshake of a board or a truth logger and return a sealed line to a host with the same key.
+    """Run the handshake of a board or truth logger; return a sealed line to a host with the same key.
 
     Raises
     ------
     LinkError
-        If the host has another key or none, or does not answer in ``timeout_s``.
+        If the host has another key or none, or does not answer within ``timeout_s``.
     """
     nonce = os.urandom(NONCE_BYTES)
     deadline = time.monotonic() + timeout_s
@@ -318,7 +320,7 @@ def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_S) -> B
                 line.send_packet(proof)
                 return BoardTransport(line, seal, proof)
     raise LinkError(
-        f"the host at {line.name} does not answer for the key (waited {timeout_s:g} s): was it started with --key?"
+        f"the host at {line.name} does not authenticate (waited {timeout_s:g} s): was it started with --key?"
     )
 
 

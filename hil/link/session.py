@@ -38,7 +38,7 @@ from flyaround.hil.link.transports.base import Transport
 
 logger = logging.getLogger(__name__)
 
-# packet types accepted by each side, by the state of its session; other payloads are not parsed
+# Packet types accepted by each side, by the state of its session; other payloads are not parsed
 HOST_BEFORE_HELLO: FrozenSet[PacketType] = frozenset({PacketType.HELLO})
 HOST_IN_SESSION: FrozenSet[PacketType] = frozenset(
     {
@@ -66,26 +66,26 @@ BOARD_IN_SESSION: FrozenSet[PacketType] = frozenset(
 )
 
 SILENCE_S = 1.5
-"""Silence after which a side that used to send regularly is considered gone."""
+"""Silence after which a side that used to send regularly is considered lost [s]."""
 
-# packets left out in a row before a receiver that does not wait comes back to its caller
+# Number of ignored packets in a row after which a non-blocking receive returns to its caller
 MAX_LEFT_OUT = 256
 
 
 @dataclass
 class LinkStats:
-    """Counts since the line was opened.
+    """Packet counts since the line was opened.
 
     Parameters
     ----------
     corrupt : int, optional
-        Packets that the line damaged.
+        Packets damaged on the line.
     mistakes : int, optional
-        Intact packets that say what the protocol does not allow, or at the wrong time.
-    kinds : dict of str to int, optional
-        Mistakes by their kind, in words.
+        Intact packets that violate the protocol.
     stale : int, optional
-        Packets of an earlier session of this line: of another one than this, before the first of this.
+        Packets of an earlier session on the same line.
+    kinds : dict of str to int, optional
+        Protocol violations by kind.
     """
 
     sent: int = 0
@@ -97,12 +97,14 @@ class LinkStats:
     kinds: Dict[str, int] = field(default_factory=dict)
 
     def add_mistake(self, kind: str, about: str = "") -> None:
-        """Count a mistake of the other side; the first of each kind is logged, with its subject if given."""
+        """Count a protocol violation of the other side. The first one of each kind is logged."""
         self.mistakes += 1
         self.kinds[kind] = self.kinds.get(kind, 0) + 1
         if about and self.kinds[kind] == 1:
             logger.warning(
-                "the other side broke the link protocol: %s (%s); more of it are counted", kind, about
+                "the other side violated the link protocol: %s (%s); further ones are only counted",
+                kind,
+                about,
             )
 
 
@@ -112,12 +114,11 @@ class Link:
     Parameters
     ----------
     transport : Transport
-        An open line.
+        Open line.
     session_id : int, optional
-        0 until the handshake has settled it.
+        Session identifier; 0 until the handshake has settled it.
     accepts : AbstractSet, optional
-        Packet types that may come now, to be changed as the session goes on; others are counted as mistakes and left
-        out, unread.
+        Packet types that are accepted in the present state; others are counted as mistakes and not parsed.
     """
 
     def __init__(
@@ -135,11 +136,11 @@ class Link:
         self._heard_session = 0
         self.last_sequence: Optional[int] = None
         self.gave_way = False
-        """True if the last `recv` returned after ``MAX_LEFT_OUT`` foreign packets: more may be buffered already, so
-        waiting on the line could block for nothing."""
+        """True if the last `recv` returned after ``MAX_LEFT_OUT`` ignored packets: more may be buffered, so the caller
+        must not wait on the line."""
 
     def send(self, message: Message) -> None:
-        """Send one message; safe to call from several threads."""
+        """Send one message. Thread-safe."""
         payload = message.encode()
         with self._lock:
             self.transport.send_packet(Packet(message.TYPE, payload, self.session_id, self._sequence))
@@ -152,11 +153,11 @@ class Link:
         Raises
         ------
         PacketError
-            For damaged bytes; the link stays usable.
+            For damaged bytes; the link remains usable.
         ProtocolMistake
-            For an intact packet whose payload breaks the protocol; the same.
+            For an intact packet that violates the protocol; the link remains usable.
         LinkClosed
-            When the line has ended.
+            When the line is closed.
         """
         deadline = time.monotonic() + timeout_s
         self.gave_way = False
@@ -185,7 +186,7 @@ class Link:
         return None
 
     def _belongs_here(self, packet: Packet) -> bool:
-        # HELLO opens a session, HELLO_ACK settles its id, ERROR may come before either
+        # HELLO opens a session, HELLO_ACK settles its id, ERROR may precede either
         opening = packet.type in (PacketType.HELLO, PacketType.HELLO_ACK, PacketType.ERROR)
         if not opening and packet.session_id != self.session_id:
             if self._heard_session != self.session_id:
@@ -203,7 +204,7 @@ class Link:
     def close(self, reason: Optional[str] = None) -> None:
         """Close the line, after a BYE if ``reason`` is given and the line still works."""
         if reason is not None:
-            with contextlib.suppress(LinkClosed):  # the other side may have been faster
+            with contextlib.suppress(LinkClosed):  # the other side may have closed it first
                 self.send(Bye(reason))
         self.transport.close()
 
@@ -228,34 +229,34 @@ def answer_hello(
     hello : Hello
         The board's capabilities.
     terms : HelloAck
-        The host's terms; ``window`` is its upper limit.
+        The host's terms; ``window`` is the upper limit.
     encodings : sequence of Encoding, optional
-        The host's wishes, the first choice first; raw where the board takes none of them.
+        Encodings in the host's order of preference; raw if the board supports none.
     pixel_formats : sequence of PixelFormat, optional
-        Those that hold the host's images, the first choice first; of ``terms`` unless given.
+        Formats that hold the host's images, in order of preference; by default that of ``terms``.
 
     Raises
     ------
     LinkError
-        If the board carries another target's model.
+        If the board has the model of another target.
     FormatRefused
-        If the board takes none of the pixel formats.
+        If the board supports none of the pixel formats.
     """
     if hello.model_name and terms.target_name and hello.model_name != terms.target_name:
         raise LinkError(
-            f"the board carries a model of {hello.model_name!r} but the host flies {terms.target_name!r}:"
+            f"the board has a model of {hello.model_name!r} but the host's target is {terms.target_name!r}:"
             f" start the board with --target {terms.target_name}"
         )
     if hello.model_sha256 and terms.target_sha256 and hello.model_sha256 != terms.target_sha256:
         raise LinkError(
-            f"the board's model of {hello.model_name!r} ({hello.model_sha256[:12]}) is not the one the host"
-            f" flies ({terms.target_sha256[:12]}): write the board's model file anew and copy it to the board"
+            f"the board's model of {hello.model_name!r} ({hello.model_sha256[:12]}) differs from the host's"
+            f" ({terms.target_sha256[:12]}): write the board's model file again and copy it to the board"
         )
     preferred, accepted = pixel_formats or (terms.pixel_format,), formats_in(hello.pixel_formats)
     pixel_format = next((f for f in preferred if f in accepted), None)
     if pixel_format is None:
         raise FormatRefused(
-            f"the board takes pixels as {', '.join(f.name for f in accepted) or 'nothing'} and the host sends"
+            f"the board accepts pixels as {', '.join(f.name for f in accepted) or 'nothing'} but the host sends"
             f" {' or '.join(f.name for f in preferred)}: choose another --pixel-format, or another sensor in the"
             " scenario"
         )
@@ -271,13 +272,13 @@ def answer_hello(
 def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = math.inf) -> HelloAck:
     """Run the board's side of the handshake.
 
-    HELLO is repeated every ``repeat_s`` while no answer comes, for lines that lose bytes; the host tells
-    a repetition from a restarted board by the packet's sequence number.
+    HELLO is repeated every ``repeat_s`` until it is answered, for lines that lose bytes. The host distinguishes a
+    repetition from a restarted board by the packet's sequence number.
 
     Raises
     ------
     LinkError
-        If the host refuses, speaks another version, or does not answer in ``timeout_s``.
+        If the host refuses, uses another version, or does not answer within ``timeout_s``.
     """
     name = link.transport.name
     link.accepts = BOARD_BEFORE_TERMS
@@ -307,7 +308,7 @@ def greet_host(link: Link, hello: Hello, timeout_s: float, *, repeat_s: float = 
 
 
 def refuse(link: Link, code: ErrorCode, sentence: str) -> None:
-    """Tell the other side the reason, then close."""
-    with contextlib.suppress(LinkClosed):  # it may not have waited to hear it
+    """Send the reason to the other side, then close."""
+    with contextlib.suppress(LinkClosed):  # the other side may have disconnected
         link.send(ErrorMessage(code, sentence))
     link.transport.close()

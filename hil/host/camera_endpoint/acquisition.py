@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Due:
-    """A requested frame, with the controller's settings at the time of the request."""
+    """Requested frame, with the controller's settings at the time of the request."""
 
     request_id: int
     asked_ns: int
@@ -32,7 +32,7 @@ class _Due:
 
 
 class Acquisition:
-    """State machine of image acquisition. One frame is requested at a time, from the newest state.
+    """State machine of the image acquisition. One frame is requested at a time, of the newest state.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ class Acquisition:
     stream : StreamChannel
         Channel on which images are sent.
     tell : callable
-        Function that sends a message to the render process.
+        Sends a message to the render process.
     """
 
     def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:
         self._registers, self._stream, self._tell = registers, stream, tell
         self.answers: AnswerPort | None = None
-        """Port for answers of boards, if any."""
+        """Port for answers of boards; None without one."""
         self._origin_ns = time.monotonic_ns()
         self._started_s = 0.0
         self.next_s = 0.0
-        """Due time of the next frame."""
+        """Monotonic time at which the next frame is due [s]."""
         self.triggered = False
         self._frames_left: int | None = None
         self._number = self._block_id = self._sent = self._request_id = 0
@@ -84,7 +84,7 @@ class Acquisition:
         self._started_s = self.next_s = time.monotonic()
 
     def stop(self) -> None:
-        """Stop acquiring and discard an image in progress."""
+        """Stop acquiring, and discard an image in progress."""
         self._registers.acquiring = False
         self._forget()
         self._stream.stop()
@@ -96,12 +96,12 @@ class Acquisition:
         self._due = self._exposed = None
 
     def trigger(self) -> None:
-        """Request one frame by software trigger, if acquisition runs."""
+        """Request one frame by software trigger, if acquisition is running."""
         self._registers[Place.TRIGGER_SOFTWARE] = 0
         self.triggered = self._registers.acquiring
 
     def control_timestamp(self) -> None:
-        """Latch the time stamp into its registers, or reset it, as the controller wrote."""
+        """Latch the time stamp into its registers, or reset it, as written by the controller."""
         if self._registers[Place.TIMESTAMP_CONTROL] == 1:
             self._origin_ns = time.monotonic_ns()
         else:
@@ -114,21 +114,21 @@ class Acquisition:
 
     @property
     def wants_frame(self) -> bool:
-        """True if the next frame may be requested: none is in progress and, in trigger mode, a trigger came."""
+        """True if the next frame may be requested: none is in progress and, in trigger mode, a trigger was received."""
         if not self._registers.acquiring or self._due is not None or not self._stream.has_room:
             return False
         return self.triggered or not self._registers[Place.TRIGGER_MODE]
 
     @property
     def _interval_s(self) -> float:
-        """Interval between frames: no exposure begins before the last has ended."""
+        """Interval between frames, at least the exposure time [s]."""
         registers = self._registers
         return max(
             1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
         )
 
     def ask_for_frame(self, now_s: float) -> None:
-        """Request an image from the renderer when due; one at a time, from the newest state."""
+        """Request an image from the renderer when due."""
         registers = self._registers
         if not self.wants_frame or now_s < self.next_s:
             return
@@ -160,7 +160,7 @@ class Acquisition:
         self._number += 1
 
     def take(self, taken: FrameTaken) -> None:
-        """Store a rendered image until its exposure is over; reject one from a stopped acquisition."""
+        """Store a rendered image until its exposure is over. Reject one of a stopped acquisition."""
         if self._due is None or taken.request_id != self._due.request_id:
             self._tell_unsent(taken)
         else:
@@ -174,7 +174,7 @@ class Acquisition:
         return self._due.asked_ns * 1e-9 + self._due.exposure_s
 
     def send_exposed(self, now_s: float, to: tuple[str, int] | None) -> None:
-        """Send the image, once its exposure is over, to the controller's stream address ``to``, if it set one."""
+        """Send the image, once its exposure is over, to the controller's stream address ``to``, if set."""
         picture, due, read_out_s = self._exposed, self._due, self.read_out_s
         if picture is None or due is None or read_out_s is None or now_s < read_out_s:
             return
@@ -187,7 +187,7 @@ class Acquisition:
             self._tell(PictureOutcome(taken.request_id, None))
 
     def _send(self, taken: FrameTaken, due: _Due, to: tuple[str, int] | None) -> bool:
-        """Begin to send an image; return False if there is no receiver."""
+        """Start sending an image; return False if there is no receiver."""
         registers = self._registers
         if self._frames_left is not None:
             self._frames_left -= 1

@@ -1,7 +1,8 @@
-"""Port for poses of boards that read the camera: a session like any link's, with images from elsewhere.
+"""Port for the poses of boards that read the camera: a session of the link without images.
 
-A GigE Vision camera takes nothing back. So the board connects here as it would to a host; the images that the stream
-sends meanwhile count as those it was sent, each by its number since acquisition started, and each has one outcome.
+The GigE Vision protocol has no channel for poses, so the board connects here as it would to a host. Images sent on the
+stream in the meantime count as sent to the board; each is identified by its number since the start of acquisition, and
+each has exactly one outcome.
 """
 
 from __future__ import annotations
@@ -30,21 +31,21 @@ STOPPED = "the camera was stopped"
 
 
 class AnswerPort:
-    """One board at a time, and the images that it may answer.
+    """Session with one board at a time, and the images that it may answer.
 
     Parameters
     ----------
     terms : AnswerTerms
-        Connection of the board, with camera and target.
+        Terms for the board: address, camera and target.
     report : callable
-        Given each image's outcome, with the number that it was announced by as ``frame_id``.
+        Receives each image's record with its outcome, under the ``frame_id`` given to `sent`.
     note : callable
-        Given a sentence on boards that come and go.
+        Receives sentences about boards that connect and disconnect.
 
     Raises
     ------
     LinkError
-        If the port is in use or the URL is bad.
+        If the port is in use or the URL is invalid.
     """
 
     def __init__(
@@ -61,7 +62,7 @@ class AnswerPort:
 
     @property
     def url(self) -> str:
-        """Address for boards, with the actual port."""
+        """URL for boards, with the actual port."""
         return self._listener.url
 
     @property
@@ -81,7 +82,7 @@ class AnswerPort:
         return min((at * 1e-9 for at in times if at is not None), default=None)
 
     def step(self, ready: Collection[Any]) -> None:
-        """Process input and expire late images."""
+        """Process input, and expire late images."""
         self._in_flight.expire(now_ns())
         self._pending.expire(now_ns())
         self._board.sync_clock()
@@ -95,14 +96,14 @@ class AnswerPort:
             self._board.listen()
 
     def sent(self, record: FrameRecord, number: int) -> None:
-        """Note that an image is on its way to the board.
+        """Register an image that was sent on the stream.
 
         Parameters
         ----------
         record : FrameRecord
-            With the ``frame_id`` that its outcome is reported by.
+            Record whose ``frame_id`` its outcome is reported under.
         number : int
-            The board's number of the image.
+            Number of the image on the stream.
         """
         record = record.at(handed_over_ns=now_ns())
         if self._board.link is None or self._board.ack is None:
@@ -113,11 +114,11 @@ class AnswerPort:
         self._in_flight.sent(flight, now_ns())
 
     def restart(self) -> None:
-        """Restart numbering with acquisition; earlier images get no more answers."""
-        self._in_flight.lose("acquisition was started anew")
+        """Restart the numbering with acquisition; earlier images are dropped."""
+        self._in_flight.lose("acquisition was restarted")
 
     def close(self) -> bool:
-        """Say goodbye and drop images without an answer; return True if a board was connected."""
+        """Say goodbye, and drop images without an answer; return True if a board was connected."""
         connected = self._board.link is not None
         self._in_flight.lose(STOPPED)
         self._pending.turn_away(STOPPED)
@@ -142,6 +143,8 @@ class AnswerPort:
 
     def _report_event(self, event: object) -> None:
         if isinstance(event, BoardUp):
-            self._note(f"a board answers from {event.peer}: {event.board.name}, method {event.board.method}")
+            self._note(
+                f"a board connected from {event.peer}: {event.board.name}, method {event.board.method}"
+            )
         elif isinstance(event, BoardDown):
-            self._note(f"the board answers no more: {event.reason}")
+            self._note(f"the board disconnected: {event.reason}")

@@ -1,4 +1,4 @@
-"""Ledger of a camera's images: the answer of a board at the stream to each, with the rendered state."""
+"""Ledger of a camera's images: the answer of a board to each, with the rendered state."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
 
 
 class CameraLedger:
-    """Rows of the images sent while the camera ran.
+    """Ledger rows of the images sent while the camera ran.
 
     Parameters
     ----------
     folder : Path or None
-        Output folder; None for no files.
+        Output folder; None writes no files.
     link : LinkConfig
-        Address for answers of boards.
+        Link settings of the answer port.
     flown : FlownRecord, optional
-        Scenario and command for the record of the run.
+        Scenario and command line, for the record of the run.
 
     Raises
     ------
     UserError
-        If the folder cannot be written or holds a ledger, now or later.
+        If the folder holds a ledger, or cannot be written, now or later.
     """
 
     def __init__(self, folder: Path | None, link: LinkConfig, flown: FlownRecord | None = None) -> None:
@@ -60,7 +60,7 @@ class CameraLedger:
             write_terms(folder, terms)
 
     def drawn(self, request_id: int, scene: SceneState, drawing_ms: float) -> None:
-        """Note an image that the endpoint has and may send."""
+        """Register an image that was passed to the endpoint."""
         self._open[request_id] = scene, drawing_ms
 
     def came_to(self, request_id: int, record: FrameRecord | None) -> None:
@@ -81,7 +81,7 @@ class CameraLedger:
             self._writer.add(row)
 
     def close(self) -> LedgerSummary:
-        """Return the summary, written if there is a folder."""
+        """Close the ledger and return its summary, written if there is a folder."""
         summary = summarise(
             self._tally,
             started_utc=self._started_utc,

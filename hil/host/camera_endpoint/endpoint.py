@@ -1,8 +1,7 @@
-"""Process of the endpoint: commands of one controller, frames when due, and the packet stream.
+"""Endpoint process: commands of one controller, frames when due, and the packet stream.
 
-It cannot authenticate: GVCP knows no secret, and an address can be forged. So it hears one interface and listed
-addresses alone, sends images to its controller's address and nowhere else, and holds at most was set up at its
-start, whatever it is sent.
+GVCP has no authentication, and addresses can be forged. Therefore the endpoint listens on one interface to listed
+addresses only, sends images only to its controller's address, and bounds its memory at the start.
 """
 
 from __future__ import annotations
@@ -47,19 +46,21 @@ if TYPE_CHECKING:
     Peer = tuple[str, int]
 
 MAX_COMMANDS = 64
-"""Commands of one socket before packets are sent again."""
+"""Largest number of commands processed per socket before packets are sent again."""
 MAX_STRANGERS = 16
 """Largest number of unlisted addresses that are reported."""
 REPEATED_S = 1.0
-"""Time within which a repeated command is answered twice but executed once."""
+"""Time within which a repeated command is acknowledged again but not executed again [s]."""
 IDLE_S = 0.5
 LAST_WORDS_S = 1.5
-"""Time for a board to release control after the goodbye."""
+"""Time for a board to release control after the goodbye [s]."""
 
 
 def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
-    """Run the process until the other end of the pipe is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the drawing side's; it closes the pipe
+    """Run the endpoint until the other end of the pipe is closed."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C is handled by the render process, which closes the pipe
     try:
         endpoint = CameraEndpoint(pipe, config)
     except UserError as error:
@@ -71,11 +72,11 @@ def serve_endpoint(pipe: Connection, config: EndpointConfig) -> None:
             pass
         endpoint.end()
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        pass  # the drawing side is gone
+        pass  # the render process is gone
 
 
 class CameraEndpoint:
-    """One camera on one interface.
+    """Simulated camera on one network interface.
 
     Raises
     ------
@@ -91,7 +92,7 @@ class CameraEndpoint:
         self._answers: AnswerPort | None = None
         try:
             for address in dict.fromkeys(("255.255.255.255", interface.broadcast)):
-                if address != "0.0.0.0":  # noqa: S104 - compared with, not listened on: lo has no broadcast
+                if address != "0.0.0.0":  # noqa: S104 - compared, not listened on: lo has no broadcast address
                     self._sockets.append(open_socket(interface, address, gvcp.PORT))
             stream = open_socket(interface, interface.address, 0)
             if config.answers is not None:
@@ -124,11 +125,11 @@ class CameraEndpoint:
 
     @property
     def answers_url(self) -> str | None:
-        """Address at which boards send their poses."""
+        """URL at which boards send their poses."""
         return None if self._answers is None else self._answers.url
 
     def end(self) -> None:
-        """Say goodbye to the board, let it release control, which takes longer once nobody answers, and close."""
+        """Say goodbye to the board, wait until it releases control, and close."""
         self._acquisition.stop()
         answers, self._answers = self._answers, None
         if answers is not None and answers.close():
@@ -165,9 +166,7 @@ class CameraEndpoint:
             self._answers.step(ready)
         now = time.monotonic()
         if self._controller is not None and now > self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3:
-            self._release(
-                f"controller {self._controller[0]} said nothing for too long: control is free again"
-            )
+            self._release(f"controller {self._controller[0]} sent no heartbeat: control was released")
         self._acquisition.send_exposed(now, self._receiver)
         self._acquisition.ask_for_frame(now)
         self._stream.step(now)
@@ -232,16 +231,16 @@ class CameraEndpoint:
         return answer or None
 
     def _carry_out(self, request: GvcpRequest, peer: Peer) -> bytes:
-        """Execute a command and return the acknowledgement's payload.
+        """Execute a command, and return the payload of its acknowledgement.
 
         Raises
         ------
         RefusedError
-            If it is not done.
+            If the command is refused.
         """
         registers, payload = self._registers, request.payload
         if request.command == GvcpCommand.PACKET_RESEND:
-            # a receiver asks from its stream socket, so that the address alone can be compared
+            # a receiver sends requests from its stream socket, so only the address can be compared
             if self._controller is not None and peer[0] == self._controller[0]:
                 self._stream.send_again(gvcp.parse_resend(payload))
             return b""
@@ -269,7 +268,7 @@ class CameraEndpoint:
                 if address <= Place.CONTROL_PRIVILEGE < address + len(
                     data
                 ) or address <= Place.STREAM_ADDRESS < (address + len(data)):
-                    raise RefusedError(Status.ACCESS_DENIED)  # these are written one by one
+                    raise RefusedError(Status.ACCESS_DENIED)  # these must be written one by one
                 for place in registers.write(address, data):
                     self._written(place)
             return struct.pack(">HH", 0, len(data))
@@ -287,20 +286,20 @@ class CameraEndpoint:
     def _write(self, address: int, value: int, peer: Peer) -> None:
         if address == Place.CONTROL_PRIVILEGE:
             if self._controller not in {None, peer}:
-                self._note(f"{peer[0]} asked for control, which {self._controller_name} has: refused")
+                self._note(f"{peer[0]} was refused control, which {self._controller_name} has")
                 raise RefusedError(Status.ACCESS_DENIED)
             self._registers.write_register(address, value)
             if value:
                 self._claim(peer)
             elif self._controller is not None:
-                self._release(f"controller {peer[0]} gave control back")
+                self._release(f"controller {peer[0]} released control")
             return
         self._check_controls(peer)
         if address == Place.STREAM_ADDRESS and value not in {
             0,
             int.from_bytes(socket.inet_aton(peer[0]), "big"),
         }:
-            raise RefusedError(Status.INVALID_PARAMETER)  # pictures go to the controller alone
+            raise RefusedError(Status.INVALID_PARAMETER)  # images are sent only to the controller
         self._written(self._registers.write_register(address, value))
 
     def _written(self, place: Place) -> None:
@@ -338,7 +337,7 @@ class CameraEndpoint:
     def _note_stranger(self, address: str) -> None:
         if address not in self._strangers and len(self._strangers) < MAX_STRANGERS:
             self._strangers.add(address)
-            self._note(f"{address} is not among the allowed controllers: not answered")
+            self._note(f"{address} is not an allowed controller: ignored")
 
     def _note(self, sentence: str) -> None:
         self._pipe.send(Note(sentence))
@@ -356,7 +355,7 @@ class CameraEndpoint:
 
     @property
     def _receiver(self) -> Peer | None:
-        """Destination of images: the controller, once it has named a port."""
+        """Destination of images: the controller, once it has set a port."""
         port = self._registers[Place.STREAM_PORT]
         if self._controller is None or not port or not self._registers[Place.STREAM_ADDRESS]:
             return None

@@ -33,13 +33,13 @@ OWN_NAME = "flyaround.xml"
 
 
 def read_xml(path: Path) -> tuple[str, bytes]:
-    """Return a user's description: its served name and its bytes.
+    """Read a user's GenICam description: its served name and its bytes.
 
     Raises
     ------
     UserError
-        If it cannot be read, is too long, is neither .xml nor .zip, or is no XML that every client may read: a
-        RegisterDescription without a document type, so that no entity can grow in a client's memory.
+        If the file cannot be read, is too long, is neither .xml nor .zip, or is not a RegisterDescription that every
+        client can parse. Document types are refused, because expanding entities could exhaust a client's memory.
     """
     if path.suffix.lower() not in {".xml", ".zip"}:
         raise UserError(f"{path} is neither .xml nor .zip: a GenICam description is served as one of them")
@@ -53,12 +53,12 @@ def read_xml(path: Path) -> tuple[str, bytes]:
 
 
 def _unzipped(path: Path, data: bytes) -> bytes:
-    """Return the single file of an archive.
+    """Return the only file of a zip archive.
 
     Raises
     ------
     UserError
-        If it has more or none, or is damaged, or the file is too long.
+        If the archive is damaged or holds another number of files, or the file is too long.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -87,7 +87,7 @@ def _check_description(path: Path, text: bytes) -> None:
         if not roots:
             roots.append(name)
         if open_elements > MAX_DEPTH:
-            raise UserError(f"{path} nests elements deeper than {MAX_DEPTH}: no GenICam description does")
+            raise UserError(f"{path} nests elements deeper than {MAX_DEPTH}: GenICam descriptions do not")
 
     def end(_name: str) -> None:
         nonlocal open_elements
@@ -101,15 +101,15 @@ def _check_description(path: Path, text: bytes) -> None:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise UserError(f"{path} is no XML ({error}): mend it there") from error
+        raise UserError(f"{path} is not XML ({error}): correct it") from error
     if roots != ["RegisterDescription"]:
         raise UserError(
-            f"{path} is no GenICam description: its outermost element is {roots[0]}, not RegisterDescription"
+            f"{path} is not a GenICam description: its outermost element is {roots[0]}, not RegisterDescription"
         )
 
 
 def write_xml(terms: CameraTerms) -> bytes:
-    """Return the description of this camera's registers in `Place`."""
+    """Return the GenICam description of this camera's registers in `Place`."""
     nodes: list[str] = []
     categories: dict[str, list[str]] = {}
 

@@ -13,11 +13,11 @@ PORT = 3956
 KEY = 0x42
 HEADER = struct.Struct(">BBHHH")
 MAX_BYTES = 576
-"""Largest datagram without headers of IP and UDP; longer ones are ignored."""
+"""Largest accepted datagram without IP and UDP headers [bytes]."""
 MAX_MEMORY_BYTES = 536
-"""Largest size of one memory access."""
+"""Largest size of one memory access [bytes]."""
 ACKNOWLEDGE = 0x01
-"""Flag of a command that requires an answer."""
+"""Flag of a command that requires an acknowledgement."""
 
 
 class GvcpCommand(IntEnum):
@@ -52,9 +52,9 @@ class RefusedError(Exception):
     Parameters
     ----------
     status : Status
-        The acknowledgement's.
+        Status of the acknowledgement.
     index : int, optional
-        Number of the access that failed.
+        Index of the access that failed.
     """
 
     def __init__(self, status: Status, index: int = 0) -> None:
@@ -74,7 +74,7 @@ class GvcpRequest:
 
 @dataclass(frozen=True)
 class ResendRequest:
-    """Packets of a block missed by a receiver, ``first`` to ``last``, both included."""
+    """Packets of a block that a receiver requests again, ``first`` to ``last`` inclusive."""
 
     channel: int
     block_id: int
@@ -83,7 +83,7 @@ class ResendRequest:
 
 
 def parse_request(datagram: bytes) -> GvcpRequest | None:
-    """Return the command in a datagram, or None if it is none: other bytes are not answered."""
+    """Return the command in a datagram; None for anything else, which is not answered."""
     if not HEADER.size <= len(datagram) <= MAX_BYTES:
         return None
     key, flags, command, length, request_id = HEADER.unpack_from(datagram)
@@ -106,7 +106,7 @@ def read_addresses(payload: bytes) -> tuple[int, ...]:
     Raises
     ------
     RefusedError
-        If there is none, or half of one.
+        If the payload holds no address, or an incomplete one.
     """
     if not payload or len(payload) % 4:
         raise RefusedError(Status.INVALID_HEADER)
@@ -119,7 +119,7 @@ def write_pairs(payload: bytes) -> list[tuple[int, int]]:
     Raises
     ------
     RefusedError
-        If there is none, or part of one.
+        If the payload holds no pair, or an incomplete one.
     """
     if not payload or len(payload) % 8:
         raise RefusedError(Status.INVALID_HEADER)
@@ -127,12 +127,12 @@ def write_pairs(payload: bytes) -> list[tuple[int, int]]:
 
 
 def read_span(payload: bytes) -> tuple[int, int]:
-    """Return address and length of a READ_MEMORY.
+    """Return the address and length of a READ_MEMORY.
 
     Raises
     ------
     RefusedError
-        If it is malformed, not aligned to four bytes, or too long.
+        If the payload is malformed, not aligned to four bytes, or the span too long.
     """
     if len(payload) != 8:
         raise RefusedError(Status.INVALID_HEADER)
@@ -146,12 +146,12 @@ def read_span(payload: bytes) -> tuple[int, int]:
 
 
 def write_span(payload: bytes) -> tuple[int, bytes]:
-    """Return address and data of a WRITE_MEMORY.
+    """Return the address and data of a WRITE_MEMORY.
 
     Raises
     ------
     RefusedError
-        If it is malformed or not aligned to four bytes.
+        If the payload is malformed or not aligned to four bytes.
     """
     if len(payload) < 8:
         raise RefusedError(Status.INVALID_HEADER)
@@ -168,7 +168,7 @@ def parse_resend(payload: bytes) -> ResendRequest:
     Raises
     ------
     RefusedError
-        If it is malformed, or ends before it begins.
+        If the payload is malformed, or its range is empty.
     """
     if len(payload) != 12:
         raise RefusedError(Status.INVALID_HEADER)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HEADER = struct.Struct(">HHI")
 IP_UDP_BYTES = 28
-"""Headers of IP and UDP, which a stream channel's packet size includes."""
+"""IP and UDP headers, which a stream channel's packet size includes [bytes]."""
 IMAGE_PAYLOAD = 1
 LEADER, TRAILER, DATA = 1, 2, 3
 """Packet formats."""
@@ -29,7 +29,7 @@ RESENT, UNAVAILABLE = 0x0100, 0x800C
 
 
 class StreamFormat(IntEnum):
-    """Codes of the pixel format naming convention: size of a pixel and format number."""
+    """Codes of the Pixel Format Naming Convention: size of a pixel and format number."""
 
     Mono8 = 0x01080001
     Mono10 = 0x01100003
@@ -40,16 +40,16 @@ class StreamFormat(IntEnum):
 
     @property
     def bits(self) -> int:
-        """Significant bits of a pixel."""
+        """Significant bits per pixel."""
         return int(self.name[4:].rstrip("p"))
 
     def payload_bytes(self, n_pixels: int) -> int:
-        """Return the size of pixels; the code's third byte is the bits per pixel."""
+        """Return the size of ``n_pixels`` pixels [bytes]; the code's third byte is the bits per pixel."""
         return -(-n_pixels * (self >> 16 & 0xFF) // 8)
 
 
 def formats_of(bits: int) -> tuple[StreamFormat, ...]:
-    """Return the formats of a detector of that depth: its own, for 12 bits also packed, and 8 bits."""
+    """Return the formats of a detector of that depth: its own, packed for 12 bits, and 8 bits."""
     own = next(f for f in StreamFormat if f.bits >= bits)
     packed = (StreamFormat.Mono12p,) if own is StreamFormat.Mono12 else ()
     return tuple(dict.fromkeys((own, *packed, StreamFormat.Mono8)))
@@ -57,7 +57,7 @@ def formats_of(bits: int) -> tuple[StreamFormat, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadoutRegion:
-    """Part of the detector that is read, in pixels."""
+    """Region of the detector that is read [px]."""
 
     x: int
     y: int
@@ -68,7 +68,7 @@ class ReadoutRegion:
 def pixels_of(
     image: NDArray[np.unsignedinteger], bits: int, region: ReadoutRegion, pixel_format: StreamFormat
 ) -> bytes:
-    """Return the bytes of a region of (H, W) digital numbers of ``bits`` bits, row by row, in a pixel format."""
+    """Return the bytes of a region of digital numbers (H, W) with ``bits`` bits, row by row, in a pixel format."""
     part = image[region.y : region.y + region.height, region.x : region.x + region.width]
     more = pixel_format.bits - bits
     if pixel_format is StreamFormat.Mono8:
@@ -81,18 +81,18 @@ def pixels_of(
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """One image in transmission.
+    """Image in transmission.
 
     Parameters
     ----------
     block_id : int
-        1 to 65535.
+        Block identifier, 1 to 65535.
     timestamp_ns : int
         Start of the exposure.
     data : bytes
-        Pixels of the frame.
+        Pixels of the image.
     packet_bytes : int
-        Size of each packet, headers of IP and UDP included.
+        Size of each packet, including IP and UDP headers.
     """
 
     block_id: int
@@ -109,11 +109,11 @@ class Block:
 
     @property
     def n_packets(self) -> int:
-        """Number of packets, leader and trailer included, numbered from 0."""
+        """Number of packets, including leader and trailer."""
         return -(-len(self.data) // self.data_bytes) + 2
 
     def packet(self, number: int, status: int = 0) -> bytes:
-        """Return one packet by its number, below ``n_packets``."""
+        """Return the packet with a number from 0 to ``n_packets - 1``."""
         if number == 0:
             return self._header(LEADER, 0, status) + self._leader()
         if number == self.n_packets - 1:
@@ -149,5 +149,5 @@ def unavailable(block_id: int, number: int) -> bytes:
 
 
 def packet_for_size(packet_bytes: int) -> bytes:
-    """Return a packet of one size, headers of IP and UDP included, for a controller to probe the line."""
+    """Return a packet of one size, including IP and UDP headers, with which a controller probes the line."""
     return HEADER.pack(0, 0, DATA << 24).ljust(packet_bytes - IP_UDP_BYTES, b"\0")

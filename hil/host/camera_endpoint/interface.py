@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 from flyaround.simulator.errors import UserError
 
-# from Linux's <linux/sockios.h> and <linux/in.h>; Python's socket does not define them
+# From Linux's <linux/sockios.h> and <linux/in.h>; Python's socket module does not define them
 _ADDRESS, _BROADCAST, _MASK, _MTU, _MAC = 0x8915, 0x8919, 0x891B, 0x8921, 0x8927
 MTU_DISCOVER, MTU_DO, MTU_DONT = 10, 2, 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Interface:
-    """Network interface by its name, with its properties."""
+    """Network interface with its name and properties."""
 
     name: str
     address: str
@@ -28,21 +28,21 @@ class Interface:
 
 
 def find_interface(name: str, address: str | None = None) -> Interface:
-    """Return the system's data of an interface.
+    """Return a network interface of this machine.
 
     Parameters
     ----------
     address : str, optional
-        One of its own besides the first (of ``lo`` any that begins with 127).
+        One of its addresses other than the first (on ``lo``, any that begins with 127).
 
     Raises
     ------
     UserError
-        If there is none of that name, or it has no IPv4 address.
+        If there is no interface of that name, or it has no IPv4 address.
     """
     names = [known for _, known in socket.if_nameindex()]
     if name not in names:
-        raise UserError(f"there is no network interface '{name}'; this machine has {', '.join(names)}")
+        raise UserError(f"there is no network interface '{name}': this machine has {', '.join(names)}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
 
         def ask(what: int) -> bytes:
@@ -66,30 +66,30 @@ def find_interface(name: str, address: str | None = None) -> Interface:
 
 
 def check_address(text: str, option: str) -> str:
-    """Parse an IPv4 address.
+    """Return an IPv4 address in its canonical form.
 
     Raises
     ------
     UserError
-        If it is none.
+        If the text is not an IPv4 address.
     """
     try:
         return str(ipaddress.IPv4Address(text))
     except ValueError:
-        raise UserError(f"{option} {text} is no IPv4 address; write one such as 192.168.1.10") from None
+        raise UserError(f"{option} {text} is not an IPv4 address: write one such as 192.168.1.10") from None
 
 
 def open_socket(interface: Interface, address: str, port: int) -> socket.socket:
-    """Return a UDP socket that receives and sends through one interface alone.
+    """Return a UDP socket that receives and sends through one interface only.
 
     Raises
     ------
     UserError
-        If the port is in use, or the address is none of the interface's.
+        If the port is in use, or the address does not belong to the interface.
     """
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        # other endpoints on other addresses of the interface hear the same broadcasts
+        # other endpoints on other addresses of the interface receive the same broadcasts
         if address in {"255.255.255.255", interface.broadcast}:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.name.encode() + b"\0")
@@ -97,7 +97,7 @@ def open_socket(interface: Interface, address: str, port: int) -> socket.socket:
     except OSError as error:
         opened.close()
         raise UserError(
-            f"UDP port {port} of {address} on {interface.name} cannot be listened on ({error.strerror}):"
+            f"UDP port {port} of {address} on {interface.name} cannot be opened ({error.strerror}):"
             " is another camera endpoint running there?"
         ) from error
     return opened

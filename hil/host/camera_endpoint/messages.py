@@ -1,4 +1,4 @@
-"""Messages between the endpoint's process and the renderer."""
+"""Messages between the endpoint process and the renderer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AnswerTerms:
-    """Connection of a board that reads the stream, with camera and target."""
+    """Terms for a board that reads the stream: address, camera and target."""
 
     link: LinkConfig
     ack: HelloAck
@@ -26,22 +26,22 @@ class AnswerTerms:
 
 @dataclass(frozen=True, kw_only=True)
 class EndpointConfig:
-    """Settings of the endpoint's process.
+    """Settings of the endpoint process.
 
     Parameters
     ----------
     allowed : tuple of str
-        Addresses that are heard.
+        Addresses that may send commands.
     xml : bytes
-        The GenICam description and the file name it is served under.
+        GenICam description that is served.
     xml_name : str
-        The GenICam description and the file name it is served under.
+        File name under which it is served.
     answers : AnswerTerms, optional
-        Address at which boards send their poses; None for none.
+        Terms of the answer port; None without one.
     loss_share : float, optional
-        Stream packets that are left out, to try a client's requests.
+        Share of stream packets that are dropped, to test a client's resend requests.
     loss_seed : int, optional
-        Seed of their choice.
+        Seed of the random drops.
     """
 
     interface: Interface
@@ -56,7 +56,7 @@ class EndpointConfig:
 
 @dataclass(frozen=True)
 class Opened:
-    """Confirmation that the endpoint listens, with the address for answers, if any."""
+    """Confirmation that the endpoint listens, with the URL for answers, if any."""
 
     answers_url: str | None = None
 
@@ -82,13 +82,15 @@ class FrameWanted:
     Parameters
     ----------
     request_id : int
-        Comes back with the image.
+        Identifier that is returned with the image.
     number : int
-        Since acquisition started, from 0.
+        Frame number since the start of acquisition, from 0.
     t_s : float
-        Its time.
-    exposure_s, gain_db : float
-        Settings of the controller.
+        Flight time of mid-exposure.
+    exposure_s : float
+        Exposure time set by the controller.
+    gain_db : float
+        Gain set by the controller.
     """
 
     request_id: int
@@ -100,7 +102,7 @@ class FrameWanted:
 
 @dataclass(frozen=True)
 class FrameTaken:
-    """Image: (H, W) digital numbers of the whole detector."""
+    """Image: digital numbers (H, W) of the whole detector."""
 
     request_id: int
     image: NDArray[np.unsignedinteger]
@@ -116,4 +118,4 @@ class PictureOutcome:
 
 @dataclass(frozen=True)
 class Stop:
-    """Request to end the camera; missing outcomes are reported first."""
+    """Request to stop the camera; missing outcomes are reported first."""

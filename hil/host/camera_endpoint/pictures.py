@@ -1,4 +1,4 @@
-"""Images that the endpoint sends: rendered when due, or rendered before and looped."""
+"""Images that the endpoint sends: rendered when due, or rendered in advance and looped."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     Image = NDArray[np.unsignedinteger]
 
 
-# Pictures that are drawn before a camera can be found, and the time for them.
+# Largest number of warm-up images before the camera becomes discoverable, and their time-out [s].
 WARM_UP_PICTURES, WARM_UP_S = 16, 15.0
 
 
 @dataclass(frozen=True)
 class TakenPicture:
-    """Image and the scene that it shows.
+    """Image with the scene that it shows.
 
     Parameters
     ----------
     image : (H, W) array
         Digital numbers of the whole detector.
     scene : SceneState, optional
-        None if unknown.
+        Scene; None if unknown.
     """
 
     image: Image
@@ -51,23 +51,23 @@ class Pictures(Protocol):
     """Source of images for the endpoint."""
 
     def take(self, wanted: FrameWanted) -> TakenPicture | None:
-        """Return the image; None if it is lost."""
+        """Return the requested image; None if it is lost."""
 
 
 class DrawnPictures:
-    """Images rendered when due from the flight's state at that time; a flight that ends begins again.
+    """Images rendered when due, from the flight's state at that time. The flight restarts when it ends.
 
     Parameters
     ----------
     producer : FrameProducer
-        Draws one at a time; its stage gives the image alone.
+        Renders one image at a time.
     """
 
     def __init__(self, plan: Plan, producer: FrameProducer[Image]) -> None:
         self._plan, self._producer = plan, producer
 
     def warm_up(self) -> None:
-        """Render moments of the whole flight as warm-up, since the first of a kind takes seconds."""
+        """Render moments of the whole flight as warm-up, because the first image of a kind takes seconds."""
         until_s = time.monotonic() + WARM_UP_S
         for t_s in np.linspace(0.0, self._plan.scenario.duration_s, WARM_UP_PICTURES, endpoint=False):
             if time.monotonic() > until_s:
@@ -89,20 +89,20 @@ class DrawnPictures:
 
 
 class LoopedPictures:
-    """Images looped from before; exposure and gain scale their values, and clipped pixels stay clipped.
+    """Looped images. Exposure and gain scale their values, and clipped pixels stay clipped.
 
     Parameters
     ----------
     images : sequence of (H, W) array
-        Each.
+        Images.
     bits : int
-        Bits of a pixel.
+        Bits per pixel.
     exposure_s : float
-        They were taken with.
+        Exposure time of the images.
     black_dn : float, optional
-        Number of a pixel that no light falls on.
+        Pixel value without light.
     scenes : sequence of SceneState, optional
-        Their scenes, one each; empty if unknown.
+        Scene of each image; empty if unknown.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class LoopedPictures:
         scenes: Sequence[SceneState] = (),
     ) -> None:
         if not images:
-            raise UserError("there is no picture to loop; ask for at least one")
+            raise UserError("there is no picture to loop: request at least one")
         self._images, self._scenes, self._exposure_s = images, scenes, exposure_s
         self._full, self._black_dn = 2**bits - 1, black_dn
         self._table: tuple[float, Image] | None = None
@@ -126,7 +126,7 @@ class LoopedPictures:
         scene = self._scenes[k] if self._scenes else None
         image = self._images[k]
         factor = wanted.exposure_s / self._exposure_s * 10 ** (wanted.gain_db / 20)
-        if abs(factor - 1) < 1e-5:  # exposures travel in single precision
+        if abs(factor - 1) < 1e-5:  # exposures are transmitted in single precision
             return TakenPicture(image, scene)
         if self._table is None or self._table[0] != factor:
             light = (np.arange(self._full + 1) - self._black_dn) * factor + self._black_dn
@@ -135,7 +135,7 @@ class LoopedPictures:
 
 
 def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
-    """Return a scene with a controller's exposure and gain, which acts on signal and noise before the converter."""
+    """Return a scene with a controller's exposure and gain, which amplifies signal and noise before the converter."""
     gain = 10 ** (wanted.gain_db / 20)
     sensor = scene.sensor
     if sensor.detector is not None:
@@ -151,22 +151,22 @@ def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
 
 
 def check_one_channel(plan: Plan) -> None:
-    """Raise UserError for a plan whose images the endpoint cannot send, before it listens.
+    """Raise UserError for a plan whose images the endpoint cannot send.
 
     Raises
     ------
     UserError
-        If the images are in colour.
+        If the images are in colour or encoded.
     """
     if plan.bands != "mono":
         raise UserError(
-            f"scenario {plan.scenario_name} gives {plan.bands} pictures, but the camera endpoint sends one channel:"
+            f"scenario {plan.scenario_name} renders {plan.bands} pictures, but the camera endpoint sends one channel:"
             ' write bands = "mono" under [output] of a copy of the scenario'
         )
     if plan.camera.pixel_encoding != "linear":
         raise UserError(
-            f"scenario {plan.scenario_name} gives {plan.camera.pixel_encoding} pictures, but gain and exposure of the "
-            'camera endpoint work on linear ones: write encoding = "linear" under [output] of a copy of the scenario'
+            f"scenario {plan.scenario_name} renders {plan.camera.pixel_encoding} pictures, but gain and exposure of "
+            'the camera endpoint need linear ones: write encoding = "linear" under [output] of a copy of the scenario'
         )
 
 
@@ -176,7 +176,7 @@ def image_alone(frame: Frame) -> Image:
 
 
 def loop_of(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
-    """Render the plan's frames once for looping, with the first one's exposure throughout."""
+    """Render the plan's frames once for looping, all with the exposure of the first one."""
     first = plan.scene(0)
     with open_frames(image_alone, processes=1, device_index=device_index, first=first) as producer:
         images = list(run_frames(plan, producer, labels=False))

@@ -1,7 +1,7 @@
-"""Registers of the camera: read and written by address, with values checked.
+"""Registers of the camera, read and written by address, with validated values.
 
-The first block's places are those of public descriptions (Aravis's ``arvgvcp.h``); from 0xA000 on they are the
-camera's own, and docs/hil_camera.md lists them for an XML of one's own.
+The addresses of the first block are those of public descriptions (Aravis's ``arvgvcp.h``). From 0xA000 on they are
+specific to this camera; docs/hil_camera.md lists them for authors of their own XML.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ USER_NAME, USER_NAME_BYTES = 0x00E8, 16
 XML_URL, URL_BYTES = 0x0200, 512
 _BLOCKS = ((0x0000, 0x0B20), (0x0D00, 0x0040), (0xA000, 0x0050))
 _STREAM_SETTINGS = (Place.WIDTH, Place.HEIGHT, Place.PIXEL_FORMAT, Place.STREAM_PACKET_BYTES)
-# concatenation, write memory, packet resend, serial number, user-defined name
+# Supported: concatenation, write memory, packet resend, serial number, user-defined name
 _CAPABILITY = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 30 | 1 << 31
 
 
@@ -101,11 +101,15 @@ class CameraTerms:
     Parameters
     ----------
     bits : int
-        Bits of a pixel of the detector.
-    exposure_us, rate_hz : float
-        Before a controller changes them.
-    scenario, target : str
-        Names.
+        Bits per pixel of the detector.
+    exposure_us : float
+        Initial exposure time.
+    rate_hz : float
+        Initial frame rate.
+    scenario : str
+        Name of the scenario.
+    target : str
+        Name of the target.
     """
 
     width_px: int
@@ -118,16 +122,16 @@ class CameraTerms:
 
 
 class Registers:
-    """Memory of the camera.
+    """Register memory of the camera.
 
     Parameters
     ----------
     source_port : int
-        Port that the stream is sent from.
+        Port from which the stream is sent.
     xml : bytes
-        The description that is served, and the file name it is given.
+        GenICam description that is served.
     xml_name : str
-        The description that is served, and the file name it is given.
+        File name under which it is served.
     """
 
     def __init__(
@@ -188,7 +192,7 @@ class Registers:
 
     def __setitem__(self, place: Place, value: int) -> None:
         block, at = self._find(place, 4)
-        assert isinstance(block, bytearray)  # noqa: S101 - the XML has no place
+        assert isinstance(block, bytearray)  # noqa: S101 - the XML is not a register
         struct.pack_into(">I", block, at, value & 0xFFFFFFFF)
 
     def number(self, place: Place) -> float:
@@ -197,7 +201,7 @@ class Registers:
 
     @property
     def region(self) -> ReadoutRegion:
-        """Part of the detector that is read."""
+        """Region of the detector that is read."""
         return ReadoutRegion(
             x=self[Place.OFFSET_X], y=self[Place.OFFSET_Y], width=self[Place.WIDTH], height=self[Place.HEIGHT]
         )
@@ -220,7 +224,7 @@ class Registers:
         Raises
         ------
         RefusedError
-            If they are not, or nothing is there.
+            If they are not aligned, or there is no such register.
         """
         if address % 4 or count % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
@@ -230,13 +234,13 @@ class Registers:
         return bytes(block[at : at + count])
 
     def write(self, address: int, data: bytes) -> list[Place]:
-        """Write values and return the registers that were written.
+        """Write values, and return the registers that were written.
 
         Raises
         ------
         RefusedError
-            If nothing is there, it is read-only, or locked, or the value is not allowed; of several registers those
-            before the refused one keep their new values.
+            If a register does not exist, is read-only or locked, or the value is not allowed. Registers before the
+            refused one keep their new values.
         """
         if address == USER_NAME and len(data) == USER_NAME_BYTES:
             self._blocks[0][1][address : address + len(data)] = data
@@ -253,12 +257,12 @@ class Registers:
         return written
 
     def write_register(self, address: int, value: int) -> Place:
-        """Write one value and return its register.
+        """Write one value, and return its register.
 
         Raises
         ------
         RefusedError
-            As of `write`.
+            See `write`.
         """
         if address % 4:
             raise RefusedError(Status.BAD_ALIGNMENT)
@@ -287,7 +291,9 @@ class Registers:
                 PACKET_BYTES[0] <= v & 0xFFFF <= PACKET_BYTES[1] and not v & 0x3FFF0000
             ),
             Place.STREAM_PACKET_DELAY: lambda v: v <= TICKS_PER_S // 1000,
-            Place.STREAM_ADDRESS: lambda v: v <= 0xFFFFFFFF,  # the endpoint compares it with its controller's
+            Place.STREAM_ADDRESS: lambda v: (
+                v <= 0xFFFFFFFF
+            ),  # the endpoint compares it with its controller's address
             Place.OFFSET_X: lambda v: v + self[Place.WIDTH] <= terms.width_px,
             Place.OFFSET_Y: lambda v: v + self[Place.HEIGHT] <= terms.height_px,
             Place.WIDTH: lambda v: MIN_SIDE_PX <= v <= terms.width_px - self[Place.OFFSET_X],
@@ -307,7 +313,7 @@ class Registers:
         }
 
     def _find(self, address: int, count: int) -> tuple[bytearray | bytes, int]:
-        """Return the block that holds a span, and the offset in it."""
+        """Return the block that contains a span, and the offset in it."""
         blocks: list[tuple[int, bytearray | bytes]] = [*self._blocks, (XML_ADDRESS, self._xml)]
         for start, block in blocks:
             if start <= address and address + count <= start + len(block):

@@ -1,4 +1,4 @@
-"""Camera behind the endpoint: starts the endpoint's process and supplies images as they are due."""
+"""Camera behind the endpoint: starts the endpoint process, and renders images when they are due."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.pictures import Pictures
 
 WARNING = (
-    "It cannot authenticate: the protocol knows no password, nothing is encrypted, and an address can be forged."
-    " Use it on a network that is yours alone."
+    "It cannot authenticate: the protocol has no password, nothing is encrypted, and an address can be forged."
+    " Use it on a private network."
 )
 START_S = 60.0
 LOOK_S = 0.2
@@ -53,18 +53,18 @@ def run_camera(
     pictures : Pictures
         Source of the images.
     ledger : CameraLedger, optional
-        Records each image and the answer of a board, if ``config`` has an answer port.
+        Ledger of each image and the board's answer, if ``config`` has an answer port.
     on_opened : callable, optional
-        Called once it can be discovered, with the URL for answers.
+        Called with the URL for answers once the camera can be discovered.
     on_note : callable, optional
-        Called with a sentence when a controller or board comes, goes or is refused.
+        Called with a sentence when a controller or board connects, disconnects or is refused.
     stopped : callable, optional
-        Asked several times a second; never stops without it but by Ctrl-C.
+        Polled several times a second; the camera stops when it returns True. By default it runs until Ctrl-C.
 
     Raises
     ------
     UserError
-        If its port is in use or not permitted.
+        If the port is in use or not permitted.
     """
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
@@ -105,7 +105,7 @@ def run_camera(
 
 
 def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
-    """Pass an image on; the renderer may die and be restarted."""
+    """Pass an image to the endpoint. A render process that dies is restarted."""
     start_s = time.monotonic()
     picture = pictures.take(wanted)
     while picture is None:
@@ -116,7 +116,7 @@ def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: Cam
 
 
 def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:
-    """Tell the endpoint to end, and collect its last outcomes."""
+    """Stop the endpoint, and collect its last outcomes."""
     pipe.send(Stop())
     while pipe.poll(END_S):
         message = pipe.recv()

@@ -1,4 +1,4 @@
-"""Stream channel: image packets spread over time, kept for a while, and resent on request."""
+"""Stream channel: image packets paced over time, kept for a while, and resent on request."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from flyaround.hil.host.camera_endpoint.gvsp import Block
 
 BURST = 8
-"""Packets sent at once; the interval between bursts is that of as many packets."""
+"""Packets sent at once; bursts are spaced by the same number of packet intervals."""
 MAX_BURSTS = 4
-"""Bursts sent in a row to catch up before commands are processed again."""
+"""Largest number of consecutive bursts for catching up, before commands are processed again."""
 MAX_GAP_S = 1e-4
 SHARE_OF_INTERVAL = 0.5
 KEPT_BYTES = 64 << 20
@@ -25,7 +25,7 @@ KEPT_BLOCKS = 8
 MAX_RESENT = 2048
 """Largest number of packets resent per request."""
 RESENT_PER_PACKET = 2
-"""Limit of resent packets relative to a block's packets; and, over all blocks, relative to those just sent."""
+"""Limit of resent packets relative to a block's packets and, over all blocks, to those just sent."""
 
 
 class StreamChannel:
@@ -36,9 +36,9 @@ class StreamChannel:
     sock : socket
         Socket to send from.
     loss_share : float, optional
-        Share of packets that are left out, to test a receiver's requests.
+        Share of packets that are dropped, to test a receiver's resend requests.
     seed : int, optional
-        Seed of their choice.
+        Seed of the random drops.
     """
 
     def __init__(self, sock: socket.socket, loss_share: float = 0.0, seed: int = 0) -> None:
@@ -54,17 +54,17 @@ class StreamChannel:
         self._to: tuple[str, int] | None = None
         self._resent: dict[int, int] = {}
         self._allowance = 0
-        """Packets that may be resent: as many as were sent, so that no request multiplies the stream."""
+        """Number of packets that may be resent: as many as were sent, so that requests cannot multiply the traffic."""
         self.packets_sent = self.packets_resent = self.packets_left_out = 0
 
     @property
     def source_port(self) -> int:
-        """Source port of packets."""
+        """UDP source port of the packets."""
         return int(self._socket.getsockname()[1])
 
     @property
     def due_s(self) -> float | None:
-        """Due time of the next packets; None if there are none."""
+        """Monotonic time at which the next packets are due; None if there are none."""
         return None if self._block is None else self._due_s
 
     @property
@@ -80,7 +80,7 @@ class StreamChannel:
         Parameters
         ----------
         interval_s : float
-            Between frames, of which sending takes half.
+            Frame interval; sending takes half of it.
         delay_s : float
             Least time between packets.
         """
@@ -102,12 +102,12 @@ class StreamChannel:
         self._allowance = min(self._allowance, RESENT_PER_PACKET * block.n_packets)
 
     def stop(self) -> None:
-        """Stop sending and forget sent packets."""
+        """Stop sending, and discard packets kept for resending."""
         self._block = self._waiting = self._to = None
         self._kept.clear()
 
     def step(self, now_s: float) -> None:
-        """Send what is due."""
+        """Send the packets that are due."""
         for _ in range(MAX_BURSTS):
             block, to = self._block, self._to
             if block is None or to is None or self._due_s > now_s:
@@ -125,9 +125,9 @@ class StreamChannel:
                     self._begin(block, to, gap_s, now_s)
 
     def send_again(self, request: ResendRequest) -> None:
-        """Resend packets that a receiver misses, or report that they are not available.
+        """Resend packets that a receiver requests, or report that they are not available.
 
-        Bounded by `RESENT_PER_PACKET`: a few bytes must not bring megabytes.
+        Limited by `RESENT_PER_PACKET`, so that small requests cannot cause large traffic.
         """
         to = self._to
         if to is None or request.channel != 0:
@@ -137,7 +137,7 @@ class StreamChannel:
             self._send(unavailable(request.block_id, request.first), to)
             return
         last = min(request.last, block.n_packets - 1, request.first + MAX_RESENT - 1)
-        if block is self._block:  # packets not sent yet are still to come
+        if block is self._block:  # packets not yet sent are still to come
             last = min(last, self._number - 1)
         spent = self._resent.get(request.block_id, 0)
         budget = min(RESENT_PER_PACKET * block.n_packets - spent, self._allowance)
@@ -148,12 +148,12 @@ class StreamChannel:
             self._resent[request.block_id] = self._resent.get(request.block_id, 0) + 1
 
     def send_test_packet(self, to: tuple[str, int], packet_bytes: int) -> None:
-        """Send one packet of a size, unfragmented or not at all."""
+        """Send one packet of a size, without fragmentation or not at all."""
         self.set_fragments(allowed=False)
         self._send(packet_for_size(packet_bytes), to)
 
     def set_fragments(self, *, allowed: bool) -> None:
-        """Set whether packets may be fragmented if too long for the line."""
+        """Allow or forbid the fragmentation of packets too long for the line."""
         self._socket.setsockopt(socket.IPPROTO_IP, MTU_DISCOVER, MTU_DONT if allowed else MTU_DO)
 
     def close(self) -> None:
@@ -168,7 +168,7 @@ class StreamChannel:
             self._socket.sendto(packet, to)
         except (
             OSError
-        ):  # too long for the line, no route, a full queue: to the receiver each is a lost packet
+        ):  # too long for the line, no route, a full queue: to the receiver, each is a lost packet
             self.packets_left_out += 1
         else:
             self.packets_sent += 1

@@ -1,1 +1,1 @@
-"""Link in a separate process: sockets, timestamps and outcomes of frames. The renderer never runs here."""
+"""Link in a separate process: sockets, time stamps and outcomes of frames. The renderer never runs here."""

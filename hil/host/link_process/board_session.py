@@ -1,4 +1,4 @@
-"""Board in session: handshake, messages, clock and packet counts."""
+"""Session with a board: handshake, messages, clock synchronisation and packet counts."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-# encodings by the host's option, in order of preference; raw if the board takes none
+# Encodings by the host's option, in order of preference; raw if the board supports none
 ENCODINGS: dict[str, tuple[Encoding, ...]] = {
     "raw": (),
     "png": (Encoding.PNG,),
@@ -63,22 +63,22 @@ ENCODINGS: dict[str, tuple[Encoding, ...]] = {
 
 SYNC_BURST = 8
 SYNC_EVERY_NS = 250_000_000
-# before a frame the line is free: a request that will be due soon is sent then, and waits behind nothing
+# Advance of a clock request [ns]: before a frame the line is free, and the request waits behind nothing
 SYNC_EARLY_NS = 200_000_000
-# delay before a silent board is asked for its newest frame, and the interval of repetitions
+# Delay before a silent board is asked for its newest frame, and interval of repetitions [ns]
 ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
-# number of stored round trips, for more than an hour; a longer trip belongs to another board
+# Number of stored round trips, for more than an hour, and largest plausible one [ns]
 MAX_TRIPS, MAX_TRIP_NS = 20_000, 10**12
-# a board answers clock requests once its estimator is ready; no frame is sent before
+# A board answers clock requests once its estimator is ready; frames are sent after this time-out at the latest [ns]
 SYNC_PATIENCE_NS = 60_000_000_000
-# longest time of listening to a board that sends without end, before frames, loggers and the run get their turn
+# Longest time of receiving from a busy board before frames, loggers and the run are served [ns]
 DRAIN_NS = 20_000_000
-# most mistakes of a run that are logged; the summary counts them all
+# Largest number of logged protocol violations in a run; the summary counts all
 MAX_LOGGED = 20
 
 
 class BoardSession:
-    """Session of the host with a board, if there is one; another may follow it.
+    """Session of the host with a board, if there is one; after it ends, another may follow.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class BoardSession:
     tell : callable
         Sends a message to the run.
     in_flight : FramesInFlight
-        Frames sent.
+        Frames in flight.
     """
 
     def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:
@@ -96,12 +96,12 @@ class BoardSession:
         self.terms: Terms | None = None
         self.link: Link | None = None
         self.ack: HelloAck | None = None
-        self.unread = False  # the board has said more than was listened to
+        self.unread = False  # the board has sent more than was read
         self.next_sync_ns = 0
         self._asked_ns = 0
         self.counts = LinkTotals()
         self._mistakes = 0
-        self._up: BoardUp | None = None  # greeted, not yet announced
+        self._up: BoardUp | None = None  # greeted, but not yet announced
         self._clock = ClockFilter()
         self._trips_ns: deque[int] = deque(maxlen=MAX_TRIPS)
         self._heard_ns = 0
@@ -110,14 +110,14 @@ class BoardSession:
         )
 
     def begin(self, link: Link, hello: Hello) -> bool:
-        """Answer a HELLO; return True if the board may stay, as ``link`` from now on."""
+        """Answer a HELLO; return True if the board is accepted and ``link`` becomes the session's."""
         self.link = link
         link.accepts = HOST_IN_SESSION
         self._greet(hello, link)
         return self.link is not None
 
     def end(self, reason: str, *, goodbye: bool) -> None:
-        """Close the session; without a goodbye, a board can tell a killed run from a finished one."""
+        """Close the session. A missing goodbye tells the board that the run was killed."""
         if self.link is None:
             return
         self._count_packets(self.link)
@@ -158,11 +158,11 @@ class BoardSession:
             self._handle(message, now_ns(), self.link)
 
     def _mistaken(self, mistake: ProtocolMistake) -> None:
-        """Handle a violation of the protocol by the board: never used, always counted."""
+        """Handle a protocol violation by the board: its content is ignored, and it is counted."""
         self._mistakes += 1
         if self._mistakes <= MAX_LOGGED:
-            last = " (further mistakes are only counted)" if self._mistakes == MAX_LOGGED else ""
-            logger.warning("the board broke the link protocol: %s%s", mistake, last)
+            last = " (further ones are only counted)" if self._mistakes == MAX_LOGGED else ""
+            logger.warning("the board violated the link protocol: %s%s", mistake, last)
         if mistake.frame_id is not None:
             self._in_flight.refuse(mistake.frame_id, str(mistake))
 
@@ -197,7 +197,7 @@ class BoardSession:
         repeated = self.ack is not None and link.last_sequence != 0
         encoding = terms.camera.get("encoding", "linear")
         if encoding != "linear" and not hello.takes_fields:
-            # without the field it would take them for linear ones
+            # without the field it would treat them as linear
             sentence = (
                 f'pixels are {encoding}, which this board cannot read: write [output] encoding = "linear"'
             )
@@ -220,7 +220,7 @@ class BoardSession:
             self.leave(str(error))
             return
         if not repeated:
-            self._in_flight.lose("the board started again")
+            self._in_flight.lose("the board restarted")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
             self._clock, self._beats = ClockFilter(), False
             self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
@@ -236,7 +236,7 @@ class BoardSession:
             self.leave(str(error))
             return
         if not repeated:
-            # announced once the clocks are compared: a first frame on the line would spoil the exchange
+            # announced after the clock synchronisation, which a first frame on the line would disturb
             board = Board(
                 name=hello.board,
                 model=hello.model_name,
@@ -292,16 +292,16 @@ class BoardSession:
         elif error.code in (ErrorCode.MODEL, ErrorCode.VERSION):
             self.leave(error.text)
         elif error.frame_id == NO_FRAME and error.code == ErrorCode.FORMAT:
-            self.leave(error.text)  # it cannot use the camera
+            self.leave(error.text)  # the board cannot use the camera
 
     def leave(self, reason: str) -> None:
-        """Handle the loss of the board: its frames are lost, another may take its place."""
+        """Handle the loss of the board: its frames are lost, and another board may connect."""
         link, self.link, self.ack, self._up = self.link, None, None, None
         self.unread = False
         if link is not None:
             self._count_packets(link)
             link.close()
-        # first of all, so that a run in lockstep does not send the next frame into the void
+        # first, so that a run in lockstep does not send its next frame in vain
         self._tell(BoardDown(reason))
         self._in_flight.lose(reason)
 
@@ -325,7 +325,7 @@ class BoardSession:
         )
 
     def ask_what_came(self) -> None:
-        """Schedule a request for received frames while frames wait, unless one was sent since the last was due."""
+        """Schedule a request for the newest received frame, unless one was sent since the last was due."""
         sent_ns = self._in_flight.last_sent_ns
         if sent_ns is None:
             return
@@ -335,12 +335,12 @@ class BoardSession:
         self.next_sync_ns = min(self.next_sync_ns, due_ns)
 
     def sync_before_frame(self) -> None:
-        """Request the board's clock before a frame occupies the line, if one is due soon.
+        """Request the board's clock before a frame occupies the line, if a request is due soon.
 
         Raises
         ------
         LinkClosed
-            If the line has ended.
+            If the line is closed.
         """
         if self.link is not None and self._up is None and now_ns() >= self.next_sync_ns - SYNC_EARLY_NS:
             self._ask(self.link)
@@ -360,17 +360,16 @@ class BoardSession:
         link.send(TimeSyncRequest(self._asked_ns))
 
     def check_silence(self) -> None:
-        """Close the session of a board that used to request the time and is silent now, after all its input was read.
+        """Close the session of a board that used to request the time but is now silent.
 
-        Its thread that reads asks while another computes, however long that takes. A board that never asks may do all
+        A board that sends such requests does so from a separate thread, however long its estimator takes. A board that
+        never sends them may be single-threaded, and only its frame time-outs count.
         in one thread: of it only frames that run out of time tell.
         """
         if self.link is None or not self._beats or self.unread:
             return
         if now_ns() - self._heard_ns > self._config.silence_s * 1e9:
-            self.leave(
-                f"the board said nothing for {self._config.silence_s:g} s: the line is cut, or it hangs"
-            )
+            self.leave(f"the board was silent for {self._config.silence_s:g} s: the line is cut, or it hangs")
 
 
 def _ms(ns: int | None) -> float | None:
@@ -378,5 +377,5 @@ def _ms(ns: int | None) -> float | None:
 
 
 def _quantile(values: Collection[int], share: float) -> int | None:
-    """Return the smallest value that such a share of the values does not exceed; None without values."""
+    """Return the smallest value not exceeded by a share of the values; None without values."""
     return sorted(values)[max(0, math.ceil(share * len(values)) - 1)] if values else None

@@ -48,12 +48,12 @@ logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 CLOSE_TIMEOUT_S = 15.0
-# time-out for the last message of a link process after Close, or of an interrupted run
+# Time-out for the last message of a link process after Close, or of an interrupted run [s]
 QUICK_TIMEOUT_S = 2.0
-# a board that said HELLO has this long to make its estimator; the link process waits no longer either
+# Time for a board to prepare its estimator after HELLO [s], slightly more than the link process allows
 READY_TIMEOUT_S = 65.0
 
-ENDED = "the link process ended unexpectedly: what was logged so far is intact; run again with -v"
+ENDED = "the link process ended unexpectedly: the log so far is intact; run again with -v"
 
 
 def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatName) -> PixelFormat:
@@ -67,7 +67,7 @@ def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatN
     Raises
     ------
     UserError
-        If no format of the link, or not the one that was requested, holds them whole.
+        If no format of the link, or not the requested one, can hold the images without loss.
     """
     holding = formats_of(bits, *(channels or (1,)))
     for candidate in holding:
@@ -87,13 +87,13 @@ class HostLink:
     Raises
     ------
     UserError
-        If a port is in use or the URL is bad.
+        If a port is in use or the URL is invalid.
     """
 
     def __init__(self, config: LinkConfig) -> None:
         ours, theirs = socket.socketpair()
         self._fd = open_anonymous_file()
-        # -P: no folder named hil in the working directory is taken for ours
+        # -P: a folder named hil in the working directory must not shadow the package
         command = [
             sys.executable,
             "-P",
@@ -136,12 +136,12 @@ class HostLink:
 
     @property
     def url(self) -> str:
-        """Address for boards, with the actual port."""
+        """URL for boards, with the actual port."""
         return self._listening.url if self._listening else ""
 
     @property
     def truth_url(self) -> str | None:
-        """Address for truth loggers."""
+        """URL for truth loggers; None without a truth endpoint."""
         return self._listening.truth_url if self._listening else None
 
     def open(self, ack: HelloAck, n_slots: int, slot_bytes: int) -> None:
@@ -153,13 +153,13 @@ class HostLink:
 
     @property
     def has_room(self) -> bool:
-        """True if ``submit`` would find a free slot."""
+        """True if ``submit`` has a free slot."""
         return bool(self._free)
 
     def submit(self, image: NDArray[np.generic], job: FrameJob) -> None:
-        """Submit a frame, whose pixels are copied; there must be room."""
+        """Submit a frame, whose pixels are copied; requires ``has_room``."""
         if self._slots is None or not self._free:
-            raise RuntimeError("a frame was submitted without terms or without room")
+            raise RuntimeError("a frame was submitted without terms or a free slot")
         slot = self._free.pop()
         self._slots.view(slot, image.shape, image.dtype.str)[...] = image
         record = job.record.at(ready_ns=time.monotonic_ns())
@@ -170,7 +170,7 @@ class HostLink:
         self._tell(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
-        """Process messages of the link process, waiting up to ``timeout_s`` for the first."""
+        """Process messages of the link process, waiting up to ``timeout_s`` for the first one."""
         try:
             while self._pipe.poll(timeout_s):
                 self._take(self._pipe.recv())
@@ -186,7 +186,7 @@ class HostLink:
         return results
 
     def wait_for_board(self, timeout_s: float) -> bool:
-        """Return True if a board is ready; it must connect within ``timeout_s``, its estimator may take longer."""
+        """Return True if a board is ready. It must connect within ``timeout_s``; its estimator may take longer."""
         deadline = time.monotonic() + timeout_s
         while self.board is None:
             until = deadline if self._greeted_s is None else max(deadline, self._greeted_s + READY_TIMEOUT_S)
@@ -197,7 +197,7 @@ class HostLink:
         return True
 
     def close(self, reason: str = "the run is over", timeout_s: float = CLOSE_TIMEOUT_S) -> None:
-        """Say goodbye to the board with the reason and end the process; kill it after ``timeout_s``."""
+        """Say goodbye to the board with the reason, and stop the process; kill it after ``timeout_s``."""
         try:
             if not self.closed:
                 with contextlib.suppress(UserError, OSError):
@@ -218,7 +218,7 @@ class HostLink:
     def _kill(self) -> None:
         ended, self.closed = self.closed, True
         try:
-            # one that has said its last word is about to end; another hangs on a line that takes nothing
+            # after its last message the process exits soon; otherwise it may hang on a line that accepts nothing
             self._process.wait(timeout=QUICK_TIMEOUT_S if ended else 0.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
@@ -241,7 +241,7 @@ class HostLink:
             )
         elif isinstance(event, BoardDown):
             if self.board is None and self._greeted_s is None and self.last_board is not None:
-                # some other connection: the board is gone since it left, and for its own reason
+                # some other connection: the board left earlier, for a reason of its own
                 logger.warning("a connection was closed: %s", event.reason)
                 return
             self.board = self._greeted_s = None

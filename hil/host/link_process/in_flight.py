@@ -1,4 +1,4 @@
-"""Frames sent: those without an outcome, and those that use up the board's credit."""
+"""Frames in flight: those without an outcome, and those that use the board's credit."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.link.packets.messages import PoseMessage
 
-# a frame that is still being sent
+# End of sending of a frame that is still being sent
 NEVER_NS = 1 << 62
-# frames of which it is known whether they were sent, and answered
+# Number of frames for which it is stored whether they were sent and answered
 MAX_REMEMBERED = 100_000
 
 
 @dataclass
 class FrameInFlight:
-    """Frame sent, without an outcome yet."""
+    """Frame that was sent and has no outcome yet."""
 
     record: FrameRecord
     deadline_ns: int
@@ -29,42 +29,42 @@ class FrameInFlight:
 
 
 class FramesInFlight:
-    """Frames sent; each gets one outcome: a pose, or a drop with its cause.
+    """Frames that were sent. Each gets exactly one outcome: a pose, or a drop with its cause.
 
     Parameters
     ----------
     report : callable
-        Takes the record of each frame with its outcome, once.
+        Receives the record of each frame with its outcome, once.
     timeout_s : float
-        A frame without a pose this long after its sending began is dropped.
+        Time from the start of sending after which a frame without a pose is dropped.
     """
 
     def __init__(self, report: Callable[[FrameRecord], None], timeout_s: float) -> None:
         self._report = report
         self._timeout_s = timeout_s
         self._flying: dict[int, FrameInFlight] = {}
-        self._held: dict[int, int] = {}  # end of sending by frame
-        self._history: dict[int, bool] = {}  # frames that were begun, and whether each was answered
+        self._held: dict[int, int] = {}  # end of sending, by frame
+        self._history: dict[int, bool] = {}  # True if answered, by frame
         self.misses = 0
-        """Frames timed out since the last message of the board about one."""
-        self._missed_ns = 0  # time of the last one
+        """Number of consecutive frames that timed out since the board last answered one."""
+        self._missed_ns = 0  # time of the last miss
 
     def is_flying(self, frame_id: int) -> bool:
-        """Return True if a frame was begun and has no outcome yet."""
+        """Return True if a frame was started and has no outcome yet."""
         return frame_id in self._flying
 
     @property
     def held(self) -> int:
-        """Frames at the board, answered or not, that use up credit."""
+        """Number of frames at the board, answered or not, that use credit."""
         return len(self._held)
 
     @property
     def first_deadline_ns(self) -> int | None:
-        """Next timeout of a frame; None without one in flight."""
+        """Earliest time-out of a frame; None if none is in flight."""
         return min((flight.deadline_ns for flight in self._flying.values()), default=None)
 
     def start(self, record: FrameRecord, at_ns: int) -> FrameInFlight:
-        """Begin sending a frame."""
+        """Start sending a frame."""
         record = record.at(send_start_ns=at_ns, send_end_ns=at_ns)
         flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
         self._flying[record.frame_id] = flight
@@ -75,7 +75,7 @@ class FramesInFlight:
         return flight
 
     def sent(self, flight: FrameInFlight, at_ns: int) -> None:
-        """Note that the last byte of a frame was sent."""
+        """Record that the last byte of a frame was sent."""
         flight.record = flight.record.at(send_end_ns=at_ns)
         if flight.record.frame_id in self._held:
             self._held[flight.record.frame_id] = at_ns
@@ -86,10 +86,10 @@ class FramesInFlight:
         return max(self._held.values(), default=None)
 
     def unanswered(self, at_ns: int) -> int:
-        """Return the consecutive misses by ``at_ns``: frames timed out without a sign of damage on the line.
+        """Return the number of consecutive misses by ``at_ns``: frames timed out without signs of damage on the line.
 
-        A board that keeps the credit of such frames is sent no more; each further time-out without a word of it counts
-        as one. Frames that were never sent are no misses.
+        A board that keeps the credit of such frames receives no more frames; each further silent time-out counts as a
+        miss. Frames that were never sent do not count.
         """
         overdue = sum(at_ns >= f.deadline_ns and not f.damage_seen for f in self._flying.values())
         silent = 0
@@ -98,11 +98,11 @@ class FramesInFlight:
         return self.misses + overdue + silent
 
     def was_sent(self, frame_id: int) -> bool:
-        """Return True if sending a frame was begun."""
+        """Return True if sending the frame was started."""
         return frame_id in self._history
 
     def mistake_of(self, frame_id: int) -> str:
-        """Return the fault of an answer to a frame, in words; empty if it may be answered, in time or late."""
+        """Return the protocol violation of an answer to a frame; empty if the answer is allowed, in time or late."""
         if frame_id not in self._history:
             return "an answer to a frame that was never sent"
         return "a second answer to a frame" if self._history[frame_id] else ""
@@ -113,14 +113,14 @@ class FramesInFlight:
         """Record a pose received at ``at_ns``; return False if its frame had an outcome already."""
         flight = self._flying.pop(pose.frame_id, None)
         self._history[pose.frame_id] = True
-        self.misses = 0  # late or not, it works
+        self.misses = 0  # late or not, the board works
         if flight is not None:
             start_ns, end_ns = flight.record.times.send_start_ns, flight.record.times.send_end_ns
             self._report(
                 flight.record.ended(
                     "accepted" if pose.accepted else "declined",
                     pose.reason,
-                    # a board that is heard between chunks may answer before the end of sending is noted
+                    # a board that is read between chunks may answer before the end of sending is recorded
                     send_end_ns=at_ns if end_ns == start_ns else end_ns,
                     received_ns=at_ns,
                     answer=pose,
@@ -132,7 +132,7 @@ class FramesInFlight:
         return flight is not None
 
     def release(self, frame_id: int) -> None:
-        """Release frames up to this one from the board; those without an answer never get one."""
+        """Release frames up to this one from the board; those without an answer are dropped."""
         self.misses = 0
         self._held = {held: sent for held, sent in self._held.items() if held > frame_id}
         for passed in [f for f in self._flying if f <= frame_id]:
@@ -142,12 +142,12 @@ class FramesInFlight:
                 self._drop(passed, "skipped", "the board released the frame without an answer")
 
     def note_damage(self) -> None:
-        """Note a damaged packet, which may have belonged to any frame in flight."""
+        """Record a damaged packet, which may belong to any frame in flight."""
         for flight in self._flying.values():
             flight.damage_seen = True
 
     def damaged(self, frame_id: int, reason: str, cause: str = "corrupt") -> bool:
-        """Record that the board cannot use this frame, and release it alone; return False if not in flight."""
+        """Record that the board cannot use this frame, and release only this one; return False if not in flight."""
         self.misses = 0  # late or not, the board has processed it
         flying = frame_id in self._flying
         if flying:
@@ -156,28 +156,28 @@ class FramesInFlight:
         return flying
 
     def lost_on_the_line(self, asked_ns: int, newest_frame: int) -> None:
-        """Give up frames that did not reach the board complete, by the newest frame it reports.
+        """Drop frames that did not reach the board, according to the newest frame that it reports.
 
         Parameters
         ----------
         asked_ns : int
-            Frames whose sending ended before this should have come before the question.
+            Time of the question; frames whose sending ended before it should have arrived.
         newest_frame : int
-            The last that came whole, ``NO_FRAME`` before the first.
+            Last frame that the board received completely, ``NO_FRAME`` before the first.
         """
         for frame_id, sent_ns in list(self._held.items()):
             if sent_ns >= asked_ns or (newest_frame != NO_FRAME and newest_frame >= frame_id):
                 continue
-            self.misses = 0  # not the board's doing
+            self.misses = 0  # not the board's fault
             if frame_id in self._flying:
                 cause = "corrupt" if self._flying[frame_id].damage_seen else "lost"
-                self._drop(frame_id, cause, "it did not reach the board whole")
+                self._drop(frame_id, cause, "it did not reach the board completely")
             del self._held[frame_id]
 
     def refuse(self, frame_id: int, reason: str) -> bool:
-        """Record that the board's answer to this frame cannot be used; return False if not in flight."""
+        """Record that the board's answer to this frame is unusable; return False if not in flight."""
         flying = frame_id in self._flying
-        self.misses = 0  # wrongly or not, it answers
+        self.misses = 0  # the board answers, even if incorrectly
         if flying:
             self._drop(frame_id, "protocol", reason)
         if frame_id in self._held:

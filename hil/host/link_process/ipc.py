@@ -35,31 +35,31 @@ class LinkConfig:
     Parameters
     ----------
     url : str
-        Address for the board; port 0 takes a free one.
+        Address for the board; port 0 chooses a free one.
     mode : RunMode
-        Pace of the run; destination of the truth.
+        Pace of the run.
     truth : TruthWhere
-        Pace of the run; destination of the truth.
+        Destination of the ground truth.
     timeout_s : float
         Time-out of a frame's pose, and of the run for a lost board.
     truth_url : str, optional
-        Address for truth loggers; None for no such endpoint.
+        Address for truth loggers; None without a truth endpoint.
     compression : Compression, optional
-        The host's wishes; auto takes what is quick on the line, and holds the image whole.
+        Requested compression; auto chooses a fast one for the line.
     pixel_format : PixelFormatName, optional
-        The host's wishes; auto takes what is quick on the line, and holds the image whole.
+        Requested pixel format; auto chooses one that holds the image without loss.
     silence_s : float, optional
-        A board that asked for the time, and then says nothing for this long, is gone.
+        Silence after which a board that requests the time is considered lost.
     max_misses : int, optional
-        Frames in a row that a board may leave unanswered before it counts as gone; 0 for any number.
+        Number of consecutive unanswered frames after which a board counts as lost; 0 for no limit.
     faults : Faults, optional
-        Those of the line are put between the board and the link.
+        Faults of the run; those of the line are inserted between board and link.
     adds_faults : bool, optional
-        True if more of the line may come during the run.
+        True if faults of the line may be added during the run.
     utc_minus_monotonic_ns : int, optional
-        Difference of this machine's clocks, read once for a run.
+        Offset between this machine's clocks, read once per run.
     key : bytes, optional
-        Key that boards and truth loggers must prove to have; None for no authentication.
+        Key that boards and truth loggers must prove to know; None disables authentication.
     """
 
     url: str
@@ -79,7 +79,7 @@ class LinkConfig:
 
 @dataclass(frozen=True)
 class Terms:
-    """Terms from the first frame: the handshake's terms and the size of a slot."""
+    """Terms from the first frame: terms of the handshake, and the size of a slot."""
 
     ack: HelloAck
     n_slots: int
@@ -88,7 +88,7 @@ class Terms:
 
 @dataclass(frozen=True)
 class Readout:
-    """Part of the detector that an image shows: x, y, width, height in physical pixels, zeros if unknown."""
+    """Region of the detector that an image shows: x, y, width, height in physical pixels, zeros if unknown."""
 
     roi_px: tuple[int, int, int, int] = (0, 0, 0, 0)
     binning: int = 1
@@ -101,20 +101,24 @@ class FrameJob:
     Parameters
     ----------
     record : FrameRecord
-        With the time at which the camera hands the image over, on the monotonic clock that all processes of this
-        machine share.
+        Record with the time at which the camera hands the image over, on the monotonic clock shared by all processes of
+        this machine.
     bits : int
-        Bits of a pixel of the detector.
+        Bits per pixel of the detector.
     truth : dict, optional
         Truth record for the truth endpoint or, inline, for the board.
     camera_frame : int
-        The camera's own frame counter.
+        Frame counter of the camera.
     readout : Readout
-        Part of the detector that was read.
+        Region of the detector that was read.
     sun_camera : (3,) tuple, optional
-        Unit vector to the Sun in the camera frame, for boards that take fields.
-    slot, shape, dtype : int, tuple of int, str
-        Place and layout of the pixels, set when they are handed over.
+        Unit vector to the Sun in the camera frame, for boards that accept optional fields.
+    slot : int
+        Slot of the pixels, set when they are handed over.
+    shape : tuple of int
+        Shape of the image.
+    dtype : str
+        Data type of the pixels.
     """
 
     record: FrameRecord
@@ -130,14 +134,14 @@ class FrameJob:
 
 @dataclass(frozen=True)
 class AddLineFault:
-    """Additional fault of the line, from now on."""
+    """Additional fault of the line, effective immediately."""
 
     fault: LineFault
 
 
 @dataclass(frozen=True)
 class Close:
-    """Request to end the session: goodbye to board and loggers."""
+    """Request to end the session with a goodbye to board and loggers."""
 
     reason: str
 
@@ -163,7 +167,7 @@ class BoardGreeted:
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """Board that answered last, by its HELLO."""
+    """Board that answered last, from its HELLO."""
 
     name: str
     model: str
@@ -175,7 +179,7 @@ class Board(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class BoardUp:
-    """Board ready after the handshake."""
+    """Board is ready after the handshake."""
 
     peer: str
     board: Board
@@ -184,7 +188,7 @@ class BoardUp:
 
 @dataclass(frozen=True)
 class BoardDown:
-    """Board gone or refused."""
+    """Board is lost or was refused."""
 
     reason: str
 
@@ -199,7 +203,7 @@ class SlotFree:
 class LinkTotals(msgspec.Struct, frozen=True, kw_only=True):
     """Counts of the link; ``protocol_mistakes`` are intact packets that violate the protocol.
 
-    ``mistakes`` counts them by their kind, in words.
+    ``mistakes`` counts them by kind.
     """
 
     packets_sent: Count = 0
@@ -229,7 +233,7 @@ class Closed:
 class FrameSlots:
     """Pixels in memory shared by two processes, in ``n_slots`` slots, which bound the queue.
 
-    An anonymous file carries it (`flyaround.simulator.runtime.carrier`); nothing is left behind when a process dies.
+    The memory is an anonymous file (`flyaround.simulator.runtime.carrier`), so nothing remains when a process dies.
     """
 
     def __init__(self, fd: int, n_slots: int, slot_bytes: int) -> None:

@@ -1,4 +1,4 @@
-"""Connections that have not said HELLO: few at once, and none for long."""
+"""Connections that have not yet sent HELLO; their number and time are limited."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
     from flyaround.hil.link.transports.base import Transport
 
 HELLO_WAIT_NS = 10_000_000_000
-# most pending connections; beyond, the oldest is closed, because a board says HELLO at once
+# Largest number of pending connections; beyond it the oldest is closed, because a board sends HELLO immediately
 MAX_PENDING = 8
-# packets that are no HELLO before a connection is given up
+# Number of other packets than HELLO after which a connection is closed
 MAX_OTHERS = 64
 
 
 class PendingLinks:
-    """Connections until one says HELLO: a silent connection keeps no board out.
+    """Connections that have not yet sent HELLO, so that a silent connection keeps no board out.
 
     Parameters
     ----------
     gone : callable
-        Called with the reason of each one that became no session.
+        Called with the reason for each connection that was closed.
     """
 
     def __init__(self, gone: Callable[[str], None]) -> None:
         self._gone = gone
-        self._links: list[tuple[Link, int]] = []  # with the time by which HELLO is due
+        self._links: list[tuple[Link, int]] = []  # each with its time-out for HELLO
 
     def __len__(self) -> int:
         return len(self._links)
@@ -44,19 +44,21 @@ class PendingLinks:
 
     @property
     def first_deadline_ns(self) -> int | None:
-        """Next timeout; None without connections."""
+        """Earliest time-out; None without connections."""
         return min((deadline for _, deadline in self._links), default=None)
 
     def add(self, transport: Transport) -> None:
-        """Add a connection; if too many wait, the oldest is closed."""
+        """Add a connection; if there are too many, the oldest is closed."""
         if len(self._links) >= MAX_PENDING:
             self._refuse(
-                self._links[0][0], ErrorCode.BUSY, "it said nothing, and others came: say HELLO at once"
+                self._links[0][0],
+                ErrorCode.BUSY,
+                "it sent no HELLO while others connected: send HELLO at once",
             )
         self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
 
     def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
-        """Return the first of those ``ready`` that says HELLO, with the message; it is no longer pending."""
+        """Return the first of the ``ready`` connections that sends HELLO, with the message. It is no longer pending."""
         for link, _ in list(self._links):
             if link.transport in ready and (hello := self._hello(link)) is not None:
                 self._remove(link)
@@ -67,10 +69,10 @@ class PendingLinks:
         """Close connections that timed out."""
         for link, deadline in list(self._links):
             if at_ns >= deadline:
-                self._drop(link, "it said nothing that the link protocol knows")
+                self._drop(link, "it sent nothing that the link protocol knows")
 
     def turn_away(self, sentence: str) -> None:
-        """Close all of them, with a message."""
+        """Close all connections, with a message."""
         for link, _ in self._links:
             refuse(link, ErrorCode.BUSY, sentence)
         self._links = []
@@ -94,7 +96,7 @@ class PendingLinks:
                 return message
             if message is None and not link.gave_way:
                 return None
-        self._drop(link, "it said nothing that the link protocol knows")
+        self._drop(link, "it sent nothing that the link protocol knows")
         return None
 
     def _refuse(self, link: Link, code: ErrorCode, sentence: str) -> None:

@@ -1,4 +1,4 @@
-"""Link process: owns the sockets, takes the timestamps and decides the outcome of each frame."""
+"""Link process: owns the sockets, takes the time stamps and determines the outcome of each frame."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.hil.link.transports.base import Listener
 
-# waits are cut to whole milliseconds by the kernel's poll: spin through the last stretch
+# The kernel's poll rounds waits to whole milliseconds, so the last part is a busy wait [ns]
 SPIN_NS = 1_500_000
 BUSY = "another board is connected to this host: stop it first"
 
@@ -57,7 +57,7 @@ RUN_DIED = "the host's run was killed or died, without a goodbye"
 
 
 class LinkServer:
-    """One thread with one loop: commands of the run, packets of the board, loggers, timeouts."""
+    """Single-threaded loop over commands of the run, packets of the board, loggers and time-outs."""
 
     def __init__(self, pipe: Connection, slots_fd: int, config: LinkConfig) -> None:
         self._pipe, self._slots_fd, self._config = pipe, slots_fd, config
@@ -80,13 +80,13 @@ class LinkServer:
         self._journal = FaultJournal()
         self._in_flight = FramesInFlight(self._report, config.timeout_s)
         self._board = BoardSession(config, self._pipe.send, self._in_flight)
-        self._blocked_until_ns = 0  # lockstep, out of credit: when to give up
+        self._blocked_until_ns = 0  # lockstep without credit: time-out
         self._timeout_ns = int(config.timeout_s * 1e9)
         self._closing = False
         self._reason = RUN_DIED
 
     def run(self) -> None:
-        """Serve until the run sends Close or is gone."""
+        """Serve until the run sends Close or disappears."""
         # a killed run may first show as a broken pipe
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._pipe.send(
@@ -123,7 +123,7 @@ class LinkServer:
         if self._board.link is not None:
             sources.append(self._board.link.transport)
         sources += self._pending.transports
-        # a serial port is listener and line in one; a TCP listener stays open to turn others away
+        # a serial port is listener and line in one; a TCP listener stays open to refuse others
         occupied = self._board.link is not None or len(self._pending) > 0
         if self._board.terms is not None and not (self._serial and occupied):
             sources.append(self._listener)
@@ -175,7 +175,7 @@ class LinkServer:
         self._report(job.record.ended(f"dropped:{cause}", reason))
 
     def _report(self, record: FrameRecord) -> None:
-        """Send a frame's outcome to the run, with the deliberate faults of the line that acted on it."""
+        """Send a frame's outcome to the run, with the deliberate faults of the line that affected it."""
         faults = (*record.faults, *self._journal.take(record.frame_id))
         self._pipe.send(replace(record, faults=faults))
 
@@ -189,7 +189,7 @@ class LinkServer:
             self._send_in_step()
 
     def _hand_over_due(self) -> None:
-        """Take up the frames that are due; of those waiting for the board only the newest stays."""
+        """Take the frames that are due; of those that wait for the board, only the newest is kept."""
         while self._waiting:
             due_ns = self._waiting[0].record.times.due_ns or 0
             if due_ns - now_ns() > SPIN_NS:
@@ -201,7 +201,7 @@ class LinkServer:
                 self._drop(job, "disconnected", "no board was connected")
                 continue
             if self._newest is not None:
-                reason = f"frame {job.record.frame_id} came while it waited for the board"
+                reason = f"frame {job.record.frame_id} replaced it while it waited for the board"
                 self._drop(self._newest, "superseded", reason)
             self._newest = job
             self._send_newest()
@@ -231,7 +231,7 @@ class LinkServer:
                 self._waiting.popleft()
                 self._drop(job, "disconnected", "no board was connected")
             elif self._in_flight.held >= self._board.ack.window:
-                # nothing is lost by waiting for the board to finish what the host gave up on
+                # nothing is lost by waiting for the board to finish a frame that timed out
                 self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
                 if now_ns() < self._blocked_until_ns:
                     self._board.ask_what_came()
@@ -245,7 +245,7 @@ class LinkServer:
                 self._send_frame(job, self._board.link, self._board.ack)
 
     def _send_frame(self, job: FrameJob, link: Link, ack: HelloAck) -> None:
-        assert self._slots is not None  # noqa: S101 - frames come after the terms
+        assert self._slots is not None  # noqa: S101 - frames follow the terms
         start = now_ns()
         if job.record.times.handed_over_ns is None:
             job = _handed_over(job, start)
@@ -285,7 +285,7 @@ class LinkServer:
                 self._board.listen()
                 self._board.check_silence()
                 if not self._in_flight.is_flying(record.frame_id):
-                    break  # the board left, or has no use for the rest
+                    break  # the board left, or cannot use the rest
             self._in_flight.sent(flight, now_ns())
         except LinkClosed as error:
             self._in_flight.sent(flight, now_ns())
@@ -294,7 +294,7 @@ class LinkServer:
         self._publish_truth(job)
 
     def _in_utc(self, exposure_ns: tuple[int, int] | None) -> tuple[int, int]:
-        """Return start and end of an exposure as nanoseconds of UTC since 1970; zeros if unknown."""
+        """Return start and end of an exposure as UTC nanoseconds since 1970; zeros if unknown."""
         if exposure_ns is None:
             return 0, 0
         start_ns, end_ns = exposure_ns
@@ -305,7 +305,7 @@ class LinkServer:
             self._truth.publish(job.record.frame_id, job.truth)
 
     def _check_hung(self) -> None:
-        """Close the session of a board that leaves frame after frame unanswered, so that another may connect."""
+        """Close the session of a board that leaves too many frames unanswered, so that another may connect."""
         limit = self._config.max_misses
         if self._board.link is None or not limit:
             return
@@ -355,8 +355,8 @@ def _handed_over(job: FrameJob, at_ns: int) -> FrameJob:
 
 
 def main() -> None:
-    """Run the process with two inherited descriptors, the pipe's and the pixels'."""
-    for ending in (signal.SIGINT, signal.SIGTERM):  # the run decides what they mean, and then closes us
+    """Run the process with two inherited descriptors: pipe and pixels."""
+    for ending in (signal.SIGINT, signal.SIGTERM):  # the run handles them, and then closes this process
         signal.signal(ending, signal.SIG_IGN)
     pipe = Connection(int(sys.argv[1]))
     try:
@@ -375,7 +375,7 @@ def main() -> None:
 
 
 def _keep_time() -> None:
-    """Raise the priority over computing processes, if permitted: frames must leave when due."""
+    """Raise the priority above computing processes, if permitted, because frames must be sent on time."""
     if hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))

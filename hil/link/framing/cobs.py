@@ -10,7 +10,7 @@ from typing import Optional
 from flyaround.hil.link.errors import PacketError
 from flyaround.hil.link.packets.packet import MAX_PACKET_BYTES, Packet, decode_packet, encode_packet
 
-try:  # C speed where the package is; a board does without
+try:  # C implementation, if installed
     from cobs.cobs import DecodeError
     from cobs.cobs import decode as fast_decode
     from cobs.cobs import encode as fast_encode
@@ -19,12 +19,12 @@ try:  # C speed where the package is; a board does without
 except ImportError:
     HAS_FAST_COBS = False
 
-# the longest COBS frame of the longest packet
+# Longest COBS frame of the longest packet
 _MAX_COBS_BYTES = MAX_PACKET_BYTES + MAX_PACKET_BYTES // 254 + 2
 
 
 def encode(data: bytes) -> bytes:
-    """Return ``data`` stuffed: no zero byte, and one byte longer plus at most one in 254."""
+    """Return ``data`` encoded without zero bytes: one byte longer plus at most one in 254."""
     out = bytearray()
     runs = data.split(b"\0")
     last = len(runs) - 1
@@ -34,7 +34,7 @@ def encode(data: bytes) -> bytes:
             out.append(0xFF)
             out += run[start : start + 254]
             start += 254
-        # a full block says "no zero follows"; at the very end there is none to announce
+        # a full block implies "no zero follows"; at the end of the data there is none to imply
         if k < last or start < size or size == 0:
             out.append(size - start + 1)
             out += run[start:]
@@ -42,7 +42,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(data: bytes) -> bytes:
-    """Return the bytes before stuffing.
+    """Return the decoded bytes.
 
     Raises
     ------
@@ -66,11 +66,13 @@ def decode(data: bytes) -> bytes:
 
 
 class CobsFraming:
-    """COBS with a zero byte after (and before the first of) each packet, for serial lines."""
+    """COBS framing with a zero byte after each packet and before the first one, for serial lines."""
 
     def __init__(self, *, pure: bool = False) -> None:
         self._buffer = bytearray()
-        self._searched = 0  # bytes of it that hold no zero: looked at once, however few come at a time
+        self._searched = (
+            0  # number of leading bytes known to hold no zero, so that each byte is searched once
+        )
         self._fast = HAS_FAST_COBS and not pure
 
     def encode(self, packet: Packet) -> bytes:
@@ -80,16 +82,16 @@ class CobsFraming:
         return b"\0" + stuffed + b"\0"
 
     def feed(self, data: bytes) -> None:
-        """Add bytes from the line, in pieces of any size."""
+        """Add received bytes, in pieces of any size."""
         self._buffer += data
 
     def next_packet(self) -> Optional[Packet]:
-        """Return the next whole packet, or None until more bytes come.
+        """Return the next complete packet; None until more bytes arrive.
 
         Raises
         ------
         PacketError
-            Once per damaged frame; call again for what follows it.
+            Once per damaged frame; call again for the packets after it.
         """
         while True:
             end = self._buffer.find(0, self._searched)

@@ -1,4 +1,4 @@
-"""Length-prefixed packets from a byte stream, and resynchronisation after damage."""
+"""Length-prefixed packets from a byte stream, with resynchronisation after damage."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _PAYLOAD_LENGTH_AT = HEADER.size - _PAYLOAD_LENGTH.size
 
 
 class LengthFraming:
-    """A u32 length before each packet (TCP).
+    """Framing with a u32 length before each packet, for TCP.
 
-    The prefix repeats what the packet's header says. Where the two disagree, or a CRC fails, the
-    decoder looks for the next place where prefix, magic and header length fit together.
+    The prefix repeats the length in the packet's header. If the two disagree or a CRC fails, the decoder searches for
+    the next position where prefix, magic and header length agree.
 
-    A packet whose CRC failed is looked through for others, for its length may be what is damaged. Bytes that
-    pretend to be packets inside packets would be read again for each, so each byte that came pays for
-    ``REREAD`` bytes of failed packets; beyond that a failed packet is dropped whole.
+    A packet with a wrong CRC is searched for other packets, because its length may be the damaged part. To bound the
+    cost of nested fakes, each received byte pays for ``REREAD`` bytes of failed packets; beyond that a failed packet
+    is dropped completely.
     """
 
     REREAD = 2
@@ -46,17 +46,17 @@ class LengthFraming:
         return PREFIX.pack(len(data)) + data
 
     def feed(self, data: bytes) -> None:
-        """Add bytes from the line, in pieces of any size."""
+        """Add received bytes, in pieces of any size."""
         self._buffer += data
         self._credit = min(self._credit + self.REREAD * len(data), self.REREAD * MAX_PACKET_BYTES)
 
     def next_packet(self) -> Optional[Packet]:
-        """Return the next whole packet, or None until more bytes come.
+        """Return the next complete packet; None until more bytes arrive.
 
         Raises
         ------
         PacketError
-            Once per stretch of damage, and for each packet that failed; call again for what follows it.
+            Once per damaged section, and for each failed packet; call again for the packets after it.
         """
         buffer, at = self._buffer, 0
         try:
@@ -70,7 +70,7 @@ class LengthFraming:
                     try:
                         packet = decode_packet(bytes(memoryview(buffer)[begin:end]))
                     except (VersionMismatch, ProtocolMistake):
-                        at, self._in_garbage = end, False  # intact: nothing is to be looked for inside
+                        at, self._in_garbage = end, False  # intact: do not search inside
                         raise
                     except PacketError as error:
                         trouble = error if at >= self._failed_until else None
@@ -99,9 +99,7 @@ class LengthFraming:
         return length if length == payload + OVERHEAD_BYTES and length <= MAX_PACKET_BYTES else 0
 
     def _next_candidate(self, at: int, failed: int) -> int:
-        """Return the next possible place of a prefix; inside the ``failed`` bytes of a packet only while credit
-        lasts.
-        """
+        """Return the next possible position of a prefix; inside the ``failed`` bytes only while credit lasts."""
         inside = failed <= self._credit
         if inside:
             self._credit -= failed

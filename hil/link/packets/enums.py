@@ -1,4 +1,4 @@
-"""Enumerations that several messages share, as docs/hil_protocol.md numbers them."""
+"""Enumerations shared by several messages, numbered as in docs/hil_protocol.md."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ GREY_FORMATS: Tuple[PixelFormat, ...] = tuple(f for f in PIXEL_FORMATS if f.chan
 
 
 def format_mask(formats: Iterable[PixelFormat]) -> int:
-    """Return the formats as bits of ``Hello.pixel_formats``."""
+    """Return the formats as a bit mask for ``Hello.pixel_formats``."""
     return sum(1 << PIXEL_FORMATS.index(f) for f in set(formats))
 
 
@@ -57,7 +57,7 @@ def formats_in(mask: int) -> Tuple[PixelFormat, ...]:
 
 
 class FieldTag(IntEnum):
-    """Tags of the optional fields after the fixed part of a payload, over all packet types."""
+    """Tags of the optional fields after the fixed part of a payload, for all packet types."""
 
     SUN_CAMERA = 1
     TRANSFER = 2
@@ -65,7 +65,7 @@ class FieldTag(IntEnum):
 
 
 class Transfer(IntEnum):
-    """Transfer function of the pixel values, as ``encoding`` of a camera file names it."""
+    """Transfer function of the pixel values, like ``encoding`` of a camera file."""
 
     LINEAR = 0
     SRGB = 1
@@ -73,7 +73,7 @@ class Transfer(IntEnum):
 
 
 class Mode(IntEnum):
-    """Pace of a session: wait for each pose, or keep the scenario's time."""
+    """Pace of a session: lockstep waits for each pose, real time keeps the scenario's time."""
 
     LOCKSTEP = 0
     REALTIME = 1

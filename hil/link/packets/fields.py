@@ -1,4 +1,4 @@
-"""Fields of payloads: fixed layouts, enumerations, text, hashes and JSON, as a C struct can hold them."""
+"""Fields of payloads: fixed C struct layouts, enumerations, text, hashes and JSON."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ E = TypeVar("E", bound="IntEnum")
 
 HASH_BYTES = 32
 
-# limits of a receiver: a camera is a few hundred bytes of JSON, a truth record some ten thousand
+# Limits of a receiver [bytes]: a camera is a few hundred bytes of JSON, a truth record some ten thousand
 MAX_CAMERA_JSON_BYTES = 1 << 16
 MAX_TRUTH_JSON_BYTES = 1 << 20
-# objects and arrays inside each other; a truth record has six
+# Largest nesting depth of objects and arrays; a truth record has six levels
 MAX_JSON_DEPTH = 32
 
-# a string, even one without an end, or a bracket; no input makes it look at a byte twice
+# A string, even unterminated, or a bracket; linear time on any input
 _STRING_OR_BRACKET = re.compile(rb'"[^"\\]*(?:\\.?[^"\\]*)*(?:"|\Z)|[\[\]{}]', re.DOTALL)
-# line ends would break a ledger's rows, escape sequences do things to a terminal
+# Control characters: line ends would break a ledger's rows, escape sequences manipulate a terminal
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 def pack_text(text: str, size: int) -> bytes:
-    """Encode text as UTF-8, cut at a character boundary to ``size`` bytes; struct pads it with zeros."""
+    """Encode text as UTF-8, truncated at a character boundary to ``size`` bytes; struct pads it with zeros."""
     return text.encode("utf-8", "replace")[:size].decode("utf-8", "ignore").encode("utf-8")
 
 
 def unpack_text(data: bytes) -> str:
-    """Decode text up to the first zero, with control characters as spaces.
+    """Decode text up to the first zero, with control characters replaced by spaces.
 
     Raises
     ------
     PacketError
-        If it is not UTF-8.
+        If the text is not UTF-8.
     """
     try:
         return _CONTROL.sub(" ", data.split(b"\0", 1)[0].decode("utf-8"))
@@ -67,7 +67,7 @@ def unpack_hash(data: bytes) -> str:
 
 
 def pack_json(value: Dict[str, Any]) -> bytes:
-    """Encode as compact UTF-8 JSON; NaN is refused.
+    """Encode an object as compact UTF-8 JSON; NaN is refused.
 
     Raises
     ------
@@ -81,17 +81,17 @@ def pack_json(value: Dict[str, Any]) -> bytes:
 
 
 def unpack_json(data: bytes, most_bytes: int) -> Dict[str, Any]:
-    """Decode a JSON object; size and depth are checked first.
+    """Decode a JSON object; its size and depth are checked first.
 
     Parameters
     ----------
     most_bytes : int
-        Longer ones are refused, and so are ones nested deeper than ``MAX_JSON_DEPTH``.
+        Largest accepted size; nesting deeper than ``MAX_JSON_DEPTH`` is refused as well.
 
     Raises
     ------
     PacketError
-        If the bytes are something else.
+        If the bytes are not such an object.
     """
     if len(data) > most_bytes:
         raise PacketError(f"a JSON payload of {len(data)} bytes is refused: at most {most_bytes} are read")

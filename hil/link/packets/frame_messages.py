@@ -34,9 +34,9 @@ from flyaround.hil.link.packets.typed_fields import (
 
 MAX_STAGES = 64
 
-# tolerance of a quaternion's length: passes single precision and four printed digits, not a scaled one
+# Tolerance of a quaternion's length: accepts single precision and four printed digits, rejects a scaled one
 QUATERNION_TOLERANCE = 1e-3
-# beyond the Moon, and longer than a week; squares and sums below these stay finite
+# Bounds beyond the Moon, and longer than a week; squares and sums of smaller values stay finite
 MAX_POSITION_M = 1e9
 MAX_STAGE_MS = 1e9
 
@@ -46,29 +46,32 @@ Vec3 = Tuple[float, float, float]
 
 @dataclass(frozen=True)
 class FrameHeader:
-    """Announcement of a frame: ``chunk_count`` chunks with ``total_bytes`` in all.
+    """Announcement of a frame: ``chunk_count`` chunks with a total of ``total_bytes``.
 
     Parameters
     ----------
     bits : int
-        Bits of a pixel of the detector, right-aligned where the pixel format has room for more.
+        Bits per pixel of the detector, right-aligned if the pixel format has room for more.
+    t_s : float
+        Time of mid-exposure since the start of the scenario.
+    host_send_ns : int
+        The host's monotonic clock at the start of sending.
     epoch_utc : str
         Mid-exposure, ISO 8601, at most 40 characters.
-    t_s : float
-        Seconds from the scenario's start, mid-exposure.
-    host_send_ns : int
-        The host's monotonic clock when it began to send.
-    binning_x, binning_y : int, optional
-        Physical pixels that are joined to one of the image.
+    binning_x : int, optional
+        Physical pixels per image pixel, horizontally.
+    binning_y : int, optional
+        Physical pixels per image pixel, vertically.
     roi_px : tuple of int, optional
-        X, y, width, height of the part of the detector that was read, in physical pixels; width and height 0 where
-        the camera says nothing of it.
+        Region of the detector that was read: x, y, width, height in physical pixels; width and height are 0 if unknown.
     camera_frame : int, optional
-        The camera's own frame counter, which may repeat where its fault is.
-    exposure_start_ns, exposure_end_ns : int, optional
-        UTC as nanoseconds since 1970-01-01T00:00:00, leap seconds not counted; 0 where unknown.
+        Frame counter of the camera, which may repeat because of a fault.
+    exposure_start_ns : int, optional
+        Start of the exposure, UTC nanoseconds since 1970-01-01T00:00:00 without leap seconds; 0 if unknown.
+    exposure_end_ns : int, optional
+        End of the exposure, likewise.
     sun_camera : Vec3, optional
-        Unit vector to the Sun in the camera frame; None where the host does not send it.
+        Unit vector to the Sun in the camera frame; None if the host does not send it.
     transfer : Transfer, optional
         Transfer function of the pixels.
     """
@@ -189,20 +192,23 @@ class PoseMessage:
     Parameters
     ----------
     q_camera_from_target_wxyz : Quat, optional
-        The best pose, None when there is none; a declined frame may carry one. The quaternion is of length 1 within
-        ``QUATERNION_TOLERANCE``.
+        Attitude of the best pose, of length 1 within ``QUATERNION_TOLERANCE``; None without a pose. A declined answer
+        may have one.
     t_camera_from_target_m : Vec3, optional
-        The best pose, None when there is none; a declined frame may carry one. The quaternion is of length 1 within
-        ``QUATERNION_TOLERANCE``.
+        Target position of the best pose, camera frame; None without a pose.
     confidence : float, optional
-        0 to 1, the board's own estimate that the pose is right; 0 where it has none.
-    receive_ns, start_ns, end_ns : int, optional
-        Board's monotonic clock: frame complete, estimator begins, ends.
+        Probability that the pose is correct, as estimated by the board, 0 to 1; 0 if it has no estimate.
     stages_ms : tuple of tuple of str and float, optional
         Name (at most 24 bytes) and duration of each stage, in order.
+    receive_ns : int, optional
+        Time of the complete reception of the frame, board's monotonic clock.
+    start_ns : int, optional
+        Start of the estimator, board's monotonic clock.
+    end_ns : int, optional
+        End of the estimator, board's monotonic clock.
     covariance : tuple of float, optional
-        21 numbers, the upper triangle row by row of the (6, 6) covariance of turn [rad] and shift [m], camera axes;
-        None where the estimator has none, or the host does not take fields.
+        Upper triangle, row by row, of the covariance (6, 6) of rotation [rad] and translation [m], camera axes, 21
+        numbers; None if the estimator has none or the host does not accept optional fields.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.POSE
@@ -230,7 +236,7 @@ class PoseMessage:
             else (0.0,) * 7
         )
         if not all(math.isfinite(x) for x in numbers) or (self.accepted and not has_pose):
-            raise PacketError(f"frame {self.frame_id}: an accepted pose must be there and finite")
+            raise PacketError(f"frame {self.frame_id}: an accepted pose must be present and finite")
         reason = pack_text(self.reason, 400)
         stages = self.stages_ms[:MAX_STAGES]
         _check_pose(self.frame_id, numbers, self.confidence, [ms for _, ms in stages], has_pose=has_pose)
@@ -286,7 +292,7 @@ class PoseMessage:
 def _check_pose(
     frame_id: int, numbers: Sequence[float], confidence: float, stages_ms: Sequence[float], *, has_pose: bool
 ) -> None:
-    """Raise PacketError for a pose that no estimator can mean; it is neither scored nor repaired."""
+    """Raise PacketError for an impossible pose; it is neither scored nor repaired."""
     if not all(math.isfinite(x) for x in (*numbers, confidence, *stages_ms)):
         raise PacketError(f"frame {frame_id}: a POSE holds numbers that are not finite")
     length = math.hypot(*numbers[:4])
@@ -303,7 +309,7 @@ def _check_pose(
         raise PacketError(f"frame {frame_id}: the confidence of a POSE is {confidence:g}: it must be 0 to 1")
     if any(not 0.0 <= ms <= MAX_STAGE_MS for ms in stages_ms):
         raise PacketError(
-            f"frame {frame_id}: a stage of a POSE took less than nothing, or over {MAX_STAGE_MS:g} ms"
+            f"frame {frame_id}: a stage of a POSE has a negative duration, or one over {MAX_STAGE_MS:g} ms"
         )
 
 
@@ -329,7 +335,7 @@ class Credit:
 
 @dataclass(frozen=True)
 class TruthMessage:
-    """Host to loggers (or, inline, to the board): ground truth of a frame."""
+    """Host to loggers or, inline, to the board: ground truth of a frame."""
 
     TYPE: ClassVar[PacketType] = PacketType.TRUTH
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<II")

@@ -17,7 +17,7 @@ try:
 except ImportError:
     zstandard = None  # type: ignore[assignment]
 
-# 16 bits, 8192 x 8192: larger images are refused, whatever a host proposes
+# Largest accepted image [bytes]: 16 bits, 8192 x 8192
 MAX_FRAME_BYTES = 1 << 27
 
 
@@ -26,7 +26,7 @@ def formats_of(bits: int, channels: int) -> Tuple[PixelFormat, ...]:
     if channels == 3:
         return (PixelFormat.RGB8,) if bits <= 8 else ()
     holding = [f for f in GREY_FORMATS if f.depth_bits >= bits]
-    # packed ones last: they cost both sides time, and leave a compressor less
+    # packed formats last: they cost both sides time, and compress worse
     return tuple(sorted(holding, key=lambda f: (f is PixelFormat.Mono12p, f.depth_bits)))
 
 
@@ -36,7 +36,7 @@ def array_bytes(width_px: int, height_px: int, pixel_format: PixelFormat) -> int
 
 
 def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat, encoding: Encoding) -> int:
-    """Return the largest valid size of such an image when encoded [bytes]."""
+    """Return the largest valid size of an encoded image [bytes]."""
     raw = pixels_bytes(width_px, height_px, pixel_format)
     if encoding == Encoding.RAW:
         return raw
@@ -44,7 +44,7 @@ def most_encoded_bytes(width_px: int, height_px: int, pixel_format: PixelFormat,
         return png.most_bytes(
             width_px, height_px, pixel_format.channels * (2 if pixel_format.in_words else 1)
         )
-    # zstd cannot make noise larger than this
+    # upper bound of zstd's expansion on incompressible data
     return raw + raw // 128 + 1024
 
 
@@ -54,14 +54,14 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
     Parameters
     ----------
     encodings : int
-        Offer of this side in its HELLO.
+        Encodings that this side offered in its HELLO.
     pixel_formats : int, optional
-        Offer of this side in its HELLO.
+        Pixel formats that this side offered in its HELLO.
 
     Raises
     ------
     LinkError
-        If its images have no size or too large a one, are not what its camera gives, or cannot be decoded here.
+        If the images have an invalid size, do not match the camera, or cannot be decoded here.
     """
     size = _described(terms)
     total = array_bytes(terms.width_px, terms.height_px, terms.pixel_format)
@@ -79,9 +79,9 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
                 f"images of {size} do not fit the camera, whose {name} is {terms.camera[name]!r:.40}"
             )
     if not encodings & (1 << terms.encoding):
-        raise LinkError(f"images come as {terms.encoding.name.lower()}, which this board did not offer")
+        raise LinkError(f"images are sent as {terms.encoding.name.lower()}, which this board did not offer")
     if terms.pixel_format not in formats_in(pixel_formats):
-        raise LinkError(f"images come as {terms.pixel_format.name}, which this board did not offer")
+        raise LinkError(f"images are sent as {terms.pixel_format.name}, which this board did not offer")
 
 
 def _described(what: Union[FrameHeader, HelloAck]) -> str:
@@ -89,13 +89,13 @@ def _described(what: Union[FrameHeader, HelloAck]) -> str:
 
 
 def check_header(header: FrameHeader, terms: HelloAck) -> None:
-    """Raise ProtocolMistake unless a frame is as agreed in the handshake.
+    """Raise unless a frame is as agreed in the handshake.
 
     Raises
     ------
     ProtocolMistake
-        If its size, depth, pixel format, encoding or number of chunks is another, or more bytes are announced than
-        its pixels can take up.
+        If its size, depth, pixel format, encoding or number of chunks differs, or more bytes are announced than its
+        pixels need.
     """
     described, expected = _described(header), _described(terms)
     if described != expected:
@@ -107,7 +107,7 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
     most = most_encoded_bytes(header.width_px, header.height_px, header.pixel_format, header.encoding)
     if not 0 < header.total_bytes <= most:
         raise ProtocolMistake(
-            f"frame {header.frame_id} announces {header.total_bytes} bytes where its pixels take at most {most}",
+            f"frame {header.frame_id} announces {header.total_bytes} bytes but its pixels need at most {most}",
             header.frame_id,
         )
 
@@ -123,7 +123,7 @@ def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) ->
     Raises
     ------
     PacketError
-        If the image does not fit the format, or zstd is requested where it is not installed.
+        If the image does not fit the format, or zstd is requested but not installed.
     """
     if encoding == Encoding.PNG:
         if not fits(image, pixel_format):
@@ -138,12 +138,12 @@ def encode_image(image: Image, encoding: Encoding, pixel_format: PixelFormat) ->
 
 
 def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
-    """Return the (H, W) or (H, W, 3) read-only image of the bytes of its chunks.
+    """Return the read-only image, (H, W) or (H, W, 3), decoded from the bytes of its chunks.
 
     Raises
     ------
     PacketError
-        If the bytes do not make an image of the size that the header says.
+        If the bytes are not an image of the size in the header.
     """
     width, height, pixel_format = header.width_px, header.height_px, header.pixel_format
     if array_bytes(width, height, pixel_format) > MAX_FRAME_BYTES:
@@ -187,23 +187,23 @@ def chunk_count(total_bytes: int, chunk_bytes: int) -> int:
 
 
 class FrameAssembler:
-    """Assembler of frames from headers and chunks, which also names the frames that were lost.
+    """Assembler of frames from headers and chunks, which also reports lost frames.
 
-    ``header`` and ``chunk`` return what became complete, ``lost`` which frames never will.
+    ``header`` and ``chunk`` return completed frames, ``lost`` those that cannot be completed.
 
     Parameters
     ----------
     terms : HelloAck, optional
-        Terms of the handshake; frames of another size or kind are refused before memory is taken for them. None takes
-        any within ``MAX_FRAME_BYTES``.
+        Terms of the handshake; other frames are refused before memory is allocated. None accepts any frame within
+        ``MAX_FRAME_BYTES``.
     """
 
     def __init__(self, terms: Optional[HelloAck] = None) -> None:
         self._terms = terms
         self._header: Optional[FrameHeader] = None
         self._data = bytearray()
-        self._seen = bytearray()  # one for each chunk that came
-        self._missing = 0  # chunks that have not come
+        self._seen = bytearray()  # one flag per received chunk
+        self._missing = 0  # number of chunks still missing
         self._chunk_bytes = 0  # size of all chunks but the last; 0 before the first
         self._last_lost: Optional[int] = None
         self._last_whole: Optional[int] = None
@@ -215,7 +215,7 @@ class FrameAssembler:
         return self._header.frame_id if self._header else None
 
     def header(self, header: FrameHeader) -> None:
-        """Begin a new frame; an incomplete one is lost. A repeated header changes nothing."""
+        """Start a new frame; an incomplete one is lost. A repeated header changes nothing."""
         if header == self._header or header.frame_id == self._last_whole:
             return
         self.abandon()
@@ -228,21 +228,21 @@ class FrameAssembler:
         self._missing, self._chunk_bytes = header.chunk_count, 0
 
     def chunk(self, chunk: FrameChunk) -> Optional[Tuple[FrameHeader, Image]]:
-        """Add a chunk and return the frame if it is complete.
+        """Add a chunk, and return the frame if it is complete.
 
         Raises
         ------
         ProtocolMistake
-            If the chunk does not lie where its index says, or is not as long as the others: one after another they
-            have to cover the frame. The frame is given up.
+            If the chunk is not at the offset that its index implies, or has another length than the others. The frame
+            is abandoned.
         PacketError
-            If the frame is whole and is no image.
+            If the frame is complete but not an image.
         """
         header = self._header
         if chunk.frame_id == self._last_whole:
-            return None  # it came twice
+            return None  # received twice
         if header is None or chunk.frame_id != header.frame_id:
-            self._lose(chunk.frame_id)  # its header never came
+            self._lose(chunk.frame_id)  # its header was lost
             return None
         if not self._fits(chunk, header):
             # the exception reports it; the rest of this frame is ignored
@@ -277,7 +277,7 @@ class FrameAssembler:
             self._chunk_bytes = len(chunk.data) if chunk.index < last else at_end
         size = self._chunk_bytes
         start = chunk.index * size
-        # a wrong length of the others would leave the last one nothing, or too much
+        # with a wrong length of the others, the last chunk would be empty or too long
         rest = header.total_bytes - last * size
         return (
             0 < rest <= size
@@ -306,7 +306,7 @@ class FrameAssembler:
             check_header(header, self._terms)
         elif not 0 < header.total_bytes <= MAX_FRAME_BYTES:
             raise PacketError(f"frame {header.frame_id}: a frame of {header.total_bytes} bytes is refused")
-        # each chunk brings a byte at least
+        # each chunk has at least one byte
         if not 0 < header.chunk_count <= header.total_bytes:
             raise ProtocolMistake(
                 f"frame {header.frame_id} announces {header.chunk_count} chunks for {header.total_bytes} bytes",
@@ -314,7 +314,7 @@ class FrameAssembler:
             )
 
     def _lose(self, frame_id: int) -> None:
-        # every chunk of a frame without header comes by here: name it once
+        # called for every chunk of a frame without a header: report the frame once
         if frame_id != self._last_lost:
             self._last_lost = frame_id
             self._lost.append(frame_id)

@@ -72,7 +72,7 @@ Message = Union[
 _BY_TYPE: Dict[PacketType, Any] = {kind.TYPE: kind for kind in get_args(Message)}
 
 
-# payloads about one frame begin with its id
+# Types whose payloads begin with a frame id
 ABOUT_A_FRAME = (PacketType.FRAME_HEADER, PacketType.FRAME_CHUNK, PacketType.POSE)
 _FRAME_ID = struct.Struct("<I")
 
@@ -83,12 +83,10 @@ def decode_message(packet: Packet) -> Message:
     Raises
     ------
     ProtocolMistake
-        If the payload is not what its type says. The packet's CRC was right, so that its sender wrote it so.
+        If the payload is not valid for its type. The CRC was correct, so the sender is at fault.
     """
     if packet.type not in _BY_TYPE:
-        raise ProtocolMistake(
-            f"a {packet.type.name} packet has no place here: one side has a key and one has none"
-        )
+        raise ProtocolMistake(f"a {packet.type.name} packet is unexpected: only one side uses a key")
     try:
         message: Message = _BY_TYPE[packet.type].decode(packet.payload)
     except PacketError as error:
@@ -97,7 +95,7 @@ def decode_message(packet: Packet) -> Message:
 
 
 def frame_id_of(packet: Packet) -> Optional[int]:
-    """Return the number of the frame that a packet is about; None if it is about none."""
+    """Return the number of the frame that a packet is about; None if there is none."""
     if packet.type not in ABOUT_A_FRAME or len(packet.payload) < _FRAME_ID.size:
         return None
     return int(_FRAME_ID.unpack_from(packet.payload)[0])

@@ -1,4 +1,4 @@
-"""One packet: a fixed little-endian header, a payload, and a CRC-32 over both."""
+"""Packet: a fixed little-endian header, a payload, and a CRC-32 over both."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from flyaround.hil.link.errors import PacketError, ProtocolMistake, VersionMisma
 MAGIC = b"FLYA"
 PROTOCOL_VERSION = 2
 
-# magic, version, type, flags (zero), session id, sequence, payload length
+# Fields: magic, version, type, flags (zero), session id, sequence, payload length
 HEADER = struct.Struct("<4sHBBQII")
 CRC = struct.Struct("<I")
 OVERHEAD_BYTES = HEADER.size + CRC.size
 
-# a damaged length may not make a receiver wait for, or allocate, more than this
+# Largest payload [bytes], so that a damaged length neither blocks a receiver nor exhausts its memory
 MAX_PAYLOAD_BYTES = 1 << 22
 MAX_PACKET_BYTES = MAX_PAYLOAD_BYTES + OVERHEAD_BYTES
 
@@ -52,9 +52,9 @@ class Packet:
     payload : bytes
         Bytes of the payload.
     session_id : int, optional
-        Chosen by the host; 0 before the handshake is complete.
+        Session identifier, chosen by the host; 0 before the handshake is complete.
     sequence : int, optional
-        Counts the sender's packets, modulo 2**32.
+        Counter of the sender's packets, modulo 2**32.
     version : int, optional
         Protocol version of the sender.
     """
@@ -67,7 +67,7 @@ class Packet:
 
 
 def encode_packet(packet: Packet) -> bytes:
-    """Return the packet's bytes, header to CRC.
+    """Return the packet's bytes, from header to CRC.
 
     Raises
     ------
@@ -95,30 +95,30 @@ def encode_packet(packet: Packet) -> bytes:
 def decode_packet(data: bytes) -> Packet:
     """Return the packet in ``data``, which must hold nothing else.
 
-    The CRC is checked before anything else is believed, the version after it: header layout and CRC
-    are the same in every version of the protocol, so that a mismatch can be distinguished from damage.
+    The CRC is checked before any field is used, and the version next: header layout and CRC are the same in all
+    versions of the protocol, so that another version can be distinguished from damage.
 
     Raises
     ------
     PacketError
-        If the bytes are damaged, cut short or too long.
+        If the bytes are damaged, truncated or too long.
     VersionMismatch
         If they are an intact packet of another protocol version.
     ProtocolMistake
-        If they are an intact packet of a type that this version does not know.
+        If they are an intact packet of an unknown type.
     """
     if len(data) < OVERHEAD_BYTES:
-        raise PacketError(f"{len(data)} bytes are too short for a packet: the line lost some")
+        raise PacketError(f"{len(data)} bytes are too short for a packet: bytes were lost on the line")
     magic, version, kind, _flags, session_id, sequence, length = HEADER.unpack_from(data)
     if magic != MAGIC or length != len(data) - OVERHEAD_BYTES:
-        raise PacketError(f"{len(data)} bytes do not form a packet: the line is out of step")
+        raise PacketError(f"{len(data)} bytes do not form a packet: the line is out of sync")
     view = memoryview(data)
     (crc,) = CRC.unpack_from(data, len(data) - CRC.size)
     if zlib.crc32(view[: -CRC.size]) != crc:
         raise PacketError(f"a packet of {len(data)} bytes failed its CRC-32: the line damaged it")
     if version != PROTOCOL_VERSION:
         raise VersionMismatch(
-            f"the other side speaks link protocol {version} and this one {PROTOCOL_VERSION}:"
+            f"the other side uses link protocol {version}, this one {PROTOCOL_VERSION}:"
             " install the same version of flyaround on host and board"
         )
     try:

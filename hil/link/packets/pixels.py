@@ -25,7 +25,7 @@ def array_shape(width_px: int, height_px: int, pixel_format: PixelFormat) -> Tup
 
 
 def fits(image: Image, pixel_format: PixelFormat) -> bool:
-    """Return True if the image has the format's channels and its values fit."""
+    """Return True if the image has the format's channels, and its values fit."""
     channels = 1 if image.ndim == 2 else image.shape[2] if image.ndim == 3 else 0
     if channels != pixel_format.channels or image.dtype.kind != "u" or image.dtype.itemsize > 2:
         return False
@@ -34,12 +34,12 @@ def fits(image: Image, pixel_format: PixelFormat) -> bool:
 
 
 def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
-    """Return the raw image.
+    """Return the bytes of a raw image.
 
     Raises
     ------
     PacketError
-        If the image has other channels, or numbers that are too large for the format.
+        If the image has other channels, or values too large for the format.
     """
     if not fits(image, pixel_format):
         raise PacketError(
@@ -54,7 +54,7 @@ def pack_pixels(image: Image, pixel_format: PixelFormat) -> bytes:
 def unpack_pixels(
     data: Union[bytes, bytearray, memoryview], width_px: int, height_px: int, pixel_format: PixelFormat
 ) -> Image:
-    """Return the (H, W) or (H, W, 3) image of raw bytes of the right size; memory may be shared."""
+    """Return the image, (H, W) or (H, W, 3), from raw bytes of the correct size; memory may be shared."""
     if pixel_format is PixelFormat.Mono12p:
         return _unpack_twelve(data, width_px * height_px).reshape(height_px, width_px)
     dtype = np.dtype("<u2") if pixel_format.in_words else np.dtype("u1")
@@ -62,7 +62,7 @@ def unpack_pixels(
 
 
 def _pack_twelve(image: Image) -> bytes:
-    """Pack pairs of numbers into three bytes, lower bits first."""
+    """Pack pairs of values into three bytes, lower bits first."""
     flat = image.astype(np.uint16).ravel()
     count = flat.size
     if count % 2:

@@ -1,6 +1,6 @@
-"""PNG by zlib and numpy alone, for boards without OpenCV: grey of 8 or 16 bits and RGB of 8.
+"""PNG by zlib and NumPy, for boards without OpenCV: 8 and 16-bit grey, and 8-bit RGB.
 
-Written with the filters None and Sub; read with None, Sub and Up, which is what `encode` and simple writers use.
+Writes the filters None and Sub; reads None, Sub and Up, as written by `encode` and simple encoders.
 Reference: ISO/IEC 15948:2004, Portable Network Graphics, sections 5, 9 and 11.
 """
 
@@ -25,9 +25,9 @@ Bytes = Union[bytes, bytearray, memoryview]
 
 
 def encode(image: np.ndarray, level: int = 1) -> bytes:
-    """Encode an (H, W) image of uint8 or uint16, or an (H, W, 3) image of uint8.
+    """Encode an image, (H, W) uint8 or uint16, or (H, W, 3) uint8.
 
-    Each row has the filter (None or Sub) whose bytes add up to less, as the standard advises.
+    Each row uses the filter (None or Sub) with the smaller sum of absolute bytes, as the standard recommends.
     """
     height, width = image.shape[:2]
     wide = image.dtype.itemsize == 2
@@ -49,18 +49,18 @@ def encode(image: np.ndarray, level: int = 1) -> bytes:
 
 
 def most_bytes(width_px: int, height_px: int, bytes_per_pixel: int) -> int:
-    """Return the largest size of a PNG that `encode` writes; deflate stores what it cannot shrink."""
+    """Return the largest size of a PNG that `encode` writes; deflate stores incompressible data."""
     raw = height_px * (1 + width_px * bytes_per_pixel)
     return raw + raw // 128 + 1024
 
 
 def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels: int) -> np.ndarray:
-    """Decode an image of known size and type; nothing larger is ever unpacked.
+    """Decode an image of known size and type; no larger one is ever unpacked.
 
     Raises
     ------
     PacketError
-        If the file is damaged, of another size or kind, interlaced, or has rows of another filter.
+        If the file is damaged, of another size or kind, interlaced, or uses another filter.
     """
     step = channels * dtype.itemsize
     expected = (width_px, height_px, 8 * dtype.itemsize, _RGB if channels == 3 else _GREY, 0, 0, 0)
@@ -74,7 +74,7 @@ def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels
         elif kind == b"IEND":
             break
     if head != expected:
-        raise PacketError(f"a PNG says {head} where {expected} was agreed")
+        raise PacketError(f"a PNG has {head}, agreed was {expected}")
     size = height_px * (1 + width_px * step)
     inflate = zlib.decompressobj()
     try:
@@ -104,7 +104,7 @@ def _unfiltered(filters: np.ndarray, rows: np.ndarray, step: int) -> np.ndarray:
 
 
 def _weight(rows: np.ndarray) -> np.ndarray:
-    """Return the sum of the absolute values of each row's bytes, taken as signed."""
+    """Return the sum of the absolute values of each row's bytes, interpreted as signed."""
     return np.minimum(rows, np.negative(rows)).sum(axis=1, dtype=np.uint32)
 
 
@@ -122,9 +122,9 @@ def _chunks(data: memoryview) -> Iterator[Tuple[bytes, memoryview]]:
         end = begin + size
         if end + _CRC.size > len(data):
             break
-        # the packet's own CRC was checked: a mismatch here is an error of the writer
+        # the packet's own CRC was correct: a mismatch here is an error of the encoder
         if zlib.crc32(data[at + 4 : end]) != _CRC.unpack_from(data, end)[0]:
             raise PacketError("a PNG has a wrong CRC")
         yield kind, data[begin:end]
         at = end + _CRC.size
-    raise PacketError("a PNG ends before its end")
+    raise PacketError("a PNG is truncated")

@@ -1,4 +1,4 @@
-"""Messages that open a session, time it and close it."""
+"""Messages that open, synchronise and close a session."""
 
 from __future__ import annotations
 
@@ -31,25 +31,29 @@ from flyaround.hil.link.packets.fields import (
 from flyaround.hil.link.packets.packet import PROTOCOL_VERSION, PacketType
 
 TAKES_FIELDS = 0x8000
-"""Bit of HELLO's encodings: the board reads optional fields. Older hosts take it for a later encoding."""
+"""Bit of HELLO's encodings: the board reads optional fields. Older hosts interpret it as an unknown encoding."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """Board to host, first: identity and capabilities of the board.
+    """Board to host, first message: identity and capabilities of the board.
 
     Parameters
     ----------
     encodings : int, optional
-        Bit mask, ``1 << Encoding``.
-    pixel_formats : int, optional
-        Bit mask, in the order of ``PIXEL_FORMATS``.
+        Supported encodings, bit mask of ``1 << Encoding``.
     window : int, optional
-        Number of frames that the board can hold, the one in progress included.
-    model_name, model_sha256 : str, optional
-        The target model it carries; an empty hash is not checked.
-    method, board : str, optional
-        The estimator, and a free text that names the board.
+        Number of frames that the board can hold, including the one being processed.
+    model_name : str, optional
+        Name of its target model.
+    model_sha256 : str, optional
+        Hash of its target model; an empty hash is not checked.
+    method : str, optional
+        Name of the estimator.
+    board : str, optional
+        Free text that describes the board.
+    pixel_formats : int, optional
+        Supported pixel formats, bit mask in the order of ``PIXEL_FORMATS``.
     takes_fields : bool, optional
         True if it reads the optional fields of FRAME_HEADER.
     """
@@ -103,25 +107,25 @@ class HelloAck:
     Parameters
     ----------
     camera : dict of str to object
-        The project's camera JSON object (CAMERA.json).
+        Camera JSON object (CAMERA.json).
     width_px : int
-        Layout of the images; ``bits`` of the detector's pixels, as the format.
+        Image width.
     height_px : int
-        Layout of the images; ``bits`` of the detector's pixels, as the format.
+        Image height.
     bits : int, optional
-        Layout of the images; ``bits`` of the detector's pixels, as the format.
-    pixel_format : PixelFormat, optional
-        Layout of the images; ``bits`` of the detector's pixels, as the format.
-    holds
-        them or fewer.
+        Bits per pixel of the detector; the pixel format holds at least as many.
     encoding : Encoding, optional
-        The compression chosen from what the board offered.
+        Compression, chosen from those that the board offered.
     window : int, optional
-        Frames that may be on their way or in work at once (credits).
-    target_name, target_sha256 : str, optional
-        Target of the host; an empty hash is not checked.
+        Number of frames that may be in transit or in progress at once (credits).
+    target_name : str, optional
+        Name of the host's target.
+    target_sha256 : str, optional
+        Hash of the host's target; an empty hash is not checked.
+    pixel_format : PixelFormat, optional
+        Pixel format of the images.
     takes_fields : bool, optional
-        True if optional fields are agreed: of FRAME_HEADER and of POSE.
+        True if the optional fields of FRAME_HEADER and POSE are agreed.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.HELLO_ACK
@@ -189,7 +193,7 @@ class HelloAck:
 
 @dataclass(frozen=True)
 class TimeSyncRequest:
-    """Monotonic clock of the sender when it asked [ns]."""
+    """Request for the other side's clock, with the sender's monotonic clock [ns]."""
 
     TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REQUEST
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<Q")
@@ -208,13 +212,13 @@ class TimeSyncRequest:
 
 @dataclass(frozen=True)
 class TimeSyncReply:
-    """Time of the request, and the answering clock at reception and at sending [ns].
+    """Reply: time of the request, and the answering clock at reception and at sending [ns].
 
     Parameters
     ----------
     newest_frame : int, optional
-        The last frame that came whole to the answerer, ``NO_FRAME`` before the first: who asked after sending a later
-        one knows that it was lost. None where the answerer does not tell.
+        Last frame that the replying side received completely, ``NO_FRAME`` before the first. If the request followed a
+        later frame, that frame was lost. None if it is not reported.
     """
 
     TYPE: ClassVar[PacketType] = PacketType.TIME_SYNC_REPLY
@@ -263,7 +267,7 @@ class Bye:
 
 @dataclass(frozen=True)
 class ErrorMessage:
-    """Error as a sentence, about a frame or about none (``NO_FRAME``)."""
+    """Error as a sentence, about a frame or none (``NO_FRAME``)."""
 
     TYPE: ClassVar[PacketType] = PacketType.ERROR
     LAYOUT: ClassVar[struct.Struct] = struct.Struct("<HHI")

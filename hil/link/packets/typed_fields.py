@@ -11,26 +11,26 @@ from flyaround.hil.link.packets.enums import FieldTag, Transfer
 from flyaround.hil.link.packets.fields import known_value
 
 MAX_FIELDS_BYTES = 1024
-"""Largest total size of one packet's fields, unknown ones included."""
+"""Largest total size of one packet's fields, unknown ones included [bytes]."""
 
-# tolerance of a direction's length, as for a quaternion
+# Tolerance of a direction's length, as for a quaternion
 DIRECTION_TOLERANCE = 1e-3
 COVARIANCE_NUMBERS = 21
 
 _HEAD = struct.Struct("<HH")
 _DIRECTION = struct.Struct("<3d")
 _COVARIANCE = struct.Struct(f"<{COVARIANCE_NUMBERS}f")
-# upper triangle of a 6 x 6 matrix, row by row: where its diagonal lies
+# Positions of the diagonal in the upper triangle of a 6 x 6 matrix, row by row
 _DIAGONAL = (0, 6, 11, 15, 18, 20)
 
 FRAME_FIELDS = {FieldTag.SUN_CAMERA: _DIRECTION.size, FieldTag.TRANSFER: 1}
-"""Fields of FRAME_HEADER with the size of each value."""
+"""Fields of FRAME_HEADER, with the size of each value."""
 POSE_FIELDS = {FieldTag.COVARIANCE: _COVARIANCE.size}
-"""Fields of POSE with the size of each value."""
+"""Fields of POSE, with the size of each value."""
 
 
 def pack_fields(values: Iterable[Tuple[FieldTag, Optional[bytes]]]) -> bytes:
-    """Return the fields one after the other, without those whose value is None."""
+    """Return the concatenated fields, without those whose value is None."""
     return b"".join(_HEAD.pack(tag, len(value)) + value for tag, value in values if value is not None)
 
 
@@ -40,16 +40,16 @@ def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict
     Parameters
     ----------
     data : bytes
-        All that follows the fixed part of the payload.
+        Bytes after the fixed part of the payload.
     known : mapping
-        Bytes of each value, by tag.
+        Size of each value, by tag.
     name : str
-        Of the packet type, for messages.
+        Name of the packet type, for messages.
 
     Raises
     ------
     PacketError
-        If a field is cut short, comes twice or has another length, or all are longer than ``MAX_FIELDS_BYTES``.
+        If a field is truncated, repeated or has another length, or the total exceeds ``MAX_FIELDS_BYTES``.
     """
     if len(data) > MAX_FIELDS_BYTES:
         raise PacketError(
@@ -65,7 +65,7 @@ def unpack_fields(data: bytes, known: Mapping[FieldTag, int], name: str) -> Dict
         if size > len(data) - at:
             raise PacketError(f"field {tag} of a {name} has {len(data) - at} bytes left, expected {size}")
         if tag in values:
-            raise PacketError(f"field {tag} of a {name} comes twice: send it once")
+            raise PacketError(f"field {tag} of a {name} is repeated: send it once")
         expected = {int(k): n for k, n in known.items()}.get(tag, size)
         if size != expected:
             raise PacketError(f"field {tag} of a {name} has {size} bytes, expected {expected}")
@@ -80,7 +80,7 @@ def pack_direction(direction: Optional[Sequence[float]]) -> Optional[bytes]:
     Raises
     ------
     PacketError
-        If it has not length 1.
+        If its length is not 1.
     """
     if direction is None:
         return None
@@ -94,7 +94,7 @@ def unpack_direction(data: Optional[bytes]) -> Optional[Tuple[float, float, floa
     Raises
     ------
     PacketError
-        If it has not length 1.
+        If its length is not 1.
     """
     if data is None:
         return None
@@ -109,7 +109,7 @@ def pack_transfer(transfer: Transfer) -> Optional[bytes]:
 
 
 def unpack_transfer(data: Optional[bytes]) -> Transfer:
-    """Return the transfer function of the pixels, linear where it is absent."""
+    """Return the transfer function of the pixels; linear if it is absent."""
     return Transfer.LINEAR if data is None else known_value(Transfer, data[0], "transfer function of pixels")
 
 
@@ -119,7 +119,7 @@ def pack_covariance(triangle: Optional[Sequence[float]]) -> Optional[bytes]:
     Raises
     ------
     PacketError
-        If it is no covariance in single precision.
+        If it is not a covariance in single precision.
     """
     if triangle is None:
         return None
@@ -137,7 +137,7 @@ def unpack_covariance(data: Optional[bytes]) -> Optional[Tuple[float, ...]]:
     Raises
     ------
     PacketError
-        If it holds numbers that are not finite or a variance below zero.
+        If it holds non-finite numbers or a negative variance.
     """
     if data is None:
         return None
@@ -156,6 +156,4 @@ def _check_direction(direction: Sequence[float]) -> None:
 
 def _check_covariance(triangle: Sequence[float]) -> None:
     if not all(math.isfinite(x) for x in triangle) or any(triangle[k] < 0.0 for k in _DIAGONAL):
-        raise PacketError(
-            "the covariance of a POSE holds a variance below zero or a number that is not finite"
-        )
+        raise PacketError("the covariance of a POSE holds a negative variance or a non-finite number")

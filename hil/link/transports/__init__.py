@@ -1,1 +1,1 @@
-"""Lines to one other side: the protocol, and one module per transport. No message is read here."""
+"""Transports: the protocol class, and one module per transport. Messages are not parsed here."""

@@ -1,4 +1,4 @@
-"""Interface of a transport between host and board, and the framing and deadlines that all byte streams share."""
+"""Interface of a transport between host and board, with the framing and deadlines common to byte streams."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from flyaround.hil.link.packets.packet import Packet
 
 
 class Framing(Protocol):
-    """Conversion of packets to bytes and back; see ``flyaround.hil.link.framing.length_prefix``."""
+    """Conversion between packets and bytes; see ``flyaround.hil.link.framing.length_prefix``."""
 
     def encode(self, packet: Packet) -> bytes:
         """Return the bytes for the line."""
 
     def feed(self, data: bytes) -> None:
-        """Add bytes from the line."""
+        """Add received bytes."""
 
     def next_packet(self) -> Optional[Packet]:
-        """Return the next packet, None until more bytes come; raise PacketError for damage."""
+        """Return the next packet, or None until more bytes arrive; raise PacketError for damage."""
 
 
 class Transport(Protocol):
@@ -38,22 +38,22 @@ class Transport(Protocol):
     chunk_bytes: int
 
     def send_packet(self, packet: Packet) -> None:
-        """Send, or raise LinkClosed."""
+        """Send a packet; raise LinkClosed if the line is closed."""
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send with some bits of one byte flipped, for runs with deliberate faults."""
+        """Send a packet with some bits of one byte flipped, for runs with deliberate faults."""
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet, None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, or None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
 
     def be_patient(self, silence_s: float) -> None:
-        """Set the time without a sign of life after which the other side is considered gone; keep-alives follow it."""
+        """Set the silence after which the other side is considered lost; keep-alives adapt to it."""
 
     def fileno(self) -> int:
         """Return the file descriptor to wait on for reading."""
 
     def close(self) -> None:
-        """Release the line; closing twice is harmless."""
+        """Release the line. Closing twice is allowed."""
 
 
 class Listener(Protocol):
@@ -62,7 +62,7 @@ class Listener(Protocol):
     url: str
 
     def accept(self, timeout_s: float) -> Optional[Transport]:
-        """Return a line to a new peer, None after ``timeout_s``."""
+        """Return a line to a new peer; None after ``timeout_s``."""
 
     def fileno(self) -> int:
         """Return the file descriptor to wait on for a peer."""
@@ -72,7 +72,7 @@ class Listener(Protocol):
 
 
 class StreamTransport(ABC):
-    """Framing and deadlines that all byte streams share.
+    """Framing and deadlines common to byte streams.
 
     Subclasses implement reading and writing of bytes, and closing.
     """
@@ -86,22 +86,22 @@ class StreamTransport(ABC):
         self._closed = False
 
     def be_patient(self, silence_s: float) -> None:  # noqa: B027 - optional
-        """Set the time without a sign of life after which the other side is considered gone."""
+        """Set the silence after which the other side is considered lost."""
 
     def send_packet(self, packet: Packet) -> None:
-        """Send, or raise LinkClosed."""
+        """Send a packet; raise LinkClosed if the line is closed."""
         if self._closed:
             raise LinkClosed(f"{self.name} is closed")
         self._write(self._framing.encode(packet))
 
     def send_damaged(self, packet: Packet, at: int, flip: int) -> None:
-        """Send with some bits of one byte flipped, for runs with deliberate faults."""
+        """Send a packet with some bits of one byte flipped, for runs with deliberate faults."""
         data = bytearray(self._framing.encode(packet))
         data[at % len(data)] ^= flip
         self._write(bytes(data))
 
     def recv_packet(self, timeout_s: float) -> Optional[Packet]:
-        """Return the next packet, None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
+        """Return the next packet, or None after ``timeout_s``; raise PacketError for damage, LinkClosed at the end."""
         deadline = time.monotonic() + timeout_s
         while True:
             packet = self._framing.next_packet()
@@ -114,7 +114,7 @@ class StreamTransport(ABC):
             if data:
                 self._framing.feed(data)
             if left_s <= 0:
-                # also while bytes keep coming: endless garbage must not block the caller
+                # checked even while bytes arrive: endless garbage must not block the caller
                 return self._framing.next_packet()
 
     @abstractmethod
@@ -123,4 +123,4 @@ class StreamTransport(ABC):
 
     @abstractmethod
     def _read(self, timeout_s: float) -> bytes:
-        """Return the bytes available within ``timeout_s``, none otherwise; raise LinkClosed at the end."""
+        """Return the bytes available within ``timeout_s``, if any; raise LinkClosed at the end."""

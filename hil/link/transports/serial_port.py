@@ -19,7 +19,7 @@ except ImportError:
 BITS_PER_BYTE = 10
 """A start bit, eight data bits and a stop bit."""
 PIECE_S = 0.01
-# longest duration of a chunk: only whole packets show the other side that this one is alive
+# Longest duration of a chunk [s]: only complete packets show the other side that this one is alive
 CHUNK_S, MIN_CHUNK_BYTES = 0.25, 64
 CATCH_UP_S = 0.1
 
@@ -27,21 +27,21 @@ CATCH_UP_S = 0.1
 class SerialTransport(StreamTransport):
     """Serial port at one baud rate, 8N1, with RTS/CTS on request.
 
-    Bytes are written no faster than the line carries them: a driver or adapter would buffer them unnoticed, and a
-    pseudo-terminal takes any amount at once.
+    Bytes are written no faster than the line transmits them, because drivers and adapters would buffer them, and a
+    pseudo-terminal accepts any amount at once.
 
-    Packets may be lost or damaged, never reordered. A serial line has no connection, so the other side's leaving shows
-    only as silence or as BYE. There is no flow control: a receiver that does not read loses bytes.
+    Packets may be lost or damaged, but not reordered. A serial line has no connection, so a lost peer shows only as
+    silence or BYE. Without RTS/CTS there is no flow control: a receiver that does not read loses bytes.
     """
 
-    # a damaged byte costs one chunk; 20 bytes of overhead in 2048 are 1.4 %; a slow line cuts finer
+    # a damaged byte costs one chunk; the overhead is 20 bytes in 2048; slower lines use smaller chunks
     chunk_bytes = 2048
 
     def __init__(self, device: str, baud: int, *, rtscts: bool = False) -> None:
         super().__init__(f"serial://{device}?baud={baud}" + ("&rtscts=1" if rtscts else ""), CobsFraming())
         self._bytes_per_s = baud / BITS_PER_BYTE
         self.chunk_bytes = max(MIN_CHUNK_BYTES, min(self.chunk_bytes, int(CHUNK_S * self._bytes_per_s)))
-        self._free_s = 0.0  # time at which the line has sent what was written
+        self._free_s = 0.0  # time at which the line has transmitted everything written
         if serial is None:
             raise LinkError("a serial link needs pyserial, which is not installed: pip install pyserial")
         try:
@@ -51,7 +51,7 @@ class SerialTransport(StreamTransport):
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise LinkError(
                 f"serial port {device} at {baud} baud cannot be opened ({error}):"
-                " check the name, the rights (group dialout) and that the adapter knows this rate"
+                " check the name, the permissions (group dialout) and the rates of the adapter"
             ) from error
 
     def fileno(self) -> int:
@@ -69,7 +69,7 @@ class SerialTransport(StreamTransport):
         piece = max(1, int(self._bytes_per_s * PIECE_S))
         self._free_s = max(
             self._free_s, time.monotonic()
-        )  # a pause is not caught up with, a late wake-up below is
+        )  # a pause is not caught up with, but a late wake-up is, below
         try:
             for at in range(0, len(view), piece):
                 part = view[at : at + piece]
@@ -80,7 +80,7 @@ class SerialTransport(StreamTransport):
                 self._free_s = (
                     max(self._free_s, time.monotonic() - CATCH_UP_S) + len(part) / self._bytes_per_s
                 )
-        except (OSError, TypeError) as error:  # pyserial: TypeError when closed by another thread
+        except (OSError, TypeError) as error:  # pyserial raises TypeError when closed by another thread
             raise LinkClosed(f"{self.name} cannot be written ({error}): is it still plugged in?") from error
 
     def _read(self, timeout_s: float) -> bytes:
@@ -97,7 +97,7 @@ class SerialTransport(StreamTransport):
 
 
 class _SharedPort:
-    """Listener's port as used by one session: closing the session keeps the port open."""
+    """Listener's port as used by one session; closing the session keeps the port open."""
 
     def __init__(self, port: SerialTransport) -> None:
         self._port = port

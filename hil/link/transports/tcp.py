@@ -1,4 +1,4 @@
-"""TCP: length-prefixed packets, no delay, deadlines in both directions."""
+"""TCP transport: length-prefixed packets, no delay, deadlines in both directions."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from flyaround.hil.link.errors import LinkClosed, LinkError
 from flyaround.hil.link.framing.length_prefix import LengthFraming
 from flyaround.hil.link.transports.base import StreamTransport
 
-# time-out for a peer that accepts no byte
+# Time-out for a peer that accepts no byte [s]
 SEND_STALL_S = 1.5
-# time-out for a peer whose system acknowledges nothing, as with a cut cable (TCP_USER_TIMEOUT)
+# Time-out for a peer whose system acknowledges nothing, as with a cut cable (TCP_USER_TIMEOUT) [ms]
 UNACKNOWLEDGED_MS = 1500
-LONGEST_S = 86_400.0  # upper bound of a time-out that the user sets
-# time-out for one packet: a slower peer would only block the sender
+LONGEST_S = 86_400.0  # upper bound of a user's time-out [s]
+# Time-out for one packet [s]; a slower peer would only block the sender
 SEND_PACKET_S = 60.0
-# keep-alive probes: while nothing is sent, a peer whose machine vanished is detected after about half a minute
+# Keep-alive probes: an idle peer whose machine vanished is detected after about half a minute
 KEEPALIVE_S = (("TCP_KEEPIDLE", 15), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3))
-# pause when file descriptors or memory run out and no connection can be accepted; it keeps the processor free
+# Pause when no connection can be accepted for lack of file descriptors or memory [s], to avoid a busy loop
 EXHAUSTED_PAUSE_S = 0.01
-# size of one read: a frame is parsed while the rest of it arrives
+# Size of one read [bytes]: a frame is parsed while the rest of it arrives
 READ_BYTES = 1 << 18
 
 
@@ -39,7 +39,7 @@ def _wait(sock: socket.socket, event: int, timeout_s: float) -> bool:
 
 
 def keep_alive(sock: socket.socket) -> None:
-    """Let the system detect a vanished peer; raise OSError if the connection is gone already."""
+    """Enable keep-alive probes; raise OSError if the connection is gone already."""
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in KEEPALIVE_S:
         if hasattr(socket, name):  # TCP_KEEPIDLE has another name on macOS
@@ -65,13 +65,11 @@ class TcpTransport(StreamTransport):
         self.be_patient(0.0)
 
     def be_patient(self, silence_s: float) -> None:
-        """Set the time after which a peer that accepts or acknowledges no byte is considered gone, if longer than
-        the default.
-        """
+        """Set the silence after which a peer is considered lost, if longer than the default."""
         silence_s = min(silence_s, LONGEST_S)
         self._send_stall_s = max(self._send_stall_s, silence_s)
         self._send_packet_s = max(self._send_packet_s, silence_s)
-        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not on macOS
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # not available on macOS
             unacknowledged_ms = max(UNACKNOWLEDGED_MS, int(silence_s * 1e3))
             self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unacknowledged_ms)
 
@@ -80,7 +78,7 @@ class TcpTransport(StreamTransport):
         return self._sock.fileno()
 
     def close(self) -> None:
-        """Shut down the connection; a second call does nothing."""
+        """Shut down the connection. Closing twice is allowed."""
         if not self._closed:
             self._closed = True
             with contextlib.suppress(OSError):  # the peer may have closed it already
@@ -97,16 +95,16 @@ class TcpTransport(StreamTransport):
                 except BlockingIOError:
                     if not _wait(self._sock, select.POLLOUT, self._send_stall_s):
                         raise LinkClosed(
-                            f"{self.name} took no byte for {self._send_stall_s:g} s:"
+                            f"{self.name} accepted no byte for {self._send_stall_s:g} s:"
                             " it hangs or the network is cut"
                         ) from None
                     if time.monotonic() > deadline:
                         raise LinkClosed(
-                            f"{self.name} took {len(data)} bytes in more than {self._send_packet_s:g} s:"
+                            f"{self.name} accepted {len(data)} bytes in more than {self._send_packet_s:g} s:"
                             " it hangs or the network is too slow"
                         ) from None
         except OSError as error:
-            raise LinkClosed(f"{self.name} went away while it was sent to ({error.strerror})") from error
+            raise LinkClosed(f"{self.name} went away during sending ({error.strerror})") from error
         except ValueError as error:
             raise LinkClosed(f"{self.name} is closed") from error
 
@@ -122,7 +120,7 @@ class TcpTransport(StreamTransport):
             return b""
         except OSError as error:
             raise LinkClosed(f"{self.name} went away ({error.strerror})") from error
-        except ValueError as error:  # closed by another thread meanwhile: the descriptor is -1
+        except ValueError as error:  # closed by another thread in the meantime: the descriptor is -1
             raise LinkClosed(f"{self.name} is closed") from error
         if not data:
             raise LinkClosed(f"{self.name} closed the connection")
@@ -130,12 +128,12 @@ class TcpTransport(StreamTransport):
 
 
 def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
-    """Connect, retrying while nobody listens yet.
+    """Connect to a host, retrying while nobody listens.
 
     Raises
     ------
     LinkError
-        If nobody listens before ``timeout_s`` has passed.
+        If nobody listens within ``timeout_s``.
     """
     deadline = time.monotonic() + timeout_s
     while True:
@@ -159,7 +157,7 @@ def connect_tcp(host: str, port: int, timeout_s: float) -> TcpTransport:
 
 
 class TcpListener:
-    """A listening socket."""
+    """Listening TCP socket."""
 
     def __init__(self, host: str, port: int) -> None:
         sock = None
@@ -169,7 +167,7 @@ class TcpListener:
             # reuse a port in TIME_WAIT after the last run, but not one with a listener
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             sock.bind(address)
-            sock.listen(64)  # a shorter queue makes a board wait seconds behind a burst of others
+            sock.listen(64)  # with a shorter queue, a board waits seconds behind a burst of others
             self._spare: Optional[int] = os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
             if sock is not None:
@@ -188,7 +186,7 @@ class TcpListener:
         self.url = f"tcp://[{host}]:{bound}" if ":" in host else f"tcp://{host}:{bound}"
 
     def accept_socket(self, timeout_s: float) -> Optional[socket.socket]:
-        """Return the bare connection of a new peer; None after ``timeout_s`` or if none can be accepted now."""
+        """Return the socket of a new peer; None after ``timeout_s`` or if none can be accepted now."""
         try:
             return self._sock.accept()[0] if _wait(self._sock, select.POLLIN, timeout_s) else None
         except (BlockingIOError, ConnectionError):
@@ -214,7 +212,7 @@ class TcpListener:
         time.sleep(EXHAUSTED_PAUSE_S)
 
     def accept(self, timeout_s: float) -> Optional[TcpTransport]:
-        """Return a connection to a new peer, or None after ``timeout_s``."""
+        """Return a connection to a new peer; None after ``timeout_s``."""
         sock = self.accept_socket(timeout_s)
         if sock is None:
             return None

@@ -1,4 +1,4 @@
-"""Lines by their URL: the transport it names, connecting as the board, listening as the host."""
+"""Lines by URL: the transport that it names, connecting as the board, listening as the host."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ OPTIONS = {"tcp": (), "serial": ("baud", "rtscts")}
 def parse_url(url: str) -> Tuple[str, str, int]:
     """Return scheme, host or device, and port or baud rate of a link URL.
 
-    ``tcp://127.0.0.1:5600`` or ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
+    Valid forms are ``tcp://127.0.0.1:5600`` and ``serial:///dev/ttyUSB0?baud=921600&rtscts=1``.
 
     Raises
     ------
     LinkError
-        If the URL is none of them.
+        If the URL has another form.
     """
     parts = urlsplit(url)
     try:
@@ -51,7 +51,7 @@ def parse_url(url: str) -> Tuple[str, str, int]:
 
 
 def url_options(url: str) -> Dict[str, int]:
-    """Return the numbers after the question mark of a link URL that `parse_url` accepts."""
+    """Return the numeric options after the question mark of a valid link URL."""
     parts = urlsplit(url)
     return _options(url, parts.scheme, parts.query)
 
@@ -73,7 +73,7 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
     Raises
     ------
     LinkError
-        If the URL is bad or nobody listens there.
+        If the URL is invalid or nobody listens there.
     """
     scheme, where, number = parse_url(url)
     if scheme == "tcp":
@@ -82,12 +82,12 @@ def connect(url: str, timeout_s: float = 10.0) -> Transport:
 
 
 def listen(url: str) -> Listener:
-    """Listen on a URL; port 0 takes a free one, named by ``Listener.url``.
+    """Listen on a URL; port 0 chooses a free one, reported by ``Listener.url``.
 
     Raises
     ------
     LinkError
-        If the URL is bad or the port or device is not to be had.
+        If the URL is invalid, or the port or device is not available.
     """
     scheme, where, number = parse_url(url)
     if scheme == "tcp":
