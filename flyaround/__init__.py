@@ -100,7 +100,7 @@ __all__ = [
     "write_glb",
 ]
 
-# imported at first use, so that a program that only draws does not load the data-set writers
+# imported on first use, so that a program that only renders does not load the data-set writers
 _HOMES = {
     "Camera": "flyaround.simulator.camera.lens.camera_model",
     "Environment": "flyaround.simulator.scene.environments",
@@ -154,7 +154,7 @@ _get = lazy_names(__name__, _HOMES)
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the type checker reads the imports above
     if name == "__version__":
-        from importlib.metadata import version  # noqa: PLC0415 - slow to import, needed here alone
+        from importlib.metadata import version  # noqa: PLC0415 - slow to import, and rarely needed
 
         return version("flyaround")
     return _get(name)

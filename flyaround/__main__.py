@@ -1,4 +1,4 @@
-"""Entry point of the command line: prints a user's mistake as one sentence and exits with code 2."""
+"""Entry point of the command line: reports user errors as one sentence, with exit code 2."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.urls import without_secrets
 
 DRAWING = frozenset({"render", "capture", "sim", "demo", "bench"})
 """Commands that open the graphics driver, which aborts the process if memory is short."""
-INTERRUPTED, TERMINATED = 130, 143  # 128 plus the signal's number, as shells do
+INTERRUPTED, TERMINATED = 130, 143  # 128 plus the signal's number, as in shells
 
 
 class Terminated(KeyboardInterrupt):
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command line and return its exit code: 0 success, 1 a check that failed, 2 a user's mistake."""
+    """Run one command line, and return its exit code: 0 success, 1 a failed check, 2 a user's mistake."""
     problem = limits_problem(drawing=bool(DRAWING.intersection(arguments)))
     if problem is not None:
         _say_error(problem)
@@ -53,7 +53,7 @@ def run(arguments: list[str]) -> int:
             return leave.code if isinstance(leave, SystemExit) and isinstance(leave.code, int) else 0
         terminated = isinstance(stop, Terminated)
         how = "terminated" if terminated else "interrupted"
-        sys.stderr.write(f"flyaround: {how}; what was written so far is whole\n")
+        sys.stderr.write(f"flyaround: {how}; files written so far are complete\n")
         return TERMINATED if terminated else INTERRUPTED
     except Exception as error:
         sentence = str(error) if _is_users(error) else machine_sentence(error)
@@ -81,7 +81,7 @@ def _is_users(error: Exception) -> bool:
 
 
 def _say_error(sentence: str) -> None:
-    """Print a sentence as one line, without the secrets of URLs; as plain text if memory is too short for Rich."""
+    """Print a sentence as one line, without secrets in URLs; as plain text if memory is too short for Rich."""
     line = without_secrets(" ".join(sentence.splitlines()))
     try:
         from rich.text import Text  # noqa: PLC0415 - may fail

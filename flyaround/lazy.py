@@ -14,7 +14,7 @@ def lazy_names(module: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     Parameters
     ----------
     module : str
-        The module's ``__name__``.
+        ``__name__`` of the module.
     homes : mapping
         Module that defines each name.
     """

@@ -1,6 +1,6 @@
 """Public types for plug-ins: sensors, formats, recipes, estimators, targets and bodies of other packages.
 
-`docs/plugins.md` describes what an entry point of each group must be.
+`docs/plugins.md` describes the entry points of each group.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ __all__ = [
 
 
 class Sensor(Protocol):
-    """A function that measures something in a drawn frame (group ``flyaround.sensors``)."""
+    """Function that measures something in a rendered frame (group ``flyaround.sensors``)."""
 
     def __call__(self, frame: Frame, rng: np.random.Generator) -> dict[str, NDArray[Any]]:
         """Return the measured arrays by name.
@@ -61,7 +61,7 @@ class Sensor(Protocol):
         frame : Frame
             Image, radiance, depth and truth.
         rng : numpy.random.Generator
-            The only source of random numbers; it depends on seed, frame and sensor.
+            Only source of random numbers; it depends on seed, frame and sensor.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""The JSON Schemas of every file format, by name; `python -m flyaround.schemas DIR` writes them."""
+"""JSON Schemas of every file format, by name; `python -m flyaround.schemas DIR` writes them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
 
 
 def _dedented(value: Any) -> Any:  # noqa: ANN401 - any JSON
-    """Return a document with dedented descriptions, as Python 3.13 does by itself."""
+    """Return a document with dedented descriptions, like Python 3.13."""
     if isinstance(value, dict):
         return {
             key: inspect.cleandoc(v) if key == "description" and isinstance(v, str) else _dedented(v)

@@ -57,58 +57,55 @@ HIL_COMMANDS = {
 """The same for the group ``hil``."""
 ABOUT = {
     "sim": "Fly a scenario in a window, with time control and manual control. F1 lists the keys.",
-    "render": "Draw one frame and its truth, or one for each pose of a list.",
-    "fly": "Propagate only: states of both craft as a table, with phases, thrust, events and delta-v.",
+    "render": "Render one frame and its truth, or one for each pose of a list.",
+    "fly": "Propagate without images: states of both craft as a table, with phases, thrust, events and delta-v.",
     "capture": "Take labelled images of a flight or a recipe; every frame's labels are verified as it is written.",
-    "check": "Verify every label of a data set again, and draw some images again; exit 1 if one is wrong.",
-    "convert": "Write a data set in another format; images and poses of others get masks, keypoints and boxes from the model.",
+    "check": "Verify every label of a data set again, and re-render some images; exit 1 if one is wrong.",
+    "convert": "Write a data set in another format; those with poses only get masks, keypoints and boxes from the model.",
     "overlay": "Draw labels over copies of a data set's images: the craft's axes, edges, keypoints, box, mask.",
     "estimate": "Estimate the pose of a target in images.",
-    "evaluate": "Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html.",
+    "evaluate": "Evaluate an estimator on every frame of a data set: metrics.json, frames.csv, index.html.",
     "train": "Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.",
-    "compare": "Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere.",
+    "compare": "Compare reference images with simulated ones of similar views: histograms, edges, with and without atmosphere.",
     "bench": "Measure the frame cost per scene and that of a reference pass of the same run.",
     "doctor": "Report OpenGL, GPU and optional parts of this machine, and how to install the missing ones.",
-    "cache": "List what is kept between runs (decoded maps, baked light, targets), or remove it.",
+    "cache": "List the data cached between runs (decoded maps, baked light, targets), or remove it.",
     "plugins": "List the sensors, formats, recipes, estimators, targets and bodies of installed packages (docs/plugins.md).",
     "scenarios": "List the built-in scenarios, or print one to start from; `flyaround recipes` lists the recipes.",
-    "recipes": "List the built-in recipes, print one to start from, or write the poses that one draws.",
-    "backgrounds": "Draw the background library of a recipe, without the craft.",
+    "recipes": "List the built-in recipes, print one to start from, or write the poses that it samples.",
+    "backgrounds": "Render the background library of a recipe, without the craft.",
     "cameras": "List the built-in cameras, or read one of any format, check it, and write it in another.",
-    "demo": "Fly, capture and check 20 images, run 30 frames through a board process, and write a report page.",
-    "targets": "List the targets, add a mesh as one, export or draw them.",
+    "demo": "Fly, capture and check 20 images, send 30 frames to a board process, and write a report page.",
+    "targets": "List the targets, add a mesh as a target, export or render them.",
 }
 """First paragraph of each command's help, for the page that lists them without importing anything."""
 HIL_ABOUT = {
     "host": "Stream a flight to a board, or fly on its poses (--closed-loop).",
-    "board": "Run the board agent on this machine: connect, estimate, answer; the exit code says how it ended.",
+    "board": "Run the board agent on this machine: connect, estimate, answer.",
     "camera": "Serve a GigE camera on the network (GVCP and GVSP, for Aravis, GStreamer and other clients) until Ctrl-C.",
-    "bundle": "Write one file that runs on a board with Python 3.9, numpy and OpenCV 4.6, and nothing else.",
+    "bundle": "Write one file that runs on a board with only Python 3.9, numpy and OpenCV 4.6.",
     "report": "Write a page with plots from a ledger: latency, jitter, drops by cause.",
     "audit": "Compare a ledger with the time codes in the images; exit 1 unless they agree in every frame.",
     "campaign": "Fly cases with their seeds unattended and judge them: requirement matrix, JUnit XML; exit 1 if one is not met.",
     "delay-map": "Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.",
-    "forecast": "Fly closed loops on noisy poses and measure how well their filter predicts the attitude over the horizon.",
+    "forecast": "Fly closed loops on noisy poses and measure the error of the predicted attitude over the horizon.",
     "key": "Write a new key for hil host --key and hil board --key.",
-    "display": "Show a flight full screen to a real camera that looks at the monitor.",
-    "display-calibrate": "Calibrate the screen from images of the patterns: the pixel map between camera and screen, and the brightness.",
+    "display": "Show a flight full screen to a real camera that views the monitor.",
+    "display-calibrate": "Calibrate the screen from images of the patterns: pixel map between camera and screen, and brightness.",
     "display-match": "Identify the frame that each grabbed image shows by its time code; exit 1 if one has none.",
 }
 HIL_HELP = """\
-Hardware in the loop: a flight's pictures go to a board, and its poses come back.
+Hardware in the loop: a flight's pictures are sent to a board, which returns poses.
 
-The closed loop, which flies on these poses: hil host SCENARIO --closed-loop. How far ahead it sees: hil forecast.
-
+A closed loop that flies on these poses: hil host SCENARIO --closed-loop. Its prediction error: hil forecast.
 Many runs against requirements: hil campaign. The delay map of an approach: hil delay-map.
-
-The camera endpoint, for software that grabs from real cameras: hil camera.
-
-The emulated board, which needs no desk: make board-qemu, where the source code is (docs/hil_boards.md).
+A camera endpoint for machine-vision software: hil camera.
+An emulated board, which needs no hardware: make board-qemu, in the source code (docs/hil_boards.md).
 """
 
 
 class LazyCommand(TyperCommand):
-    """A command that is imported when its arguments or its help are needed."""
+    """Command whose module is imported when its arguments or its help are needed."""
 
     def __init__(self, name: str, home: str, about: str) -> None:
         super().__init__(name, help=escape(about))
@@ -126,7 +123,7 @@ class LazyCommand(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """The commands listed in ``COMMANDS`` and ``HIL_COMMANDS``."""
+    """Group of the commands listed in ``COMMANDS`` and ``HIL_COMMANDS``."""
 
     def __init__(self, **options: Any) -> None:  # noqa: ANN401 - click's own
         super().__init__(**options)

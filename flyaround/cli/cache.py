@@ -24,11 +24,11 @@ MB = 1e6
 def cache(
     *,
     clear: Annotated[
-        bool, typer.Option("--clear", help="Remove everything; it is made again when needed.")
+        bool, typer.Option("--clear", help="Remove everything; it is created again when needed.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List what is kept between runs (decoded maps, baked light, targets), or remove it."""
+    """List the data cached between runs (decoded maps, baked light, targets), or remove it."""
     freed_bytes = clear_cache() if clear else 0
     kinds, most = cache_kinds(), most_cache_bytes()
     total = sum(kind.size_bytes for kind in kinds)

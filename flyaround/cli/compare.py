@@ -1,4 +1,4 @@
-"""compare: our images next to a folder of reference images."""
+"""compare: simulated images next to a folder of reference images."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def compare(
     run: CompareRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print comparison.json.")] = False,
 ) -> None:
-    """Compare images of others with ours of similar views: histograms, Sobel, edges with and without atmosphere."""
+    """Compare reference images with simulated ones of similar views: histograms, edges, with and without atmosphere."""
     if run.sensor is not None:
-        sensor_preset(run.sensor)  # report a wrong name before the work
+        sensor_preset(run.sensor)  # report an unknown name before the work
     model = load_target(run.target)
     reference, output = Path(run.reference), Path(run.output)
     references = read_references(

@@ -24,8 +24,8 @@ def sim(
 ) -> None:
     """Fly a scenario in a window, with time control and manual control. F1 lists the keys."""
     name = run.scenario or FIRST
-    load_flown(name, "sim")  # report a wrong name here, as the other commands do
-    # the console's parts are an extra: only this command may need them
+    load_flown(name, "sim")  # report an unknown name here, like the other commands
+    # the console's packages are optional: only this command may need them
     from flyaround.gui.app import Request  # noqa: PLC0415
     from flyaround.gui.app import run as run_console  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""convert: data sets of others to ours, ours to other formats."""
+"""convert: other data sets to the native format, and the native format to others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flyaround.simulator.dataset.split import parse_split
 
 @with_run_options
 def convert(run: ConvertRun) -> None:
-    """Write a data set in another format; images and poses of others get masks, keypoints and boxes from the model."""
+    """Write a data set in another format; those with poses only get masks, keypoints and boxes from the model."""
     shares = None if run.split is None else parse_split(run.split)
     opened = open_source(Path(run.source), run.source_format, target=run.target, camera=run.camera)
     output = Path(run.output)

@@ -94,13 +94,13 @@ def _report(summary: CaptureSummary) -> dict[str, Any]:
 
 def _tell_capture(summary: CaptureSummary) -> None:
     say(
-        f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} were there, "
+        f"{summary.n_written} frames written to {summary.folder} ({summary.n_kept} existed, "
         f"{summary.n_feasible} of the new ones feasible, {len(summary.quarantined)} quarantined)"
     )
     if summary.damaged:
-        say(f"{len(summary.damaged)} frames were damaged and are drawn again: {_some(summary.damaged)}")
+        say(f"{len(summary.damaged)} frames were damaged and are rendered again: {_some(summary.damaged)}")
     for name, count in summary.redraws.items():
-        say(f"{count} poses drawn again for {name}")
+        say(f"{count} poses sampled again for {name}")
     if summary.clipping is not None:
         _tell_clipping(summary.clipping)
     if summary.second is not None:
@@ -113,8 +113,8 @@ def _some(frames: tuple[int, ...], most: int = 10) -> str:
 
 
 def _tell_clipping(clipping: ClippingSummary) -> None:
-    """Report the share of the target at full scale before noise, and how to reduce it."""
-    shares = f"{100 * clipping.share:.1f} % of the target's pixels are burnt out"
+    """Report the share of the target that is saturated before noise, and the remedy."""
+    shares = f"{100 * clipping.share:.1f} % of the target's pixels are saturated"
     if clipping.advice and clipping.dark_frames:
         say(Text(f"the target is dark in {clipping.dark_frames} frames: {clipping.advice}", "yellow"))
     elif clipping.advice:
@@ -125,15 +125,15 @@ def _tell_clipping(clipping: ClippingSummary) -> None:
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="A data set written by capture.")],
+    folder: Annotated[Path, typer.Argument(help="Data set written by capture.")],
     redraw: Annotated[
         float,
         typer.Option(
             "--redraw",
             min=0.0,
             max=1.0,
-            help="Share of the images to draw again from their records and compare, at least three; 0: none, 1: all. "
-            "In the others manifest.sha256 alone tells of a change to a few pixels of a layer.",
+            help="Share of the images to render again from their records and compare, at least three; 0: none, 1: all. "
+            "In the others only manifest.sha256 detects a change of a few pixels in a layer.",
         ),
     ] = REDRAWN_SHARE,
     redraw_seed: Annotated[
@@ -142,7 +142,7 @@ def check(
             "--redraw-seed",
             min=0,
             max=2**53 - 1,
-            help="Draw the same images again as a check that printed this seed; else others at each check.",
+            help="Re-render the same images as a check that printed this seed; by default others in each check.",
         ),
     ] = None,
     whole_exports: Annotated[
@@ -153,7 +153,7 @@ def check(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Verify every label of a data set again, and draw some images again; exit 1 if one is wrong."""
+    """Verify every label of a data set again, and re-render some images; exit 1 if one is wrong."""
     with progress_bar("check", quiet=as_json) as progress:
         report = check_dataset(
             folder, progress, redraw=redraw, redraw_seed=redraw_seed, whole_exports=whole_exports
@@ -183,40 +183,40 @@ def _tell_check(report: CheckReport) -> None:
         where = "set" if fault.frame is None else f"frame {fault.frame}"
         say(Text.assemble((where, "red"), f": {fault.what}"))
     if report.not_redrawn:
-        say(f"no image was drawn again: {report.not_redrawn}")
+        say(f"no image was re-rendered: {report.not_redrawn}")
     for reason in report.not_checked:
         say(f"not checked: {reason}")
     say(
-        f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images drawn again, "
+        f"{report.n_frames} frames, {report.n_labels} labels, {report.n_redrawn} images re-rendered, "
         f"{len(report.faults)} faults"
     )
     if 0 < report.n_redrawn < report.n_frames:
         say(
-            f"the same images are drawn again with --redraw-seed {report.redraw_seed}; in the others "
-            "manifest.sha256 alone tells of a change to a few pixels of a layer (--redraw 1 draws all)"
+            f"the same images are re-rendered with --redraw-seed {report.redraw_seed}; in the others only "
+            "manifest.sha256 detects a change of a few pixels in a layer (--redraw 1 re-renders all)"
         )
     if 0 < report.n_exported < report.n_frames:
         say(f"exports were compared in {report.n_exported} frames; --all compares all")
 
 
 def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | RecipePlan]:
-    """Return the plan named ``""``, or, for a recipe of several data sets, their plans by folder.
+    """Return the plan under the key ``""``, or, for a recipe of several data sets, their plans by folder.
 
-    ``n`` frames are distributed over all of them; each has its own seed, so that no two are alike.
+    ``n`` frames are distributed over all of them; each plan has its own seed.
 
     Raises
     ------
     UserError
-        As in `_choose_plan`, and if there are fewer frames than data sets.
+        See `_choose_plan`; also if there are fewer frames than data sets.
     """
     members = [] if name in list_scenarios() or not is_recipe(name) else load_recipe(name).members
     if not members:
         return {"": _choose_plan(name, pictures)}
     n, seed = pictures.n, pictures.seed
     if pictures.target is not None:
-        raise UserError(f"recipe {name} is the data sets of {len(members)} craft; leave out --target")
+        raise UserError(f"recipe {name} consists of data sets of {len(members)} craft: leave out --target")
     if n is not None and n < len(members):
-        raise UserError(f"recipe {name} is {len(members)} data sets; ask for -n {len(members)} or more")
+        raise UserError(f"recipe {name} consists of {len(members)} data sets: give -n {len(members)} or more")
     shares = [None if n is None else (n + i) // len(members) for i in reversed(range(len(members)))]
     return {
         member: _choose_plan(
@@ -228,7 +228,7 @@ def _choose_plans(name: str, pictures: CapturedPictures) -> dict[str, Plan | Rec
 
 
 def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
-    """Return the plan of a recipe or scenario; given options replace its own.
+    """Return the plan of a recipe or scenario, with the given options applied.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def _choose_plan(name: str, pictures: CapturedPictures) -> Plan | RecipePlan:
     bands: Bands | None = "rgb" if pictures.rgb else None
     if name not in list_scenarios() and is_recipe(name):
         if pictures.every_s is not None:
-            raise UserError(f"recipe {name} has no time, so --every means nothing; use -n")
+            raise UserError(f"recipe {name} has no time axis, so --every does not apply: use -n")
         layers = None if pictures.environment is None else environment_preset(pictures.environment)
         recipe = load_recipe(name)
         return plan_recipe(

@@ -19,7 +19,7 @@ def demo(
         bool, typer.Option("--overwrite", help="Replace an earlier demo in that folder.")
     ] = False,
 ) -> None:
-    """Fly, capture and check 20 images, run 30 frames through a board process, and write a report page."""
+    """Fly, capture and check 20 images, send 30 frames to a board process, and write a report page."""
     page = run_demo(
         output,
         board_command=(sys.executable, "-P", "-m", "flyaround", "hil", "board"),

@@ -37,37 +37,37 @@ def display(
     monitor: Annotated[int, typer.Option(min=0, help="Number of the monitor, from 0.")] = 0,
     calibration: Annotated[
         Path | None,
-        typer.Option(help="What display-calibrate wrote: frames are pre-distorted for that camera."),
+        typer.Option(help="File written by display-calibrate: frames are pre-distorted for that camera."),
     ] = None,
     n: Annotated[int, typer.Option("-n", min=1, help="Frames, evenly in time.")] = 30,
-    hold_s: Annotated[float, typer.Option("--hold", min=0.0, help="Seconds that each picture stays.")] = 0.5,
+    hold_s: Annotated[
+        float, typer.Option("--hold", min=0.0, help="Seconds for which each picture is shown.")
+    ] = 0.5,
     code: Annotated[
-        bool, typer.Option(help="Draw frame number and time into a corner, to match grabbed pictures by.")
+        bool, typer.Option(help="Draw a time code into a corner, to identify grabbed pictures.")
     ] = True,
     patterns: Annotated[
-        bool, typer.Option("--patterns", help="Show the calibration's patterns instead of a flight.")
+        bool, typer.Option("--patterns", help="Show the calibration patterns instead of a flight.")
     ] = False,
     step: Annotated[
         bool,
-        typer.Option("--step", help="Go on at each line of standard input; the picture's name is printed."),
+        typer.Option("--step", help="Proceed at each line of standard input; print the picture's name."),
     ] = False,
     save: Annotated[
         Path | None,
-        typer.Option(
-            help="New or empty folder: also write what was shown (patterns, or shown.csv of a flight)."
-        ),
+        typer.Option(help="New or empty folder: also write the shown patterns, or shown.csv of a flight."),
     ] = None,
 ) -> None:
-    """Show a flight full screen to a real camera that looks at the monitor.
+    """Show a flight full screen to a real camera that views the monitor.
 
-    First --patterns, which a program of yours grabs one by one, then display-calibrate, then the flight with
+    First use --patterns, which your own program grabs one by one, then display-calibrate, then show the flight with
     --calibration.
     """
     if (scenario is None) != patterns:
-        raise UserError("name a scenario to show, or --patterns to show the calibration's patterns")
+        raise UserError("name a scenario, or give --patterns")
     if save is not None:
         empty_folder(save, option="--save")
-    from flyaround.gui.full_screen import FullScreen  # noqa: PLC0415 - an optional part, needed here alone
+    from flyaround.gui.full_screen import FullScreen  # noqa: PLC0415 - optional dependency
 
     if patterns:
         with FullScreen(monitor) as screen:
@@ -103,11 +103,11 @@ def _show_patterns(screen: FullScreen, hold_s: float, save: Path | None, *, step
         if not step:
             time.sleep(hold_s)
         if not screen.open:
-            raise UserError("the screen was closed before all patterns were shown; start again")
+            raise UserError("the screen was closed before all patterns were shown: start again")
 
 
 def _wait(name: str, *, step: bool) -> None:
-    """Print what the screen shows; with ``step`` wait for a line on standard input."""
+    """Print the name of the shown picture; with ``step`` wait for a line on standard input."""
     if step:
         typer.echo(name)
         sys.stdout.flush()
@@ -118,20 +118,18 @@ def display_calibrate(
     grabs: Annotated[
         Path,
         typer.Argument(
-            help="Folder with a picture of each pattern: NAME.png, or NAME_0.png and so on, which are averaged."
+            help="Folder with a picture of each pattern, NAME.png, or NAME_0.png and so on, which are averaged."
         ),
     ],
-    screen: Annotated[str, typer.Option(help="The monitor's pixels, e.g. 1920x1200.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The file to write.")] = Path(
-        "calibration.json"
-    ),
+    screen: Annotated[str, typer.Option(help="Resolution of the monitor, e.g. 1920x1200.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")] = Path("calibration.json"),
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Calibrate the screen from images of the patterns: the pixel map between camera and screen, and the brightness."""
+    """Calibrate the screen from images of the patterns: pixel map between camera and screen, and brightness."""
     parts = screen.lower().split("x")
     if len(parts) != 2 or not all(p.isdigit() and 64 <= int(p) <= 16384 for p in parts):
         raise UserError(
-            f"--screen is {screen}, wanted: WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
+            f"--screen is {screen}, expected WIDTHxHEIGHT of the monitor in pixels, e.g. 1920x1200"
         )
     size = (int(parts[0]), int(parts[1]))
     screen_map = calibrate(_read_grabs(grabs, size), size)
@@ -154,12 +152,12 @@ def display_calibrate(
 
 def _read_grabs(folder: Path, screen_px: tuple[int, int]) -> dict[str, FloatArray]:
     if not folder.is_dir():
-        raise UserError(f"{folder} is no folder; name the one with the grabbed pictures")
+        raise UserError(f"{folder} is not a folder: name the one with the grabbed pictures")
     grabs: dict[str, FloatArray] = {}
     for pattern in calibration_patterns(*screen_px):
         paths = sorted([*folder.glob(f"{pattern.name}.png"), *folder.glob(f"{pattern.name}_[0-9]*.png")])
         if not paths:
-            raise UserError(f"there is no {pattern.name}.png in {folder}; grab every pattern that is shown")
+            raise UserError(f"{pattern.name}.png is missing in {folder}: grab every pattern")
         total = sum(_read_grey(path) for path in paths)
         grabs[pattern.name] = np.asarray(total / len(paths))
     return grabs
@@ -171,10 +169,12 @@ def _read_grey(path: Path) -> FloatArray:
 
 
 def display_match(
-    grabs: Annotated[list[Path], typer.Argument(help="Pictures that the camera took of the screen.")],
+    grabs: Annotated[list[Path], typer.Argument(help="Pictures of the screen.")],
     calibration: Annotated[
         Path | None,
-        typer.Option(help="What display-calibrate wrote (without: the code is at the upper left, as drawn)."),
+        typer.Option(
+            help="File written by display-calibrate (default: the code is at the upper left, undistorted)."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a list as JSON.")] = False,
 ) -> None:

@@ -56,7 +56,7 @@ class Finding:
 
 
 def examine() -> tuple[Finding, ...]:
-    """Examine Python, OpenGL, the screen and the optional parts."""
+    """Examine Python, OpenGL, the screen and the optional dependencies."""
     return (_python(), _opengl(), _rays(), _library(), _cache(), _screen(), *_optional())
 
 
@@ -70,15 +70,15 @@ def _opengl() -> Finding:
         with Renderer() as renderer:
             info = renderer.info
     except UserError as error:
-        return Finding("OpenGL by EGL", False, True, "none", str(error))
+        return Finding("OpenGL through EGL", False, True, "none", str(error))
     kind = "software" if info.is_software else "hardware"
-    return Finding("OpenGL by EGL", True, True, f"{info.renderer}, {info.version} ({kind})", "")
+    return Finding("OpenGL through EGL", True, True, f"{info.renderer}, {info.version} ({kind})", "")
 
 
 def _rays() -> Finding:
     there = embree_is_here()
     ray_caster = "Embree" if there else "a grid in numpy"
-    advice = "the first picture of a new target takes a minute longer, once: pip install embreex"
+    advice = "the first picture of a new target takes a minute longer: pip install embreex"
     return Finding("rays for baked light", there, False, ray_caster, "" if there else advice)
 
 
@@ -100,7 +100,7 @@ def _cache() -> Finding:
 
 def _screen() -> Finding:
     display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
-    advice = "only the window needs one: start under X or Wayland, or use xvfb-run"
+    advice = "needed for the window only: start under X or Wayland, or use xvfb-run"
     return Finding("screen", bool(display), False, display or "none", "" if display else advice)
 
 

@@ -99,7 +99,7 @@ def _choice(method: str, published: Published) -> MethodChoice:
 
 
 def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path | None) -> dict[str, Any]:
-    """Estimate an image and return the JSON document; write an image of every stage if a folder is given."""
+    """Estimate an image and return the JSON document; write a picture of every stage if a folder is given."""
     raw = read_png(path)
     image = checked_picture(raw, intrinsics, str(path))
     trace: dict[str, Any] | None = None if place is None else {"every_stage": True}
@@ -155,12 +155,12 @@ def evaluate(
     run: EvaluateRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json.")] = False,
 ) -> None:
-    """Estimate every frame of a data set and compare with its truth: metrics.json, frames.csv, index.html."""
+    """Evaluate an estimator on every frame of a data set: metrics.json, frames.csv, index.html."""
     folder, output = Path(run.folder), Path(run.output)
     choices = _choices(run)
     try:
         given = None if run.model is None else BoardModel.read(run.model)
-        card = read_card(folder)  # check before a report is written
+        card = read_card(folder)  # fail before a report is written
         write_run(empty_folder(output, resume=run.resume), run)
         with progress_bar("evaluate", quiet=as_json) as progress:
             metrics = evaluate_dataset(
@@ -192,17 +192,17 @@ def _choices(run: EvaluateRun) -> tuple[MethodChoice, ...]:
     Raises
     ------
     UserError
-        If there is no such method, two have one name, or options of published methods are used with others.
+        If there is no such method, two have the same label, or options of published methods are used with others.
     """
     methods = list(dict.fromkeys(run.methods or (HYBRID,)))
     for method in methods:
         check_method(method)
     choices = tuple(_choice(m, run.published if m in PUBLISHED else Published()) for m in methods)
     if len({c.label for c in choices}) < len(choices):
-        raise UserError("two networks in --method have files of one name; rename one")
+        raise UserError("two networks in --method have the same file name: rename one")
     if any(msgspec.structs.astuple(run.published)) and not any(m in PUBLISHED for m in methods):
         raise UserError(
-            f"--solver and --streams belong to {' and '.join(PUBLISHED)}; leave them out for {methods[0]}"
+            f"--solver and --streams belong to {' and '.join(PUBLISHED)}: leave them out for {methods[0]}"
         )
     return choices
 
@@ -213,12 +213,12 @@ def split_names(streams: str | None) -> list[str] | None:
 
 
 def check_method(method: str) -> None:
-    """Raise if there is no method of that name.
+    """Raise unless there is a method of that name.
 
     Raises
     ------
     UserError
-        If there is none; the message lists the methods or, for a network, states the fault of its file.
+        If there is none; the message lists the methods, or states the problem with a network's file.
     """
     try:
         check_any_method(method)

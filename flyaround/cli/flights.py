@@ -1,4 +1,4 @@
-"""fly, scenarios, cameras: flights without images, and lists of what is built in."""
+"""fly, scenarios, cameras: flights without images, and lists of built-in scenarios and cameras."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fly(
     run: FlyRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Propagate only: states of both craft as a table, with phases, thrust, events and delta-v."""
+    """Propagate without images: states of both craft as a table, with phases, thrust, events and delta-v."""
     plan = plan_flight(load_flown(run.scenario, "fly"), every_s=run.every_s)
     output = Path(run.output)
     earlier = _earlier_flight(output) if run.overwrite else ()
@@ -83,7 +83,9 @@ def _earlier_flight(folder: Path) -> tuple[Path, ...]:
     files = tuple(sorted(folder.iterdir())) if folder.is_dir() else ()
     foreign = [p.name for p in files if p.name not in FLIGHT_FILES or not p.is_file()]
     if foreign:
-        raise UserError(f"{folder} holds {foreign[0]}, which fly did not write; name another folder with -o")
+        raise UserError(
+            f"{folder} holds {foreign[0]}, which is not a file of fly: name another folder with -o"
+        )
     return files
 
 
@@ -95,7 +97,7 @@ def _tell_flight(summary: dict[str, Any]) -> None:
     phases = (f"{p['phase']} {p['from_s']:g} to {p['to_s']:g} s" for p in summary["phases"])
     say(f"phases: {', '.join(phases)}")
     if summary["delta_v_m_s"] is None:
-        say("delta-v: not known, the path is followed exactly; [chaser.thrusters] in the scenario flies it")
+        say("delta-v: unknown, because the path is followed exactly; add [chaser.thrusters] to the scenario")
     else:
         propellant_kg = summary["propellant_kg"]
         mass = (
@@ -128,7 +130,7 @@ def scenarios(
         str | None,
         typer.Option(
             "--show",
-            help="Print this scenario as a TOML file to start from, every key in it or as a comment.",
+            help="Print this scenario as a TOML template that contains every key, unused ones as comments.",
         ),
     ] = None,
     sheets: Annotated[
@@ -154,7 +156,7 @@ def scenarios(
         table.add_row(s.name, s.title, f"{s.duration_s:g}")
     terminal().print(table)
     say(
-        "one of your own: flyaround scenarios --show tango-flyaround > mine.toml, then name mine.toml instead\n"
+        "your own: flyaround scenarios --show tango-flyaround > mine.toml, then name mine.toml instead\n"
         "independent samples for a data set: flyaround recipes"
     )
 
@@ -166,26 +168,22 @@ def cameras(
     ] = None,
     export: Annotated[
         Path | None,
-        typer.Option("--export", help="Write the camera to this file; an earlier one is replaced."),
+        typer.Option("--export", help="Write the camera to this file; an existing one is replaced."),
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help=f"Of the written file: {', '.join(WRITTEN)} (default native)."),
+        typer.Option("--format", help=f"Format of the written file: {', '.join(WRITTEN)} (default native)."),
     ] = None,
-    width_px: Annotated[
-        int | None, typer.Option("--width", help="Refuse a camera whose image is not so wide, in pixels.")
-    ] = None,
+    width_px: Annotated[int | None, typer.Option("--width", help="Required image width in pixels.")] = None,
     height_px: Annotated[
-        int | None, typer.Option("--height", help="Refuse a camera whose image is not so high, in pixels.")
+        int | None, typer.Option("--height", help="Required image height in pixels.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the built-in cameras, or read one of any format, check it, and write it in another."""
     if camera is None:
         if export is not None:
-            raise UserError(
-                "cameras --export needs to know which: give a built-in name or a camera file before it"
-            )
+            raise UserError("cameras --export needs a camera: give a built-in name or a file")
         rows = {name: load_camera(name) for name in list_cameras()}
     else:
         camera_file = read_camera_file(camera)
@@ -193,8 +191,8 @@ def cameras(
         size = (width_px or model.width_px, height_px or model.height_px)
         if size != (model.width_px, model.height_px):
             raise UserError(
-                f"{camera} is for images of {model.width_px} x {model.height_px} pixels, wanted are "
-                f"{size[0]} x {size[1]}; calibrate at that size, or use [sensor] roi_px and binning"
+                f"{camera} is for images of {model.width_px} x {model.height_px} pixels, required are "
+                f"{size[0]} x {size[1]}: calibrate at that size, or use [sensor] roi_px and binning"
             )
         if export is not None:
             write_atomic(export, camera_text(camera_file, form or "native", camera).encode())

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 @partial(with_run_options, kind=BoardRun)
 def board(run: Run) -> None:
-    """Run the board agent on this machine: connect, estimate, answer; the exit code says how it ended.
+    """Run the board agent on this machine: connect, estimate, answer.
 
     The URL is the host's address, such as tcp://192.168.1.10:5600, or this end of a serial line, such as
-    serial:///dev/ttyUSB0?baud=921600. Exit code 0: the host said goodbye; 1: it vanished; 2: a mistake in what was
-    given; 3: the watchdog stopped the estimator; 4: no session could be had.
+    serial:///dev/ttyUSB0?baud=921600. Exit codes: 0, the host ended the session; 1, the connection was lost; 2, an
+    argument is invalid; 3, the watchdog stopped the estimator; 4, no session could be started.
 
-    With gige://ADDRESS the board reads a camera on the network through Aravis: that of hil camera, or a real one. A
-    camera takes no poses: they are written to a file, and sent to a host by --answer.
+    With gige://ADDRESS the board reads a GigE camera through Aravis: that of hil camera, or a real one. Such a camera
+    accepts no poses: they are written to a file, and sent to a host with --answer.
     """
     options = msgspec.structs.asdict(run)
     options |= msgspec.structs.asdict(options.pop("at_camera"))
@@ -71,7 +71,7 @@ def board(run: Run) -> None:
 
 
 def added_factory(model_path: Path, method: str) -> tuple[EstimatorFactory, str, str]:
-    """Return a factory for an estimator of another package, as ``estimator_factory`` does for the built-in ones."""
+    """Return a factory for an estimator of a plug-in, like ``estimator_factory`` for the built-in ones."""
     model = BoardModel.read(model_path)
 
     def make(camera: dict[str, Any]) -> BoardEstimator:

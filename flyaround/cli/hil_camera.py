@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.scenario.plan import Plan
 
 SCHEME = "gige://"
-# time-out for a pose [s]
+# Time-out for a pose [s].
 ANSWER_S = 30.0
 
 
@@ -44,11 +44,11 @@ ANSWER_S = 30.0
 def camera(run: CameraRun) -> None:
     """Serve a GigE camera on the network (GVCP and GVSP, for Aravis, GStreamer and other clients) until Ctrl-C.
 
-    Each image is drawn when it is due or triggered, with the exposure and gain that the client has set; what is
-    slower to draw than --rate comes as fast as it can, and --loop keeps any rate. One client controls at a time.
+    Each image is rendered when it is due or triggered, with the exposure and gain set by the client. If rendering is
+    slower than --rate, images come as fast as possible; --loop sustains any rate. One client controls at a time.
 
-    The protocol has no password and an address can be forged: it is for a network that is yours alone, on the named
-    interface, and answers the allowed addresses only. Written from public material; no compliance is claimed.
+    The protocol has no password, and addresses can be forged. Use it on a private network; it listens on the named
+    interface and answers the allowed addresses only. Written from public material; no compliance is claimed.
     """
     serve_camera(run)
 
@@ -107,7 +107,7 @@ def _terms(plan: Plan, rate_hz: float) -> CameraTerms:
 
 
 def _config(plan: Plan, terms: CameraTerms, run: CameraRun) -> EndpointConfig:
-    """Return the interface of the camera and the addresses that it answers."""
+    """Return the camera's interface, and the addresses that it answers."""
     there = find_interface(run.interface, run.address)
     addresses = tuple(check_address(a, "--allow") for a in run.allow)
     name, description = (OWN_NAME, write_xml(terms)) if run.xml is None else read_xml(Path(run.xml))
@@ -136,12 +136,12 @@ def _ledger(plan: Plan, config: EndpointConfig, run: CameraRun) -> CameraLedger 
 
 
 def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url: str | None) -> str:
-    """Return the camera's address, who may control it, and a command to type."""
+    """Return the camera's address, its allowed controllers, and a command to type."""
     address = config.interface.address
     options = " --camera CAMERA.json" if answers_url is None else f" --answer {answers_url}"
     return (
         f"camera endpoint on {interface}, {address}; controllers: {', '.join(config.allowed)}. {WARNING}\n"
-        f"Try: arv-tool-0.8 --address {address} control ExposureTime   or: arv-viewer-0.8   Ctrl-C ends it\n"
+        f"Try: arv-tool-0.8 --address {address} control ExposureTime   or: arv-viewer-0.8   Stop with Ctrl-C\n"
         f"or a board: flyaround hil board gige://{address} --target {plan.target.name}{options}"
     )
 
@@ -149,7 +149,7 @@ def _opened_text(config: EndpointConfig, plan: Plan, interface: str, answers_url
 def answer_terms(plan: Plan, url: str, key: Path | None) -> AnswerTerms:
     """Return the handshake for a board that sends its poses to ``url``."""
     if not url.startswith("tcp://"):
-        raise UserError(f"--answers {url} is no TCP address: write tcp://127.0.0.1:5602")
+        raise UserError(f"--answers {url} is not a TCP address: write tcp://127.0.0.1:5602")
     link = LinkConfig(
         url=url,
         mode="realtime",
@@ -173,9 +173,9 @@ def answer_terms(plan: Plan, url: str, key: Path | None) -> AnswerTerms:
 
 
 def write_xml_file(path: Path, terms: CameraTerms) -> None:
-    """Write the camera's GenICam description, as a template for one of your own."""
+    """Write the camera's GenICam description, as a template for your own."""
     try:
         path.write_bytes(write_xml(terms))
     except OSError as error:
         raise UserError(f"{path} cannot be written ({error.strerror}): name another file") from error
-    say(f"{path}: give your copy by --xml; docs/hil_camera.md lists the registers")
+    say(f"{path}: use your copy with --xml; docs/hil_camera.md lists the registers")

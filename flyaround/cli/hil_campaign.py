@@ -18,10 +18,10 @@ from flyaround.runs.campaign import CampaignRun, DelayMapRun
 from flyaround.runs.document import write_run
 from flyaround.simulator.errors import UserError
 
-# command of a local board, as hil board runs it
+# Command of a local board, as run by hil board.
 BOARD_COMMAND = (sys.executable, "-m", "flyaround", "hil", "board")
-MAX_REASONS = 10  # failed cases that are listed
-MAX_LEVELS = 100  # values of one axis of a delay map
+MAX_REASONS = 10  # number of failed cases that are listed
+MAX_LEVELS = 100  # largest number of values on one axis of a delay map
 
 
 @with_run_options
@@ -42,7 +42,7 @@ def campaign(
             board_command=BOARD_COMMAND,
             workers=run.workers,
             progress=progress,
-            # output folder and number of workers do not affect the result and must not affect the bytes
+            # output folder and number of workers must not affect the bytes
             command=("flyaround", "hil", "campaign", run.file),
             say=lambda sentence: say(sentence, stderr=True),
         )
@@ -70,7 +70,7 @@ def delay_map(
 ) -> None:
     """Map an approach's success over latency, jitter and loss of its poses: heat maps, CSV, half-success latencies.
 
-    No images are drawn: the poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
+    No images are rendered: the poses are the truth with the estimator's measured errors (docs/hil_campaign.md).
     """
     output = Path(run.output)
     load_flown(run.scenario, "hil delay-map")
@@ -103,7 +103,8 @@ def delay_map(
         a, b = cell.without_pictures, cell.drawn
         say(
             f"latency {a.latency_s:g} s, jitter {a.jitter_s:g} s, {a.drops:.0%} lost: {a.successes} of {a.flights}"
-            f" without pictures, {b.successes} of {b.flights} drawn" + ("" if cell.agree else ": they differ")
+            f" without images, {b.successes} of {b.flights} rendered"
+            + ("" if cell.agree else ": significantly different")
         )
     say(f"page: {output / PAGE}")
 

@@ -19,16 +19,16 @@ from flyaround.simulator.scenario.plan import plan_flight
 def forecast(
     scenario: Annotated[str, typer.Argument(help="Built-in name or TOML file of a closed loop.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder for forecast.csv and forecast.png: new or empty.")
+        Path, typer.Option("--output", "-o", help="New or empty folder for forecast.csv and forecast.png.")
     ],
     horizon_s: Annotated[
-        float, typer.Option("--horizon", min=1.0, max=3600.0, help="Longest look ahead [s].")
+        float, typer.Option("--horizon", min=1.0, max=3600.0, help="Longest prediction horizon [s].")
     ] = 60.0,
-    runs: Annotated[int, typer.Option(min=1, max=1000, help="Flights, a seed each.")] = 8,
+    runs: Annotated[int, typer.Option(min=1, max=1000, help="Number of flights, with one seed each.")] = 8,
     seed: Annotated[int | None, typer.Option(min=0, help="First seed (default: the scenario's).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
-    """Fly closed loops on noisy poses and measure how well their filter predicts the attitude over the horizon.
+    """Fly closed loops on noisy poses and measure the error of the predicted attitude over the horizon.
 
     Horizon 0 is the filtered attitude itself. The filter's predicted sigma is shown next to the error
     (docs/hil_closed_loop.md).

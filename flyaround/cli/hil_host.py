@@ -63,11 +63,11 @@ def host(
 ) -> None:
     """Stream a flight to a board, or fly on its poses (--closed-loop).
 
-    Exit code 3: no pose was accepted, or the board left for good (not with --allow-none). 1: a closed loop did not
-    bring the chaser to its hold point. 2: a mistake, or no board came.
+    Exit codes: 1, a closed loop did not bring the chaser to its hold point; 2, a mistake, or no board connected; 3, no
+    pose was accepted, or the board left for good (not with --allow-none).
 
-    It listens on tcp://127.0.0.1:5600, or where --listen says: another TCP address and port, or a serial line such as
-    serial:///dev/ttyUSB0?baud=921600 (its baud rate is 115200 unless given).
+    The host listens on tcp://127.0.0.1:5600, or on the address in --listen: another TCP address and port, or a serial
+    line such as serial:///dev/ttyUSB0?baud=921600 (115200 baud by default).
     """
     deadline_s = run.timing.deadline_s
     if run.line.listen.startswith(SCHEME):
@@ -129,7 +129,7 @@ def _link(run: HostRun, flown: Scenario) -> LinkConfig:
 
 
 def _flight_options(run: HostRun, plan: Plan) -> FlightOptions:
-    """Return the options that concern the flight rather than the link."""
+    """Return the options of the flight rather than of the link."""
     loop, source = run.closed_loop, _path(run.pictures.source)
     if source is not None:
         pictures_in(source)
@@ -152,12 +152,12 @@ def _path(text: str | None) -> Path | None:
 
 
 def _faults(run: HostRun, flown: Scenario) -> Faults:
-    """Return the faults of the file if one is given, else the scenario's."""
+    """Return the faults of the given file, or else the scenario's."""
     return read_faults(Path(run.faults.file)) if run.faults.file is not None else flown.faults or NO_FAULTS
 
 
 def _warn_of_a_slow_line(link: LinkConfig, plan: Plan) -> None:
-    """Print, before anything is drawn, how long a frame takes on a serial line.
+    """Print, before anything is rendered, the transmission time of a frame on a serial line.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
     interface = listen.removeprefix(SCHEME).rstrip("/")
     flags = {field.name: field.flag for field in run_fields(HostRun)} | {"as_json": "--json"}
     of_camera = {"scenario", "listen", "seed", "gpu"}
-    # include values equal to the default: whoever sets one expects an effect
+    # include values equal to the default, because users who set them expect an effect
     options = [
         flag
         for name, flag in flags.items()
@@ -189,14 +189,14 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
     ]
     if options:
         raise UserError(
-            f"{listen} serves a camera, and {', '.join(options)} {'is' if len(options) == 1 else 'are'} about a board's"
-            f" link: leave out; flyaround hil camera {run.scenario} --interface {interface} has options of its own"
+            f"{listen} serves a camera, but {', '.join(options)} {'concerns' if len(options) == 1 else 'concern'} a"
+            f" board's link: leave out, or use flyaround hil camera {run.scenario} --interface {interface} with its own options"
         )
     serve_camera(CameraRun(scenario=run.scenario, interface=interface, seed=run.seed, gpu=run.pictures.gpu))
 
 
 def _fly_without_pictures(run: HostRun, *, as_json: bool) -> None:
-    """Fly a closed loop that needs no board and draws nothing."""
+    """Fly a closed loop without a board and without images."""
     pose: Literal["truth", "noisy"] = "truth" if run.closed_loop.pose == "truth" else "noisy"
     flown = load_flown(run.scenario, "hil host")
     plan = plan_flight(flown, n=1, seed=run.seed)
@@ -230,8 +230,8 @@ def _exit_unless_answered(
         )
     elif not summary.accepted:
         say(
-            f"flyaround: no pose was accepted in {summary.sent} frames: look at the reasons in the ledger (--log), or"
-            " give --allow-none if that is as it should be",
+            f"flyaround: no pose was accepted in {summary.sent} frames: see the reasons in the ledger (--log), or"
+            " give --allow-none if this is expected",
             stderr=True,
         )
     else:
@@ -249,7 +249,7 @@ def _exit_unless_arrived(summary: LedgerSummary) -> None:
 def _send(
     flight: FlightRun, config: RunConfig, recorders: tuple[Recorder, ...], target: str, *, as_json: bool
 ) -> LedgerSummary:
-    """Run the host with a progress bar; return its summary, which is printed even if the run is interrupted."""
+    """Run the host with a progress bar. Return its summary, which is printed even if the run is interrupted."""
     ends: list[LedgerSummary] = []
     n_done = 0
     with progress_bar("frames to the board", quiet=as_json) as progress:
@@ -276,7 +276,7 @@ def _send(
 
 
 def _recorders(recording: Recording) -> tuple[Recorder, ...]:
-    """Open the run's recorders before anything is drawn, so that a mistake is reported early."""
+    """Open the run's recorders before anything is rendered, so that mistakes are reported early."""
     recorders: list[Recorder] = []
     if recording.mcap is not None or recording.live is not None:
         ros_log = RosLog(

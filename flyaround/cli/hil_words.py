@@ -1,4 +1,4 @@
-"""The messages of ``hil host``: where it listens, and how its run ended."""
+"""Messages of ``hil host``: its address, and the outcome of its run."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ if TYPE_CHECKING:
 
 
 def listening_text(url: str, truth_url: str | None, target: str, *, keyed: bool = False) -> str:
-    """Return where a host listens, and the command to type on the board."""
+    """Return the address of a host, and the command to type on the board."""
     there, key = board_url(url), " --key FILE" if keyed else ""
     lines = [
         f"listening on {url}; on the board type",
         f"  {board_command(url, target, keyed=keyed)}",
-        f"or, with the file that flyaround hil bundle board.pyz --target {target} writes,",
+        f"or, with the file from flyaround hil bundle board.pyz --target {target},",
         f"  python3 board.pyz {there} --model {target}{key}",
     ]
     if url.startswith("serial"):
-        lines.append("with the board's own name of the line in place of this machine's")
+        lines.append("(use the board's device name of the serial line)")
     if truth_url is not None:
-        lines.append(f"ground truth, for loggers alone: {truth_url}")
+        lines.append(f"ground truth for loggers: {truth_url}")
     return "\n".join(lines)
 
 
 def _closed_loop_text(c: ClosedLoopFigures) -> Text:
-    """Return the outcome of a closed loop and its reason; red if the chaser did not arrive."""
+    """Return the outcome of a closed loop with its reason; red if the chaser did not arrive."""
     reason = f": {c.reason}" if c.reason else ""
     figures = (
-        f" after {c.duration_s:.0f} s, {c.final_error_m:.3f} m and {c.final_error_deg:.2f} deg off the hold point;"
-        f" nearest {c.min_range_m:.2f} m, {c.keep_out_violations} periods inside the keep-out sphere,"
+        f" after {c.duration_s:.0f} s, {c.final_error_m:.3f} m and {c.final_error_deg:.2f} deg from the hold point;"
+        f" least range {c.min_range_m:.2f} m, {c.keep_out_violations} periods inside the keep-out sphere,"
         f" {c.delta_v_m_s:.3f} m/s spent"
     )
     return Text.assemble((c.outcome + reason, "" if c.outcome == "arrived" else "red"), figures)
 
 
 def summary_text(s: LedgerSummary, log: Path | None) -> Text:
-    """Return the summary in a few lines; failures in red."""
+    """Return the summary in a few lines, failures in red."""
     causes = ", ".join(f"{n} {cause}" for cause, n in s.dropped.items())
     dropped = f"{s.dropped_total} dropped" + (f" ({causes})" if causes else "")
     lines: list[str | Text] = []
@@ -65,9 +65,9 @@ def summary_text(s: LedgerSummary, log: Path | None) -> Text:
     if s.deadline_misses is not None:
         lines.append(f"not answered within the deadline of {s.deadline_ms:.0f} ms: {s.deadline_misses}")
     if s.handover_error_ms_p99 is not None:
-        late = f"; {s.late} frame(s) were not drawn in time" if s.late else ""
+        late = f"; {s.late} frame(s) were not rendered in time" if s.late else ""
         lines.append(
-            f"handed over {s.latency_ms:g} ms after exposure, off by p99 {s.handover_error_ms_p99:.3g} ms, at most"
+            f"handed over {s.latency_ms:g} ms after exposure, error p99 {s.handover_error_ms_p99:.3g} ms, at most"
             f" {s.handover_error_ms_max:.3g} ms{late}"
         )
     if log is not None:

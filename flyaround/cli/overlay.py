@@ -1,4 +1,4 @@
-"""overlay: a data set's images with their labels drawn on copies."""
+"""overlay: copies of a data set's images with their labels drawn."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from flyaround.simulator.dataset.overlays import MARKS, parse_marks, write_overl
 
 
 def overlay(
-    folder: Annotated[Path, typer.Argument(help="A data set written by capture or convert.")],
+    folder: Annotated[Path, typer.Argument(help="Data set written by capture or convert.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder of the pictures: new or empty, not within the set.")
+        Path,
+        typer.Option("--output", "-o", help="New or empty folder for the pictures, outside the data set."),
     ],
     draw: Annotated[
         str,
-        typer.Option("--draw", help=f"Out of {', '.join(MARKS)}; with commas. Axes: x red, y green, z blue."),
+        typer.Option(
+            "--draw", help=f"Any of {', '.join(MARKS)}, separated by commas. Axes: x red, y green, z blue."
+        ),
     ] = "axes",
     n: Annotated[
         int | None, typer.Option("-n", min=1, help="Frames, spread evenly over the set (default: all).")

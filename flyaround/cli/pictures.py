@@ -1,6 +1,6 @@
 """render: one image and its truth.
 
-The Earth's maps are prefetched before the renderer's packages are imported, so that both run in parallel.
+The Earth maps are prefetched before the renderer's packages are imported, so that both run in parallel.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ def render(
         bool, typer.Option("--json", help="Print the truth record (with --timings: and stage_ms).")
     ] = False,
 ) -> None:
-    """Draw one frame and its truth, or one for each pose of a list."""
+    """Render one frame and its truth, or one for each pose of a list."""
     if (run.scenario is None) == (run.from_truth is None):
-        raise UserError("render needs either a SCENARIO or --from-truth FILE; see flyaround render --help")
+        raise UserError("render needs either a SCENARIO or --from-truth FILE: see flyaround render --help")
     view = _recorded_view(Path(run.from_truth)) if run.from_truth is not None else _flown_view(run)
     if run.labels is not None:
         view = replace(view, labels=LabelRequest(layers=parse_labels(run.labels), flow=view.labels.flow))
     if run.poses is not None:
         _render_poses(run, view, as_json=as_json)
         return
-    from flyaround.simulator.dataset.clipping import measure_clipping, summarise_clipping  # noqa: PLC0415 - as below
-    from flyaround.simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are read before
+    from flyaround.simulator.dataset.clipping import measure_clipping, summarise_clipping  # noqa: PLC0415 - slow to import: maps are prefetched first
+    from flyaround.simulator.dataset.single_frames import (  # noqa: PLC0415 - slow to import: maps are prefetched first
         check_picture_path,
         render_scene,
         save_picture,
@@ -72,7 +72,7 @@ def render(
         clipping = summarise_clipping([measure_clipping(frame)], view.document) if view.document else None
         if clipping is not None and clipping.advice:
             what = (
-                "dark" if clipping.dark_frames else f"burnt out in {100 * clipping.share:.0f} % of its pixels"
+                "dark" if clipping.dark_frames else f"saturated in {100 * clipping.share:.0f} % of its pixels"
             )
             say(Text(f"the target is {what}: {clipping.advice}", "yellow"))
         if run.timings:
@@ -81,7 +81,7 @@ def render(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A scene to draw, its preloaded Earth maps, and its scenario (empty for a record)."""
+    """Scene to render, its prefetched Earth maps, and its scenario (empty for a record)."""
 
     scene: SceneState
     target: Target
@@ -112,15 +112,15 @@ def _flown_view(run: RenderRun) -> _View:
         prefetched[in_bands] = prefetch_earth_maps(
             in_bands, scenario.environment.layers(), scenario.epoch_utc
         )
-    from flyaround.simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are read before
+    from flyaround.simulator.scenario.plan import plan_flight  # noqa: PLC0415 - slow to import: maps are prefetched first
 
     plan = plan_flight(scenario, times=(run.time_s,), seed=run.seed, bands=bands, quality=run.quality)
     return _View(plan.scene(0), plan.target, LabelRequest(), prefetched, plan.scenario_document)
 
 
 def _times_table(stage_ms: dict[str, float]) -> Table:
-    """Return the time of each stage; passes are indented under their stage."""
-    table = Table("stage", "ms", title="median of five, each pass waited for")
+    """Return a table of the time of each stage; passes are indented under their stage."""
+    table = Table("stage", "ms", title="median of five, with a wait after each pass")
     table.columns[1].justify = "right"
     for stage in (name for name in stage_ms if "." not in name):
         table.add_row(stage, f"{stage_ms[stage]:.2f}")
@@ -131,9 +131,9 @@ def _times_table(stage_ms: dict[str, float]) -> Table:
 
 
 def _render_poses(run: RenderRun, view: _View, *, as_json: bool) -> None:
-    """Draw one image per row: OUT-000000.png and so on."""
-    from flyaround.simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are read before
-    from flyaround.simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - the same
+    """Render one image per row: OUT-000000.png and so on."""
+    from flyaround.simulator.dataset.single_frames import NumberedPictures  # noqa: PLC0415 - slow to import: maps are prefetched first
+    from flyaround.simulator.loop import open_frames, run_frames, whole_frame  # noqa: PLC0415 - slow to import: maps are prefetched first
 
     plan = PosePlan(view.scene, view.target, read_poses(Path(run.poses or "")))
     output = Path(run.output)

@@ -32,7 +32,7 @@ def plugins(as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 def _state(plugin: Plugin) -> str:
-    """Return why a plug-in cannot be used; empty if it can."""
+    """Return the reason why a plug-in cannot be used; empty if it can."""
     try:
         plugin.load()
     except UserError as error:

@@ -25,29 +25,32 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.scene.state import SceneState
 
-# numbers of an imported sample's pose, as in its file
+# Columns of an imported sample's raw pose, as in its file.
 RAW = ("x", "y", "z", "rx", "ry", "rz", "q1", "q2", "q3", "q4")
 SAMPLE_COLUMNS = ("sample", *RAW, *COLUMNS, "background", "redraws", "epoch_utc")
 
 
 def recipes(
-    name: Annotated[str | None, typer.Argument(help="A recipe or its file, for --samples.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Recipe name or file, for --samples.")] = None,
     show: Annotated[
         str | None,
         typer.Option(
-            "--show", help="Print this recipe as a TOML file to start from, every key in it or as a comment."
+            "--show",
+            help="Print this recipe as a TOML template that contains every key, unused ones as comments.",
         ),
     ] = None,
     samples: Annotated[
         Path | None,
         typer.Option(
             "--samples",
-            help="Write the poses of its samples to this CSV file, without drawing; replaces an earlier one.",
+            help="Write the poses of its samples to this CSV file without rendering; an existing one is replaced.",
         ),
     ] = None,
     sheets: Annotated[
         Path | None,
-        typer.Option("--contact-sheet", help="Draw six samples of each, or of NAME, into this folder."),
+        typer.Option(
+            "--contact-sheet", help="Render six samples of each recipe, or of NAME, into this folder."
+        ),
     ] = None,
     axes: Annotated[
         bool,
@@ -57,26 +60,26 @@ def recipes(
         int | None, typer.Option("-n", min=1, help="Samples (default: the recipe's number).")
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="Another craft than the recipe's own.")
+        str | None, typer.Option("--target", help="Target instead of the recipe's own.")
     ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of every random choice (default: the scenario's).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the built-in recipes, print one to start from, or write the poses that one draws."""
+    """List the built-in recipes, print one to start from, or write the poses that it samples."""
     if show is not None:
         text = show_recipe(show)
         typer.echo(json.dumps({"name": show, "toml": text}) if as_json else text, nl=as_json)
     elif samples is not None:
         if name is None:
-            raise UserError("recipes --samples needs to know which: give a recipe's name or file before it")
+            raise UserError("recipes --samples needs a recipe: give a name or a file")
         _write_samples(plan_recipe(name, n, seed=seed, target=target), samples, as_json=as_json)
     elif sheets is not None:
         _write_sheets(list_recipes() if name is None else [name], sheets, axes=axes, quiet=as_json)
     elif name is not None:
         raise UserError(
-            f"recipes lists them all; for {name} alone: --show {name}, or --samples FILE.csv before drawing"
+            f"recipes lists them all; for {name} alone: --show {name}, or --samples FILE.csv for its poses"
         )
     else:
         _list_recipes(as_json=as_json)
@@ -92,7 +95,7 @@ def _write_samples(plan: RecipePlan, path: Path, *, as_json: bool) -> None:
 
 
 def _write_sheets(names: Iterable[str], folder: Path, *, axes: bool, quiet: bool) -> None:
-    from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import: it draws
+    from flyaround.simulator.contact_sheets.scenario_sheet import write_recipe_sheets  # noqa: PLC0415 - slow to import
 
     recipes = [load_recipe(name) for name in names]
     empty_folder(folder, option="--contact-sheet")
@@ -112,15 +115,15 @@ def _list_recipes(*, as_json: bool) -> None:
     terminal().print(table)
     say(
         "another craft: flyaround capture eval-black --target dragon -o DIR (eval-black-dragon is the same)\n"
-        "one of your own: flyaround recipes --show eval-earth > mine.toml, then name mine.toml instead"
+        "your own: flyaround recipes --show eval-earth > mine.toml, then name mine.toml instead"
     )
 
 
 def _samples_csv(plan: RecipePlan, progress: Callable[[int, int], None]) -> str:
-    """Return one row per sample, with all digits.
+    """Return one row per sample, with full precision.
 
-    ``x`` to ``q4`` are raw draws as in the paper (left-handed: metres, degrees, quaternion), empty unless Euler angles
-    were drawn; ``q_w`` to ``t_z_m`` are the pose label, as read by `render --poses`.
+    ``x`` to ``q4`` are raw samples as in the paper (left-handed: metres, degrees, quaternion), empty unless Euler
+    angles were sampled; ``q_w`` to ``t_z_m`` are the pose label, as read by `render --poses`.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -146,23 +149,23 @@ def _row(k: int, scene: SceneState) -> list[object]:
 
 
 def backgrounds(
-    recipe: Annotated[str, typer.Argument(help="A recipe with a [background], such as paper-dragon.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the library: new or empty.")],
+    recipe: Annotated[str, typer.Argument(help="Recipe with a [background], such as paper-dragon.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="New or empty folder for the library.")],
     n: Annotated[
-        int | None, typer.Option("-n", min=1, help="Views from the first on (default: all of the library).")
+        int | None, typer.Option("-n", min=1, help="Number of views, from the first (default: all).")
     ] = None,
     gpu: Annotated[
-        int | None, typer.Option(help="EGL device to draw on (default: the driver's choice).")
+        int | None, typer.Option(help="EGL device to render on (default: the driver's choice).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
-    """Draw the background library of a recipe, without the craft."""
-    from flyaround.simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import: it draws
+    """Render the background library of a recipe, without the craft."""
+    from flyaround.simulator.dataset.backgrounds import write_library  # noqa: PLC0415 - slow to import
 
     plan = plan_recipe(recipe, 1)
     if plan.recipe.background is None:
         raise UserError(
-            f"recipe {recipe} has no section [background]; its sky is drawn anew for each sample: name another recipe"
+            f"recipe {recipe} has no section [background], so it needs no library: name another recipe"
         )
     empty_folder(output)
     with progress_bar("backgrounds", quiet=as_json) as progress:
@@ -170,4 +173,4 @@ def backgrounds(
     if as_json:
         typer.echo(json.dumps({"folder": str(output), "views": count}))
     else:
-        say(f"{count} views in {output}: images/NNNNNN.png, and views.csv with where and how the camera was")
+        say(f"{count} views in {output}: images/NNNNNN.png, and views.csv with the camera poses")

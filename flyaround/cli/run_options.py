@@ -1,4 +1,4 @@
-"""The options of a command, derived from the fields of its run; they override the keys of ``--run FILE``."""
+"""Options of a command, derived from the fields of its run; they override the keys of ``--run FILE``."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def with_run_options(command: Callable[..., None], kind: type[Run] | None = None
     kind = signature.parameters["run"].annotation if kind is None else kind
     fields = {field.name: field for field in run_fields(kind)}
 
-    def called(**values: Any) -> None:  # noqa: ANN401 - the options'
+    def called(**values: Any) -> None:  # noqa: ANN401 - option values
         run = make_run(kind, {name: values[name] for name in fields})
         command(run=run, **{p.name: values[p.name] for p in own})
 
@@ -75,8 +75,8 @@ def make_run(kind: type[_R], values: Mapping[str, Any]) -> _R:
     return run
 
 
-def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option's value
-    """Return an option's value as in the document: choices in any case, None for an empty list."""
+def _plain(value: Any, kind: mi.Type) -> Any:  # noqa: ANN401 - an option value
+    """Return an option value as in the document: choices in any case, None for an empty list."""
     if isinstance(value, list | tuple):
         return [_plain(item, kind) for item in value] or None
     if isinstance(value, Path):
@@ -113,7 +113,7 @@ def _parameter(field: RunField) -> inspect.Parameter:
 
 
 def _annotation(kind: mi.Type) -> Any:  # noqa: ANN401 - a type
-    """Return the type by which the command line converts a value; the document checks choices."""
+    """Return the type with which the command line converts a value; the document checks choices."""
     match kind:
         case mi.Metadata(extra=extra) if extra and extra.get(PATH):
             return Path
@@ -144,7 +144,7 @@ def _run_parameter(kind: type[Run], fields: Mapping[str, RunField]) -> inspect.P
         metavar="FILE",
         is_eager=True,
         callback=read,
-        help="Take the run from this TOML file; options given beside it override its keys (docs/runs.md).",
+        help="Take the run from this TOML file; options on the command line override its keys (docs/runs.md).",
     )
     return inspect.Parameter(
         "run_file",
@@ -155,7 +155,7 @@ def _run_parameter(kind: type[Run], fields: Mapping[str, RunField]) -> inspect.P
 
 
 def _at(table: Any, key: str) -> Any:  # noqa: ANN401 - TOML
-    """Return the value at a key such as ``line.listen``, or None."""
+    """Return the value at a dotted key such as ``line.listen``, or None."""
     for step in key.split("."):
         table = table.get(step) if isinstance(table, dict) else None
     return table

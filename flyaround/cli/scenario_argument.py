@@ -1,4 +1,4 @@
-"""Scenarios for the commands that fly one; a recipe's name is refused with advice."""
+"""Loading of scenarios for commands that fly one; recipes are refused with advice."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def load_flown(name: str, command: str) -> Scenario:
     Raises
     ------
     UserError
-        If there is none; for a recipe the message explains its use.
+        If there is no such scenario; for a recipe the message explains its use.
     """
     try:
         return load_scenario(name)
@@ -36,7 +36,7 @@ def refuse_recipe(name: str, command: str, advice: str) -> None:
     Raises
     ------
     UserError
-        If it is one.
+        If so.
     """
     if name not in list_scenarios() and is_recipe(name):
         raise UserError(

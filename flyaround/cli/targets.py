@@ -1,4 +1,4 @@
-"""targets: list the craft, draw their contact sheet, add or remove a user's mesh."""
+"""targets: list the targets, render their contact sheet, add or remove a user's mesh."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def overview(
     contact_sheet: Annotated[
         Path | None,
         typer.Option(
-            "--contact-sheet", help="Draw every target: a page index.html with pictures in this folder."
+            "--contact-sheet", help="Render every target: a page index.html with pictures in this folder."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List the targets, export them, or draw their contact sheet."""
+    """List the targets, export them, or render their contact sheet."""
     if context.invoked_subcommand is not None:
         return
     if export is not None:
@@ -73,7 +73,7 @@ def add(
     run: ImportRun,
     as_json: Annotated[bool, typer.Option("--json", help="Print a report as JSON.")] = False,
 ) -> None:
-    """Make a mesh a target: check it, repair what is safe, propose keypoints and a wireframe."""
+    """Import a mesh as a target: check it, repair it if safe, propose keypoints and a wireframe."""
     file, craft = Path(run.file), run.craft
     name = run.name if run.name is not None else _name_of(file)
     check_name(name, built_in_targets(), replace=run.replace)
@@ -108,37 +108,37 @@ def add(
     say(f"target {name!r} in {path}")
     if page is not None:
         say(f"look at it: {page}")
-    say("exposure: [sensor] exposure_s of your scenario; capture says how much of the craft is burnt out")
-    say(f"{what}; estimator: {expect or 'its learned proposal is shipped'}")
+    say("exposure: [sensor] exposure_s of your scenario; capture reports the saturated share of the craft")
+    say(f"{what}; estimator: {expect or 'a trained network is shipped'}")
 
 
 def _read_classes(path: Path, target: Target) -> dict[str, PartClass]:
     try:
         content = read_regular(path, LARGEST_CLASSES_BYTES)
     except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}; name a file of part classes") from error
+        raise UserError(f"cannot read {path}: {error.strerror}: name a file of part classes") from error
     return classes_from(toml_table(content, str(path)), str(path), [p.name for p in target.parts])
 
 
 def _expected_of_the_estimator(target: Target) -> str:
-    """Return what to expect of the estimator on an untrained craft; empty if a network is shipped for it."""
-    from flyaround.hil.board.hybrid.propose.keypoints.network import has_shipped_head  # noqa: PLC0415 - slow to import, needed here alone
+    """Return the expected performance of the estimator on an untrained target; empty if a network is shipped for it."""
+    from flyaround.hil.board.hybrid.propose.keypoints.network import has_shipped_head  # noqa: PLC0415 - slow to import, and rarely needed
 
     if has_shipped_head(target.name):
         return ""
     n = sum(len(p.triangles) for p in target.parts)
-    heavy = f"its {n:,} triangles are too many for it to draw the craft: --decimate {MAX_TRIANGLES}; "
+    heavy = f"its {n:,} triangles are too many for it to render: use --decimate {MAX_TRIANGLES}; "
     return (heavy if n > MAX_TRIANGLES else "") + (
-        "no keypoint network is trained for it: expect about half of the poses to be right and few or none accepted; "
+        "no keypoint network is trained for it: expect about half of the poses to be correct and few accepted; "
         f"train one with flyaround train --craft {target.name} (pip install 'flyaround[train]', half an hour)"
     )
 
 
 def remove(
-    name: Annotated[str, typer.Argument(help="A target that was added.")],
+    name: Annotated[str, typer.Argument(help="Name of an added target.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Remove a target that was added."""
+    """Remove an added target."""
     path = remove_target(name, built_in_targets())
     if as_json:
         typer.echo(json.dumps({"removed": name, "path": str(path)}))
@@ -147,13 +147,13 @@ def remove(
 
 
 def _name_of(file: Path) -> str:
-    """Return a target name for a file: lower case, other characters as hyphens."""
+    """Return a target name for a file: lower case, other characters replaced by hyphens."""
     plain = "".join(c if c.isalnum() and c.isascii() else "-" for c in file.stem.lower())
     return "-".join(piece for piece in plain.split("-") if piece) or "mesh"
 
 
 def _sheet_of(target: Target) -> Path | None:
-    """Draw the target's contact sheet next to its file; without OpenGL, print that it is skipped."""
+    """Render the target's contact sheet next to its file; without OpenGL, print that it is skipped."""
     try:
         return write_contact_sheet([target], sheet_folder(target.name))
     except UserError as error:
@@ -170,7 +170,7 @@ def _loaded() -> list[Target]:
         except UserError as error:
             if name not in user_targets():
                 raise
-            say(f"target {name!r} is left out: {error}", stderr=True)
+            say(f"target {name!r} is skipped: {error}", stderr=True)
     return rows
 
 
@@ -197,7 +197,7 @@ def _print_table(rows: list[Target]) -> None:
 
 app = typer.Typer(
     name="targets",
-    help="List the targets, add a mesh as one, export or draw them.",
+    help="List the targets, add a mesh as a target, export or render them.",
     invoke_without_command=True,
 )
 app.callback()(overview)

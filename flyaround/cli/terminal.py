@@ -1,4 +1,4 @@
-"""Literal text on the terminal (Rich would read square brackets and `:names:` as mark-up), and a progress bar.
+"""Literal text on the terminal, without Rich's mark-up (square brackets, `:names:`), and a progress bar.
 
 Names from files may hold anything: control characters are printed as escapes.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType
     from rich.segment import Segment
 
-# C0 and C1 controls, marks that reverse text direction, and surrogates for undecodable bytes
+# C0 and C1 controls, marks that reverse the text direction, and surrogates of undecodable bytes
 _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
@@ -28,7 +28,7 @@ def visible(text: str) -> str:
 
 
 class VisibleConsole(Console):
-    """A console that escapes control characters in texts."""
+    """Console that escapes control characters in texts."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render the segments of a text, table or bar."""
@@ -42,14 +42,14 @@ def terminal(*, stderr: bool = False) -> Console:
 
 
 def say(text: RenderableType, *, stderr: bool = False) -> None:
-    """Print a sentence without wrapping, so that a path stays in one piece."""
+    """Print a sentence without wrapping, so that paths stay in one piece."""
     terminal(stderr=stderr).print(text, soft_wrap=True)
 
 
 @contextmanager
 def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
     """Show a progress bar on the error stream, if it is a terminal and not ``quiet``; yield ``update(done, total)``."""
-    from rich.progress import (  # noqa: PLC0415 - slow to import, and help pages have no bar
+    from rich.progress import (  # noqa: PLC0415 - slow to import, and not needed for help pages
         BarColumn,
         MofNCompleteColumn,
         Progress,
@@ -69,7 +69,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, i
     task = bar.add_task(what, total=None)
 
     def update(done: int, total: int) -> None:
-        # it appears with the first step, so that an earlier error is printed alone
+        # shown at the first step, so that an earlier error is printed alone
         bar.start()
         bar.update(task, completed=done, total=total)
 
@@ -79,7 +79,7 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Callable[[int, i
         bar.stop()
 
 
-def with_literal_help(command: Any) -> Any:  # noqa: ANN401 - click's commands, groups and parameters alike
+def with_literal_help(command: Any) -> Any:  # noqa: ANN401 - click's commands, groups and parameters
     """Return a command whose help pages show square brackets literally: ``[kg]``, ``'flyaround[gui]'``."""
     for thing in (command, *command.params):
         text = getattr(thing, "help", None)

@@ -1,4 +1,4 @@
-"""train: a pose-estimation network, trained on a data set, or the keypoint network of a craft."""
+"""train: a pose-estimation network on a data set, or the keypoint network of a target."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def train(
 ) -> None:
     """Train a network on a data set, or with --craft the keypoint network that hybrid uses for a craft.
 
-    On a data set: every tenth frame is held out to judge it. The file needs no PyTorch where it is used: flyaround
-    evaluate --method net:FILE. Of a craft: views are drawn here, and hybrid finds the file by the craft's name; hil
-    bundle takes it along. A run that was stopped goes on where it was.
+    On a data set, every tenth frame is held out for evaluation. The file needs no PyTorch where it is used: flyaround
+    evaluate --method net:FILE. For a craft, views are rendered here, hybrid finds the file by the craft's name, and hil
+    bundle includes it. An interrupted run is resumed.
     """
     if (run.folder is None) == (run.craft is None):
-        raise UserError("train learns from a data set or for a craft; give a folder or --craft NAME")
+        raise UserError("train needs a data set or a craft: give a folder or --craft NAME")
     say_progress = (
         (lambda _done, _text: None)
         if as_json
@@ -47,7 +47,7 @@ def train(
 
 def _check_suffix(output: Path) -> None:
     if output.suffix != ".npz":
-        raise UserError(f"-o {output}: a network is an .npz file; give a name that ends so")
+        raise UserError(f"-o {output}: a network is an .npz file: give a name that ends in .npz")
 
 
 def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None], *, as_json: bool) -> None:
@@ -55,8 +55,8 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
     output = head_file(craft) if run.output is None else Path(run.output)
     _check_suffix(output)
     try:
-        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
-        from flyaround.hil.train.keypoints.head_training import train_head  # noqa: PLC0415 - the same
+        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - slow to import: mistakes are reported first
+        from flyaround.hil.train.keypoints.head_training import train_head  # noqa: PLC0415 - slow to import
     except ImportError as error:
         raise missing_extra("training", "train", error) from error
     trained = train_head(
@@ -72,13 +72,13 @@ def _train_craft(run: TrainRun, craft: str, report: Callable[[float, str], None]
         typer.echo(msgspec.json.encode(trained).decode())
         return
     say(
-        f"{output}: {trained.steps} steps on {trained.views} views; on views kept back keypoints are "
-        f"{trained.median_px:.1f} of 128 px off in the median, {100 * trained.within_10_px:.0f} % within 10 px, "
-        f"{100 * trained.present:.0f} % of craft noticed"
+        f"{output}: {trained.steps} steps on {trained.views} views; on held-out views the median keypoint error is "
+        f"{trained.median_px:.1f} of 128 px, {100 * trained.within_10_px:.0f} % are within 10 px, "
+        f"{100 * trained.present:.0f} % of craft detected"
     )
     if trained.symmetries:
         say(
-            f"{craft} looks nearly the same under {trained.symmetries} rotations: its keypoints are known up to these"
+            f"{craft} looks nearly the same under {trained.symmetries} rotations, which keypoints cannot distinguish"
         )
 
 
@@ -86,18 +86,18 @@ def _train_on_set(
     run: TrainRun, folder: str, report_progress: Callable[[float, str], None], *, as_json: bool
 ) -> None:
     if run.output is None:
-        raise UserError("train needs the network's file; name it with -o NAME.npz")
+        raise UserError("train needs an output file: name it with -o NAME.npz")
     output = Path(run.output)
     _check_suffix(output)
     if run.network not in ARCHITECTURES:
         raise UserError(
-            f"unknown network '{run.network}' in --network; choose from {', '.join(ARCHITECTURES)}"
+            f"unknown network '{run.network}' in --network: choose from {', '.join(ARCHITECTURES)}"
         )
     if output.is_dir() or not output.absolute().parent.is_dir():
-        raise UserError(f"-o {output}: there is no folder for such a file; make it first")
+        raise UserError(f"-o {output}: its folder does not exist: create it first")
     try:
-        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - PyTorch, which a mistake need not wait for
-        from flyaround.hil.train.train import train_network  # noqa: PLC0415 - the same
+        from flyaround.hil.train.fitting import Budget  # noqa: PLC0415 - slow to import: mistakes are reported first
+        from flyaround.hil.train.train import train_network  # noqa: PLC0415 - slow to import
     except ImportError as error:
         raise missing_extra("training", "train", error) from error
 
@@ -125,4 +125,4 @@ def _train_on_set(
         f"{report.mean_E_R_deg:.3g} deg (median {report.median_E_T_m:.3g} m, {report.median_E_R_deg:.3g} deg), "
         f"{100 * report.accepted:.0f} % accepted"
     )
-    say(f"the mean predictor: {mean.mean_E_T_m:.3g} m and {mean.mean_E_R_deg:.3g} deg")
+    say(f"mean predictor: {mean.mean_E_T_m:.3g} m and {mean.mean_E_R_deg:.3g} deg")

@@ -1,4 +1,4 @@
-"""Options of ``flyaround hil board``: a field for each option of the bundle's agent, from the same tables."""
+"""Options of ``flyaround hil board``, one field per option of the bundle's agent, from the same tables."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BoardCamera = msgspec.defstruct(
     "BoardCamera",
     _fields(CAMERA_OPTIONS, TITLE),
     bases=(Section,),
-    namespace={"__doc__": "A camera on the network in place of a host."},
+    namespace={"__doc__": "GigE camera in place of a host."},
     frozen=True,
     kw_only=True,
 )
@@ -51,7 +51,7 @@ BoardRun = cast(
                 Annotated[
                     str,
                     typer.Argument(
-                        help="The host: tcp://HOST:PORT or serial:///DEVICE?baud=N; or a camera: gige://ADDRESS."
+                        help="URL of the host: tcp://HOST:PORT or serial:///DEVICE?baud=N; or of a camera: gige://ADDRESS."
                     ),
                 ],
             ),
@@ -60,7 +60,7 @@ BoardRun = cast(
             ("at_camera", BoardCamera, BoardCamera()),
         ],
         bases=(Run,),
-        namespace={"__doc__": "The board's side of the link."},
+        namespace={"__doc__": "Options of ``flyaround hil board``: the board's side of the link."},
         tag="flyaround.run.hil-board",
         frozen=True,
         kw_only=True,

@@ -11,7 +11,7 @@ from flyaround.hil.host.camera_endpoint.registers import RATE_HZ
 from flyaround.runs.document import NOT_RECORDED, Only, Run
 from flyaround.runs.fields import File, FlightSeed, Flown
 
-_OF_ANSWERS = "--log and --key are about a board's answers: give --answers tcp://127.0.0.1:5602, too"
+_OF_ANSWERS = "--log and --key concern a board's answers: also give --answers tcp://127.0.0.1:5602"
 
 
 class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
@@ -22,20 +22,18 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
         Only("key", "answers", None, _OF_ANSWERS),
     )
     scenario: Flown
-    interface: Annotated[str, typer.Option(help="Network interface to be found on, such as eth1 or lo.")]
+    interface: Annotated[str, typer.Option(help="Network interface of the camera, such as eth1 or lo.")]
     allow: Annotated[
         tuple[str, ...],
-        typer.Option(
-            help="IPv4 address of a controller that is answered; repeat it (default: this machine)."
-        ),
+        typer.Option(help="IPv4 address of an allowed controller; repeatable (default: this machine)."),
     ] = ()
     loop: Annotated[
         Annotated[int, Meta(ge=1, le=1000)] | None,
-        typer.Option(help="Draw so many frames of the flight first and loop them, for full rates."),
+        typer.Option(help="Render this many frames of the flight first and loop them, for high rates."),
     ] = None
     rate_hz: Annotated[
         Annotated[float, Meta(ge=RATE_HZ[0], le=RATE_HZ[1])],
-        typer.Option("--rate", help="Frames a second, until a client changes it."),
+        typer.Option("--rate", help="Initial frame rate, in frames per second."),
     ] = 30.0
     xml: Annotated[
         File | None,
@@ -43,7 +41,7 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     ] = None
     write: Annotated[
         File | None,
-        typer.Option("--write-xml", help="Write the camera's own description to a file, and end."),
+        typer.Option("--write-xml", help="Write the camera's own description to a file, and exit."),
         NOT_RECORDED,
     ] = None
     address: Annotated[
@@ -51,21 +49,21 @@ class CameraRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-camera"):
     ] = None
     loss: Annotated[
         Annotated[float, Meta(ge=0, le=50)],
-        typer.Option(help="Per cent of the stream's packets to leave out, to try packet resend."),
+        typer.Option(help="Per cent of the stream's packets to drop, to test packet resend."),
     ] = 0.0
     answers: Annotated[
         str | None,
         typer.Option(
-            help="Let a board that reads the camera say its poses here: tcp://HOST:PORT, for its --answer."
+            help="Accept the poses of a board that reads the camera, for its --answer: tcp://HOST:PORT."
         ),
     ] = None
     log: Annotated[
         File | None,
-        typer.Option(help="Folder for the ledger of pictures and answers (with --answers), as of hil host."),
+        typer.Option(
+            help="Folder for the ledger of pictures and answers (with --answers), as with hil host."
+        ),
         NOT_RECORDED,
     ] = None
-    key: Annotated[
-        File | None, typer.Option(help="File with the key that a board's --answer has to prove.")
-    ] = None
+    key: Annotated[File | None, typer.Option(help="File with the key required of a board's --answer.")] = None
     seed: FlightSeed = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None

@@ -33,12 +33,12 @@ class CapturedPictures(Section, frozen=True, kw_only=True):
     camera: Annotated[
         str | None, typer.Option(help="Built-in camera or file, instead of the scenario's own.")
     ] = None
-    target: Annotated[str | None, typer.Option(help="Another craft than the scenario's or recipe's own.")] = (
+    target: Annotated[str | None, typer.Option(help="Target instead of the scenario's or recipe's own.")] = (
         None
     )
     vary: Annotated[
         File | None,
-        typer.Option(help="TOML file of ranges out of which each frame's craft, light and image are varied."),
+        typer.Option(help="TOML file of ranges from which each frame's craft, light and image are varied."),
     ] = None
     seed: Seed = None
 
@@ -48,35 +48,38 @@ class DataSet(Section, frozen=True, kw_only=True):
 
     formats: Annotated[
         str,
-        typer.Option("--format", help=f"Beside the native layout: {', '.join(writable()[1:])}; with commas."),
+        typer.Option(
+            "--format",
+            help=f"In addition to the native layout: {', '.join(writable()[1:])}; separated by commas.",
+        ),
     ] = "native"
     split: Annotated[
         str | None,
         typer.Option(
-            help="Shares of training, validation and test frames, such as 8:1:1, alike at all ranges "
+            help="Shares of training, validation and test frames, such as 8:1:1, equal at all ranges "
             "(default: a recipe's own).",
         ),
     ] = None
     labels: Labels = None
     sensors: Annotated[
-        str, typer.Option(help="Sensors of other packages, with commas (docs/plugins.md).")
+        str, typer.Option(help="Sensors of plug-in packages, separated by commas (docs/plugins.md).")
     ] = ""
 
 
 class Drawing(Section, frozen=True, kw_only=True):
-    """The processes that draw; the bytes do not depend on them."""
+    """Render processes, which do not affect the bytes of the result."""
 
     workers: Annotated[
-        Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Processes that draw; same bytes."), NOT_RECORDED
+        Annotated[int, Meta(ge=1, le=64)], typer.Option(help="Render processes; same bytes."), NOT_RECORDED
     ] = 1
     ray: Annotated[
         str | None,
-        typer.Option(help="Draw on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."),
+        typer.Option(help="Render on a Ray cluster instead: auto, HOST:PORT or ray://HOST:PORT; same bytes."),
         NOT_RECORDED,
     ] = None
     gpu_share: Annotated[
         Annotated[float, Meta(ge=0, le=1)],
-        typer.Option(help="Part of a GPU for each of Ray's drawing processes."),
+        typer.Option(help="Share of a GPU for each of Ray's render processes."),
         NOT_RECORDED,
     ] = 0.0
     gpu: Gpu = None
@@ -87,19 +90,19 @@ class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
 
     RULES: ClassVar = (
         Only(
-            "pictures.n", "pictures.every_s", (None,), "capture takes -n or --every, not both; leave one out"
+            "pictures.n", "pictures.every_s", (None,), "capture takes -n or --every, not both: leave one out"
         ),
         Only(
             "drawing.gpu_share",
             "drawing.ray",
             None,
-            "--gpu-share is of a Ray cluster's processes; add --ray, or choose a GPU with --gpu",
+            "--gpu-share is for a Ray cluster's processes: add --ray, or choose a GPU with --gpu",
         ),
         Only(
             "drawing.workers",
             "drawing.ray",
             (None,),
-            "--workers draw here and --ray draws on a cluster; leave one out",
+            "--workers renders here and --ray on a cluster: leave one out",
         ),
     )
     scenario: Annotated[str, typer.Argument(help="Built-in scenario or recipe, or a TOML file.")]
@@ -116,7 +119,7 @@ class CaptureRun(Run, frozen=True, kw_only=True, tag="flyaround.run.capture"):
         bool,
         typer.Option(
             "--resume",
-            help="Go on with a data set: verify what is there, draw what is damaged or missing, up to a larger -n.",
+            help="Resume a data set: verify existing frames, and render damaged and missing ones, up to a larger -n.",
         ),
         NOT_RECORDED,
     ] = False

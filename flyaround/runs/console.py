@@ -15,14 +15,12 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
 
     scenario: Annotated[
         str | None,
-        typer.Argument(help="Built-in name or TOML file; left out: tango-flyaround, and a chooser of all."),
+        typer.Argument(help="Built-in name or TOML file (default: tango-flyaround, with a list of all)."),
     ] = None
     size: Annotated[str, typer.Option(help="Size of the window, WIDTHxHEIGHT.")] = "1280x800"
     off_screen: Annotated[
         bool,
-        typer.Option(
-            "--off-screen", help="Draw the window where nobody sees it; needs no display. For scripts."
-        ),
+        typer.Option("--off-screen", help="Run without a visible window or display, for scripts."),
         NOT_RECORDED,
     ] = False
     seed: Annotated[int | None, typer.Option(help="Seed of the noise (default: the scenario's).")] = None
@@ -30,7 +28,7 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
         str, typer.Option(help="Overlays to start with: keypoints,names,box,axes,wireframe,times.")
     ] = ""
     seconds: Annotated[
-        Duration | None, typer.Option(help="Close by itself so long after the first picture.")
+        Duration | None, typer.Option(help="Close this many seconds after the first picture.")
     ] = None
     screenshot: Annotated[
         File | None, typer.Option(help="Picture of the window at the end (.png)."), NOT_RECORDED
@@ -38,15 +36,17 @@ class ConsoleRun(Run, frozen=True, kw_only=True, tag="flyaround.run.sim"):
     record: Annotated[
         File | None,
         typer.Option(
-            help="Empty folder for the flight as flown and replay.toml, which flies it again; on disk while flying."
+            help="Empty folder for the recorded flight and replay.toml, which replays it; written during the flight."
         ),
         NOT_RECORDED,
     ] = None
     script: Annotated[
         File | None,
-        typer.Option(help="Commands to do at their times, as --log and the console's log write them."),
+        typer.Option(help="Script of timed commands, as written by --log and the console's log."),
     ] = None
     log: Annotated[
-        File | None, typer.Option(help="File for what was done, as a script for --script."), NOT_RECORDED
+        File | None,
+        typer.Option(help="File for the operator's commands, as a script for --script."),
+        NOT_RECORDED,
     ] = None
     gpu: Gpu = None

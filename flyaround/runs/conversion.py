@@ -15,29 +15,28 @@ class ConvertRun(Run, frozen=True, kw_only=True, tag="flyaround.run.convert"):
     """Options of ``flyaround convert``: write a data set in another format."""
 
     source: Annotated[
-        File, typer.Argument(help="A data set: its folder, or of others the list of labels within.")
+        File, typer.Argument(help="Data set: its folder or, for other formats, its list of labels.")
     ]
-    output: Annotated[
-        File, typer.Option("--output", "-o", help="Folder to write: new or empty."), NOT_RECORDED
-    ]
+    output: Annotated[File, typer.Option("--output", "-o", help="New or empty output folder."), NOT_RECORDED]
     form: Annotated[
         str,
         typer.Option(
-            "--format", help=f"Of {', '.join(writable())}; several with commas, each in a folder of its name."
+            "--format",
+            help=f"Any of {', '.join(writable())}, separated by commas; each is written into a folder of its name.",
         ),
     ] = NATIVE
     source_format: Annotated[
         str | None,
         typer.Option(
-            "--from", help=f"Format of the source, found out unless given: native, {', '.join(readable())}."
+            "--from", help=f"Format of the source (default: detected): native, {', '.join(readable())}."
         ),
     ] = None
     target: Annotated[
-        str | None, typer.Option(help="The craft in pictures of others (of SPEED's kin: tango).")
+        str | None, typer.Option(help="Target in pictures of other data sets (for SPEED and SPEED+: tango).")
     ] = None
     camera: Annotated[
         str | None,
-        typer.Option(help="Camera of pictures of others, built-in or a file, instead of their own."),
+        typer.Option(help="Camera of pictures of other data sets, built-in or a file, instead of their own."),
     ] = None
     split: Annotated[
         str | None, typer.Option(help="Shares of training, validation and test frames, such as 8:1:1.")

@@ -1,4 +1,4 @@
-"""The base class of runs: fields, exclusions, reader and writer."""
+"""Base class of runs: fields, exclusions, reader and writer."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ class Only(NamedTuple):
 
 
 class Run(Section, frozen=True, kw_only=True, tag_field="schema"):
-    """The options of a command. Paths are relative to the working directory, as on the command line."""
+    """Options of a command. Paths are relative to the working directory, as on the command line."""
 
     version: Literal[1] = 1
     RULES: ClassVar[tuple[Only, ...]] = ()
 
 
 class RunField(NamedTuple):
-    """A field of a run that is an option or an argument.
+    """Field of a run that is an option or an argument.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class RunField(NamedTuple):
         """Name on the command line."""
         if isinstance(self.declared, ArgumentInfo):
             return self.name.upper()
-        # Typer expects the name where a default would be
+        # Typer expects the name in place of a default
         names = [n for n in (self.declared.default, *(self.declared.param_decls or ())) if isinstance(n, str)]
         long = [name for name in names if name.startswith("--")]
         return [*long, *names, f"--{self.name.replace('_', '-')}"][0].partition("/")[0]
@@ -118,12 +118,12 @@ def run_fields(kind: type[Section], above: str = "") -> Iterator[RunField]:
 
 
 def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
-    """Read and check the keys of a run's file; the command line may add missing ones.
+    """Read and validate the keys of a run's file; the command line may add missing ones.
 
     Raises
     ------
     UserError
-        If it cannot be read, belongs to another command, or has a mistake: file, key, value and allowed values.
+        If the file cannot be read, belongs to another command, or has an error: file, key, value and allowed values.
     """
     where = f"--run {path}"
     raw = parse_toml(read_toml(path, where, "give a TOML file of a run"), where)
@@ -131,7 +131,7 @@ def read_run(path: Path, kind: type[Run]) -> dict[str, Any]:
     schema = raw.get("schema", own)
     if schema != own:
         raise UserError(
-            f"{where} has the schema {schema!r}, and this command's runs have {own!r}: give it one of those"
+            f"{where} has the schema {schema!r}, but this command's runs have {own!r}: give a file of this command"
         )
     _rename_methods(raw, path)
     try:
@@ -164,7 +164,7 @@ def refuse_exclusions(run: Run) -> None:
     Raises
     ------
     UserError
-        If they do; the message is that of the first broken rule.
+        If so; the message is that of the first violated rule.
     """
     set_keys = {field.key for field in given_fields(run)}
     for rule in run.RULES:
@@ -174,7 +174,7 @@ def refuse_exclusions(run: Run) -> None:
 
 
 def run_toml(run: Run) -> bytes:
-    """Return a run as TOML: every key with a value, without the secrets of URLs.
+    """Return a run as TOML: every key with a value, without secrets in URLs.
 
     Fields that do not affect the result are omitted: output folder, processes and devices.
     """
@@ -198,6 +198,6 @@ def write_run(path: Path, run: Run) -> None:
     Raises
     ------
     UserError
-        If it cannot be written.
+        If the file cannot be written.
     """
     write_atomic(path / RUN_TOML if path.is_dir() else path.with_suffix(f".{RUN_TOML}"), run_toml(run))

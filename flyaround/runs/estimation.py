@@ -18,7 +18,7 @@ Methods = ", ".join(ALL_METHODS)
 
 
 class Published(Section, frozen=True, kw_only=True):
-    """Parts of the published methods, svd-2018 and svd-thesis."""
+    """Options of the published methods, svd-2018 and svd-thesis."""
 
     solver: Annotated[
         str | None,
@@ -29,7 +29,7 @@ class Published(Section, frozen=True, kw_only=True):
     streams: Annotated[
         str | None,
         typer.Option(
-            help=f"Feature streams of svd-2018 and svd-thesis, with commas: {', '.join(STREAMS)} (default: wge,sh)."
+            help=f"Feature streams of svd-2018 and svd-thesis, comma-separated: {', '.join(STREAMS)} (default: wge,sh)."
         ),
     ] = None
 
@@ -39,14 +39,16 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
 
     images: Annotated[
         tuple[File, ...],
-        typer.Argument(help="PNG images, 8 or 16 bits; colour is taken in grey, and that is said."),
+        typer.Argument(help="PNG images, 8 or 16 bits; colour is converted to grey."),
     ]
     target: Annotated[str, typer.Option(help="Target name.")] = "tango"
     camera: Annotated[str, typer.Option(help="CAMERA.json, or the name of a built-in camera.")] = "speed"
     method: Annotated[str, typer.Option(help=f"One of {Methods}.")] = HYBRID
     debug: Annotated[
         File | None,
-        typer.Option(help="New or empty folder for a picture of every stage, a folder for each image."),
+        typer.Option(
+            help="New or empty folder for debug pictures of every stage, with a subfolder for each image."
+        ),
         NOT_RECORDED,
     ] = None
     published: Published = Published()
@@ -55,33 +57,35 @@ class EstimateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.estimate"):
 class EvaluateRun(Run, frozen=True, kw_only=True, tag="flyaround.run.evaluate"):
     """Options of ``flyaround evaluate``: compare the estimates of every frame of a data set with its truth."""
 
-    folder: Annotated[File, typer.Argument(help="A data set written by capture.")]
+    folder: Annotated[File, typer.Argument(help="Data set written by capture.")]
     output: Annotated[
-        File, typer.Option("--output", "-o", help="Folder of the report: new or empty."), NOT_RECORDED
+        File, typer.Option("--output", "-o", help="New or empty folder for the report."), NOT_RECORDED
     ] = "report"
     methods: Annotated[
         tuple[str, ...],
-        typer.Option("--method", help=f"One of {Methods} (default hybrid); repeat it to compare."),
+        typer.Option("--method", help=f"One of {Methods} (default hybrid); repeatable, to compare methods."),
     ] = ()
     model: Annotated[
         File | None,
-        typer.Option(help="Board model file given to the estimator, instead of the target's own."),
+        typer.Option(help="Board model file for the estimator, instead of the target's own."),
     ] = None
-    workers: Annotated[Count, typer.Option(help="Processes; with one, times are honest."), NOT_RECORDED] = 1
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what an interrupted run left."), NOT_RECORDED
-    ] = False
+    workers: Annotated[
+        Count,
+        typer.Option(help="Number of processes; with one, measured times are undisturbed."),
+        NOT_RECORDED,
+    ] = 1
+    resume: Annotated[bool, typer.Option("--resume", help="Resume an interrupted run."), NOT_RECORDED] = False
     published: Published = Published()
 
 
 class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
     """Options of ``flyaround train``: train a network on a data set, or the keypoint network of a craft."""
 
-    folder: Annotated[File | None, typer.Argument(help="A data set written by capture.")] = None
+    folder: Annotated[File | None, typer.Argument(help="Data set written by capture.")] = None
     craft: Annotated[
         str | None,
         typer.Option(
-            help="Target whose keypoint network, for the method hybrid, is trained on views drawn here."
+            help="Target whose keypoint network, for the method hybrid, is trained on views rendered here."
         ),
     ] = None
     output: Annotated[
@@ -89,50 +93,62 @@ class TrainRun(Run, frozen=True, kw_only=True, tag="flyaround.run.train"):
         typer.Option(
             "--output",
             "-o",
-            help="The network's file, NAME.npz; of a craft, default the user's folder of targets.",
+            help="Output file, NAME.npz (default for a craft: in the user's folder of targets).",
         ),
         NOT_RECORDED,
     ] = None
     minutes: Annotated[
         Annotated[float, Meta(ge=0.01, le=100_000)],
-        typer.Option(help="How long to train, the drawing of views not counted."),
+        typer.Option(help="Minutes of training, excluding the rendering of views."),
     ] = 6.0
     views: Annotated[
-        Annotated[int, Meta(ge=25)], typer.Option("-n", "--views", help="Views of a craft to draw.")
+        Annotated[int, Meta(ge=25)],
+        typer.Option("-n", "--views", help="Number of views of a craft to render."),
     ] = 2000
     steps: Annotated[
         Count | None,
-        typer.Option(help="Steps instead of minutes: the same on every machine of a kind."),
+        typer.Option(help="Training steps instead of minutes, for a reproducible result."),
     ] = None
-    network: Annotated[str, typer.Option(help=f"Its size: {' or '.join(ARCHITECTURES)}.")] = "small"
+    network: Annotated[str, typer.Option(help=f"Size of the network: {' or '.join(ARCHITECTURES)}.")] = (
+        "small"
+    )
     width: Annotated[
-        Annotated[int, Meta(ge=32, le=1024)], typer.Option(help="Width of its pictures [px].")
+        Annotated[int, Meta(ge=32, le=1024)], typer.Option(help="Width of the network's input [px].")
     ] = 160
     classes: Annotated[
-        Annotated[int, Meta(ge=64, le=20_000)], typer.Option(help="Attitudes that it tells apart.")
+        Annotated[int, Meta(ge=64, le=20_000)], typer.Option(help="Number of attitude classes.")
     ] = 1024
-    seed: Annotated[AnySeed, typer.Option(help="Of its start and of the samples.")] = 0
+    seed: Annotated[AnySeed, typer.Option(help="Seed of initial weights and samples.")] = 0
     device: Annotated[str, typer.Option(help="cpu, or cuda with an NVIDIA card.")] = "cpu"
-    threads: Annotated[Annotated[int, Meta(ge=1, le=256)], typer.Option(help="Of the processor.")] = 1
+    threads: Annotated[
+        Annotated[int, Meta(ge=1, le=256)], typer.Option(help="Number of processor threads.")
+    ] = 1
 
 
 class CompareRun(Run, frozen=True, kw_only=True, tag="flyaround.run.compare"):
     """Options of ``flyaround compare``: show images from elsewhere next to simulated ones of similar views."""
 
-    reference: Annotated[File, typer.Option(help="Folder of pictures to compare with; they stay there.")]
+    reference: Annotated[File, typer.Option(help="Folder of reference pictures, which are not changed.")]
     output: Annotated[
-        File, typer.Option("--output", "-o", help="Folder of the page: new or empty."), NOT_RECORDED
+        File, typer.Option("--output", "-o", help="New or empty folder for the page."), NOT_RECORDED
     ] = "comparison"
-    n: Annotated[Count, typer.Option("-n", help="Pictures at most, evenly over the folder.")] = 16
-    target: Annotated[str, typer.Option(help="The craft in them.")] = "tango"
-    camera: Annotated[
-        str, typer.Option(help="Camera that took them, scaled to each picture: name or file.")
-    ] = "speed"
+    n: Annotated[
+        Count, typer.Option("-n", help="Largest number of pictures, evenly spread over the folder.")
+    ] = 16
+    target: Annotated[str, typer.Option(help="Target in the pictures.")] = "tango"
+    camera: Annotated[str, typer.Option(help="Camera of the pictures, scaled to each one: name or file.")] = (
+        "speed"
+    )
     labels: Annotated[
         File | None,
-        typer.Option(help="Poses of the pictures in SPEED's form (train.json); else they are estimated."),
+        typer.Option(
+            help="Poses of the pictures in SPEED's format (train.json); by default they are estimated."
+        ),
     ] = None
     sensor: Annotated[
-        str | None, typer.Option(help="Sensor preset of ours (default: as noisy as each picture).")
+        str | None,
+        typer.Option(
+            help="Sensor preset of the simulated pictures (default: the noise of each reference picture)."
+        ),
     ] = None
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None

@@ -1,4 +1,4 @@
-"""Field types that runs share: bounded numbers, files, and options with their help."""
+"""Field types shared by runs: bounded numbers, files, and options with their help texts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Seed = Annotated[AnySeed | None, typer.Option(help="Seed of every random choice 
 FlightSeed = Annotated[AnySeed | None, typer.Option(help="Seed (default: the scenario's).")]
 Labels = Annotated[
     str | None,
-    typer.Option(help=f"Label layers beyond truth and mask: all, none, or of {', '.join(LAYERS)}."),
+    typer.Option(help=f"Label layers besides truth and mask: all, none, or any of {', '.join(LAYERS)}."),
 ]
 World = Annotated[
     str | None,
@@ -32,17 +32,17 @@ World = Annotated[
 Curve = Annotated[
     Encoding | None,
     typer.Option(
-        help="Transfer function of the image: linear, srgb or gamma (default: the scenario's; colour of 8 bits: srgb)."
+        help="Transfer function of the image: linear, srgb or gamma (default: the scenario's; srgb for 8-bit colour)."
     ),
 ]
 AutoExposed = Annotated[
     bool,
     typer.Option(
         "--auto-exposure",
-        help="Expose by a meter that follows the light, where the scenario does not already.",
+        help="Use automatic exposure, if the scenario does not already.",
     ),
 ]
 Preset = Annotated[Quality | None, typer.Option(help="draft, default or high.")]
 Gpu = Annotated[
-    int | None, typer.Option(help="EGL device to draw on (default: the driver's choice)."), NOT_RECORDED
+    int | None, typer.Option(help="EGL device to render on (default: the driver's choice)."), NOT_RECORDED
 ]

@@ -1,4 +1,4 @@
-"""Options of ``flyaround fly``, also readable from a run file."""
+"""Options of ``flyaround fly``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
     scenario: Flown
     output: Annotated[
         File,
-        typer.Option("--output", "-o", help="Folder for states.csv and scenario.json: new or empty."),
+        typer.Option("--output", "-o", help="New or empty folder for states.csv and scenario.json."),
         NOT_RECORDED,
     ]
     every_s: Annotated[float, typer.Option("--every", help="Seconds between rows.")] = 1.0
@@ -24,7 +24,9 @@ class FlyRun(Run, frozen=True, kw_only=True, tag="flyaround.run.fly"):
     aem: Annotated[bool, typer.Option("--aem", help="Write target.aem and chaser.aem (CCSDS).")] = False
     record: Annotated[
         bool,
-        typer.Option("--record", help="Write flight.npz and replay.toml, a scenario that flies it again."),
+        typer.Option(
+            "--record", help="Write flight.npz and replay.toml, a scenario that replays the flight."
+        ),
     ] = False
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an earlier flight in that folder."), NOT_RECORDED

@@ -20,57 +20,59 @@ AtLeastTenth = Annotated[float, Meta(ge=0.1)]
 
 
 class Line(Section, frozen=True, kw_only=True):
-    """The line to the board."""
+    """Line to the board."""
 
     listen: Annotated[
         str,
         typer.Option(
-            help="tcp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE as hil camera."
+            help="tcp://HOST:PORT or serial:///DEVICE?baud=N for a board; gige://IFACE like hil camera."
         ),
     ] = "tcp://127.0.0.1:5600"
     key: Annotated[
         File | None,
-        typer.Option(help="File with a key that boards and loggers must prove to have; hil key writes one."),
+        typer.Option(help="File with the key required of boards and loggers; hil key writes one."),
     ] = None
     truth: Annotated[
         Literal["separate", "inline", "off"],
-        typer.Option(help="separate: own endpoint, one port up; inline: with each frame; off: kept home."),
+        typer.Option(
+            help="Ground truth: separate (own endpoint, next port), inline (with each frame) or off."
+        ),
     ] = "separate"
     pixel_format: Annotated[
         PixelFormatName,
         typer.Option(
-            help=f"GenICam name of what is sent: {', '.join(get_args(PixelFormatName))} (auto: all bits)."
+            help=f"Pixel format on the line, a GenICam name: {', '.join(get_args(PixelFormatName))} (auto: all bits)."
         ),
     ] = "auto"
     encoding: Annotated[
         Compression,
         typer.Option(
-            help=f"One of {', '.join(get_args(Compression))} (auto: zstd on a serial line, raw else)."
+            help=f"One of {', '.join(get_args(Compression))} (auto: zstd on a serial line, else raw)."
         ),
     ] = "auto"
     silence_s: Annotated[
         Annotated[float, Meta(ge=0.5)],
         typer.Option(
             "--silence",
-            help="Seconds after which a board that says nothing, not even that it still works, counts as gone.",
+            help="Seconds of silence, without even a sign of life, after which the board counts as lost.",
         ),
     ] = SILENCE_S
     max_misses: Annotated[
         Annotated[int, Meta(ge=0)],
         typer.Option(
-            help="Frames in a row without an answer in time after which the board counts as gone; 0: never."
+            help="Number of successive unanswered frames after which the board counts as lost; 0: never."
         ),
     ] = 3
     allow_none: Annotated[
         bool,
         typer.Option(
-            "--allow-none", help="Exit 0, not 3, where no pose was accepted or the board left for good."
+            "--allow-none", help="Exit with 0, not 3, if no pose was accepted or the board left for good."
         ),
     ] = False
 
 
 class SentPictures(Section, frozen=True, kw_only=True):
-    """The images to send."""
+    """Images to send."""
 
     n: Annotated[Count | None, typer.Option("-n", help="Frames, evenly in time (default 30).")] = None
     every_s: Annotated[
@@ -80,14 +82,14 @@ class SentPictures(Section, frozen=True, kw_only=True):
         File | None,
         typer.Option(
             "--from",
-            help="Send the pictures of this folder or data set, in a loop, at the flight's times: nothing is drawn.",
+            help="Send the pictures of this folder or data set in a loop, at the flight's times, instead of rendering.",
         ),
     ] = None
     send_sun: Annotated[
         bool,
         typer.Option(
             "--send-sun",
-            help="Send the direction to the Sun with each frame, as a chaser knows it from its star tracker.",
+            help="Send the direction to the Sun with each frame; a chaser knows it from its star tracker.",
         ),
     ] = False
     time_code: Annotated[
@@ -98,34 +100,34 @@ class SentPictures(Section, frozen=True, kw_only=True):
     ] = False
     workers: Annotated[
         Annotated[int, Meta(ge=1, le=64)],
-        typer.Option(help="Processes that draw in turn: more frames a second."),
+        typer.Option(help="Number of render processes, for higher frame rates."),
         NOT_RECORDED,
     ] = 1
-    gpu: Annotated[int | None, typer.Option(help="EGL device to draw on."), NOT_RECORDED] = None
+    gpu: Annotated[int | None, typer.Option(help="EGL device to render on."), NOT_RECORDED] = None
 
 
 class Timing(Section, frozen=True, kw_only=True):
-    """Times of handing over images, and time-outs for answers."""
+    """Pace of the images, and time-outs for answers."""
 
     mode: Annotated[
         Literal["lockstep", "realtime"],
         typer.Option(
-            help="lockstep: wait for each pose; realtime: paced by simulated time, after up to 15 s of warming up."
+            help="lockstep: wait for each pose; realtime: paced by simulated time, after up to 15 s of warm-up."
         ),
     ] = "lockstep"
     latency_s: Annotated[
         Duration,
         typer.Option(
             "--latency",
-            help="realtime: seconds from the end of an exposure until the camera hands its picture over.",
+            help="realtime: seconds from the end of the exposure to the camera's hand-over of the picture.",
         ),
     ] = 0.0
     deadline_s: Annotated[
         Duration | None,
         typer.Option(
             "--deadline",
-            help="Seconds from the start of sending a frame to its pose, beyond which it counts as missed (realtime:"
-            " the time from frame to frame).",
+            help="Seconds from the start of sending a frame to its pose, beyond which the deadline is missed (realtime"
+            " default: the frame interval).",
         ),
     ] = None
     timeout_s: Annotated[
@@ -145,7 +147,7 @@ class Recording(Section, frozen=True, kw_only=True):
     """Recordings of the run."""
 
     log: Annotated[
-        File | None, typer.Option(help="Folder for frames.csv and summary.json: new or empty."), NOT_RECORDED
+        File | None, typer.Option(help="New or empty folder for frames.csv and summary.json."), NOT_RECORDED
     ] = None
     mcap: Annotated[
         File | None,
@@ -156,7 +158,7 @@ class Recording(Section, frozen=True, kw_only=True):
     ] = None
     live: Annotated[
         Annotated[int, Meta(ge=0, le=65535)] | None,
-        typer.Option(help="Serve the same live to Foxglove or Lichtblick on this local port."),
+        typer.Option(help="Serve the same messages live to Foxglove or Lichtblick on this local port."),
         NOT_RECORDED,
     ] = None
     ccsds: Annotated[
@@ -181,32 +183,32 @@ class FaultsFile(Section, frozen=True, kw_only=True):
 
 
 class ClosedLoop(Section, frozen=True, kw_only=True):
-    """A flight on the board's poses."""
+    """Flight on the board's poses."""
 
     on: Annotated[
         bool,
         typer.Option(
             "--closed-loop",
-            help="Fly on the poses: each frame is drawn of what they made the thrusters do (docs/hil_closed_loop.md).",
+            help="Fly on the poses: each frame shows the state that the thrusters reached (docs/hil_closed_loop.md).",
         ),
     ] = False
     pose: Annotated[
         Literal["board", "truth", "noisy"],
         typer.Option(
-            help="With --closed-loop: board; truth or noisy (the estimator's errors) need no board, draw nothing."
+            help="With --closed-loop: board; truth or noisy (the estimator's errors) need no board and no images."
         ),
     ] = "board"
     pose_errors: Annotated[
         File | None,
         typer.Option(
-            help="With --closed-loop: metrics.json of evaluate, whose errors the filter takes the board's poses to have"
+            help="With --closed-loop: metrics.json of evaluate with the assumed errors of the board's poses"
             " (default: those of hybrid)."
         ),
     ] = None
 
 
-_OF_ANSWERS = "--deadline {value:g} is of a board's answers: give no --pose, or leave it out"
-_OF_A_LOOP = "--pose-errors is of a board's poses in a closed loop: give --closed-loop, and no --pose"
+_OF_ANSWERS = "--deadline {value:g} applies to a board's answers: leave out it or --pose"
+_OF_A_LOOP = "--pose-errors applies to a board's poses in a closed loop: give --closed-loop without --pose"
 
 
 class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
@@ -214,7 +216,7 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
 
     RULES: ClassVar = (
         Only(
-            "pictures.n", "pictures.every_s", (None,), "hil host takes -n or --every, not both; leave one out"
+            "pictures.n", "pictures.every_s", (None,), "hil host takes -n or --every, not both: leave one out"
         ),
         Only(
             "pictures.n",
@@ -226,7 +228,7 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
             "pictures.workers",
             "closed_loop.on",
             (False,),
-            "a closed loop decides each frame before it is drawn: leave --workers out",
+            "a closed loop decides each frame before it is rendered: leave out --workers",
         ),
         Only("closed_loop.pose", "closed_loop.on", (True,), "--pose {value} needs --closed-loop"),
         Only("closed_loop.pose_errors", "closed_loop.on", (True,), _OF_A_LOOP),
@@ -236,13 +238,13 @@ class HostRun(Run, frozen=True, kw_only=True, tag="flyaround.run.hil-host"):
             "timing.latency_s",
             "timing.mode",
             ("realtime",),
-            "--latency is a camera's that runs by itself: give --mode realtime with it, or leave it out",
+            "--latency needs a free-running camera: give --mode realtime, or leave it out",
         ),
         Only(
             "pictures.source",
             "closed_loop.on",
             (False,),
-            "a closed loop draws what was flown: leave --from or --closed-loop out",
+            "a closed loop renders the flown states: leave out --from or --closed-loop",
         ),
     )
     scenario: Flown

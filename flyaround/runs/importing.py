@@ -19,17 +19,17 @@ class MeshFrame(Section, frozen=True, kw_only=True):
     up: Annotated[str | None, typer.Option(help="The file's up axis: y or z (default: y for glTF).")] = None
     recentre: Annotated[
         bool,
-        typer.Option("--recentre", help="Move the origin to the middle of the mesh: poses are the origin's."),
+        typer.Option("--recentre", help="Move the origin, to which poses refer, to the centre of the mesh."),
     ] = False
     any_size: Annotated[
-        bool, typer.Option("--yes", help="Take a size that no spacecraft has: under 0.05 m or over 150 m.")
+        bool, typer.Option("--yes", help="Accept an implausible size, below 0.05 m or above 150 m.")
     ] = False
 
 
 class Surface(Section, frozen=True, kw_only=True):
     """Repair options of the surface."""
 
-    decimate: Annotated[int | None, typer.Option(help="Reduce to at most so many triangles.")] = None
+    decimate: Annotated[int | None, typer.Option(help="Largest number of triangles.")] = None
     strict: Annotated[
         bool,
         typer.Option(
@@ -37,19 +37,17 @@ class Surface(Section, frozen=True, kw_only=True):
         ),
     ] = False
     fill_holes: Annotated[
-        bool, typer.Option("--fill-holes", help="Cap openings where that leaves a solid.")
+        bool, typer.Option("--fill-holes", help="Cap openings if the result is a solid.")
     ] = False
     keep_holes: Annotated[
         bool,
-        typer.Option(
-            "--keep-holes", help="With --strict: allow open surfaces, as sheets seen from both sides."
-        ),
+        typer.Option("--keep-holes", help="With --strict: allow open surfaces, as two-sided sheets."),
     ] = False
     keep_non_manifold: Annotated[
-        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges of three or more faces.")
+        bool, typer.Option("--keep-non-manifold", help="With --strict: allow edges with three or more faces.")
     ] = False
     new_normals: Annotated[
-        bool, typer.Option("--new-normals", help="Compute normals even where the file's fit.")
+        bool, typer.Option("--new-normals", help="Compute normals even if those in the file are consistent.")
     ] = False
 
 
@@ -60,9 +58,9 @@ class Craft(Section, frozen=True, kw_only=True):
         File | None, typer.Option(help="TOML file that sets the classes of parts by their names.")
     ] = None
     mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the craft [kg].")] = None
-    density_kg_m3: Annotated[float | None, typer.Option("--density", help="Or its mean density [kg/m3].")] = (
-        None
-    )
+    density_kg_m3: Annotated[
+        float | None, typer.Option("--density", help="Mean density of the craft instead of its mass [kg/m3].")
+    ] = None
 
 
 class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add"):
@@ -79,7 +77,7 @@ class ImportRun(Run, frozen=True, kw_only=True, tag="flyaround.run.targets-add")
         bool, typer.Option("--replace", help="Overwrite a target of this name."), NOT_RECORDED
     ] = False
     sheet: Annotated[
-        bool, typer.Option("--sheet/--no-sheet", help="Draw a contact sheet beside it."), NOT_RECORDED
+        bool, typer.Option("--sheet/--no-sheet", help="Render a contact sheet next to it."), NOT_RECORDED
     ] = True
     frame: MeshFrame = MeshFrame()
     surface: Surface = Surface()

@@ -18,27 +18,27 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
             "environment",
             "from_truth",
             (None,),
-            "--from-truth draws the record's environment; leave out --environment",
+            "--from-truth uses the record's environment: leave out --environment",
         ),
         Only(
             "encoding",
             "from_truth",
             (None,),
-            "--from-truth draws the picture that was recorded; leave out --encoding",
+            "--from-truth uses the recorded encoding: leave out --encoding",
         ),
         Only(
             "auto_exposure",
             "from_truth",
             (None,),
-            "--from-truth exposes as the record says; leave out --auto-exposure",
+            "--from-truth uses the recorded exposure: leave out --auto-exposure",
         ),
         Only(
             "poses",
             "from_truth",
             (None,),
-            "--poses needs a SCENARIO for camera and light; leave out --from-truth",
+            "--poses needs a SCENARIO for camera and light: leave out --from-truth",
         ),
-        Only("timings", "poses", (None,), "--timings is about one picture; leave out --poses"),
+        Only("timings", "poses", (None,), "--timings applies to one picture: leave out --poses"),
     )
     scenario: Annotated[str | None, typer.Argument(help="Built-in name or TOML file.")] = None
     output: Annotated[
@@ -46,19 +46,19 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
         typer.Option(
             "--output",
             "-o",
-            help=".png image, .npy raw numbers, .exr radiance; truth goes to .json beside it. "
-            "Earlier ones of that name are replaced. With --poses also a folder, which is made if need be.",
+            help=".png image, .npy raw numbers, .exr radiance; the truth is written to .json next to it. "
+            "Existing files are replaced. With --poses also a folder, which is created if necessary.",
         ),
         NOT_RECORDED,
     ] = "frame.png"
     time_s: Annotated[float, typer.Option("--time", "-t", help="Mid-exposure, seconds from the start.")] = 0.0
     from_truth: Annotated[
-        File | None, typer.Option(help="Draw the frame of a truth record again, byte for byte.")
+        File | None, typer.Option(help="Render the frame of a truth record again, byte for byte.")
     ] = None
     poses: Annotated[
         File | None,
         typer.Option(
-            help="CSV with q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m (target in camera): draw the scenario with each."
+            help="CSV with q_w,q_x,q_y,q_z,t_x_m,t_y_m,t_z_m (target in camera): render the scenario with each."
         ),
     ] = None
     rgb: Annotated[bool, typer.Option("--rgb", help="Colour image instead of the scenario's bands.")] = False
@@ -71,6 +71,6 @@ class RenderRun(Run, frozen=True, kw_only=True, tag="flyaround.run.render"):
     gpu: Gpu = None
     timings: Annotated[
         bool,
-        typer.Option("--timings", help="Draw it five times more and print the time of each pass."),
+        typer.Option("--timings", help="Render it five more times and print the time of each pass."),
         NOT_RECORDED,
     ] = False

@@ -1,4 +1,4 @@
-"""The JSON Schema of run files."""
+"""JSON Schema of run files."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Training of networks that estimate poses; PyTorch (the extra `train`) is imported only where weights are fitted."""
+"""Training of pose-estimation networks. PyTorch (the extra `train`) is imported only where weights are fitted."""

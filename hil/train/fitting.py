@@ -1,4 +1,4 @@
-"""Length of a training."""
+"""Budget of a training, in time or steps."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Length of a training.
+    """Budget of a training.
 
     Parameters
     ----------
     minutes : float
         Time on this machine, unless ``steps`` is given.
     steps : int, optional
-        Number of steps: the same training on any machine.
+        Number of steps, for the same training on any machine.
     """
 
     minutes: float = 6.0
     steps: int | None = None
 
     def done(self, began_s: float, steps: int) -> float:
-        """Return the share of it that is used up, one at its end.
+        """Return the used share of the budget, 1 at its end.
 
         Parameters
         ----------
         began_s : float
-            Monotonic clock at the beginning.
+            Monotonic clock at the start.
         steps : int
-            Steps since.
+            Number of steps so far.
         """
         if self.steps is not None:
             return steps / self.steps

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 # Resolution of stored images relative to the network's input, for antialiasing when they are rotated.
 FINER = 2
 
-# One of ten frames is held out.
+# One of this many frames is held out.
 HELD_OUT = 10
 
 # Least number of training images.
 LEAST_PICTURES = 20
 
-# Largest tilt of the camera [half fields of view], and number of attempts to find one that keeps the target in view.
+# Largest tilt of the camera [half fields of view], and number of attempts to keep the target in view.
 TILT, TRIES = 0.35, 8
 
 # Standard deviation of a sample's log exposure; largest standard deviation of its noise [full scale].
@@ -71,7 +71,7 @@ class LabelledPictures:
         return len(self.signal)
 
     def subset(self, mask: FloatArray) -> LabelledPictures:
-        """Return those for which a mask (N,) is true."""
+        """Return the pictures for which a mask (N,) is True."""
         return LabelledPictures(self.camera, self.signal[mask], self.q_wxyz[mask], self.t_m[mask])
 
 
@@ -86,7 +86,7 @@ class Samples:
     q_wxyz : (B, 4) array
         Attitudes relative to the line of sight.
     place : (B, 2) array
-        Array x / z and y / z, in half fields of view.
+        Normalised coordinates x / z and y / z, in half fields of view.
     log_range : (B,) array
         Logarithms of the range [m].
     """
@@ -104,11 +104,13 @@ class TrainingSet:
     Parameters
     ----------
     target : tuple of str
-        Name and hash of the craft.
+        Name and hash of the target.
     camera : CameraIntrinsics
         Camera of the data set.
-    learned, held_out : LabelledPictures
-        Images for training, and held-out images.
+    learned : LabelledPictures
+        Images for training.
+    held_out : LabelledPictures
+        Held-out images.
     held_out_frames : tuple of int
         Numbers of the held-out frames.
     """
@@ -123,21 +125,21 @@ class TrainingSet:
 def read_training_set(
     folder: Path, width_px: int, progress: Callable[[int, int], None] = lambda _done, _of: None
 ) -> TrainingSet:
-    """Read a data set's feasible frames, and hold out every tenth of its frames.
+    """Read a data set's feasible frames, and hold out every tenth frame.
 
     Parameters
     ----------
     folder : Path
-        The data set.
+        Data set.
     width_px : int
-        Width of the network's pictures.
+        Width of the network's input images.
     progress : callable
-        Receives the number of frames read, and of all.
+        Called with the number of frames read, and the total.
 
     Raises
     ------
     UserError
-        If the folder is no data set, or too few frames show the target.
+        If the folder is not a data set, or too few frames show the target.
     """
     card = read_card(folder)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
@@ -159,8 +161,8 @@ def read_training_set(
     held = np.array([k % HELD_OUT == HELD_OUT - 1 for k in frames], bool)
     if held.sum() < 2 or len(frames) - held.sum() < LEAST_PICTURES:
         raise UserError(
-            f"data set {folder} has {len(frames)} feasible frames, and training needs {LEAST_PICTURES} besides two of "
-            f"every {HELD_OUT}th, which are held out; capture more"
+            f"data set {folder} has {len(frames)} feasible frames, but training needs {LEAST_PICTURES} and two of "
+            f"every {HELD_OUT}th frame, which are held out: capture more"
         )
     whole = LabelledPictures(small, np.stack(signals), np.array(q, float), np.array(t, float))
     return TrainingSet(

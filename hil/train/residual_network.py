@@ -1,4 +1,4 @@
-"""The residual pose network in PyTorch, for training; a board evaluates it in NumPy with the exported weights."""
+"""Residual pose network in PyTorch, for training; a board evaluates the exported weights in NumPy."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ if TYPE_CHECKING:
     from flyaround.hil.board.net.residual_network import Architecture
     from flyaround.simulator.runtime.arrays import Float32Array
 
-# Added to the variance in batch normalisation, against division by zero.
+# Constant added to the variance in batch normalisation, against division by zero.
 EPSILON = 1e-4
 
 
 class ResidualNetwork(nn.Module):  # type: ignore[misc]
-    """Residual network that regresses the position and classifies the attitude of a craft in an image.
+    """Residual network that regresses the position and classifies the attitude of a target in an image.
 
     Parameters
     ----------
     architecture : Architecture
         Layer sizes and strides.
-    width_px, height_px : int
-        Size of the input images.
+    width_px : int
+        Width of the input images.
+    height_px : int
+        Height of the input images.
     classes : int
         Number K of attitude classes.
 
@@ -50,7 +52,7 @@ class ResidualNetwork(nn.Module):  # type: ignore[misc]
                 nn.init.normal_(layer.weight, std=np.sqrt(0.01 / inputs))
                 nn.init.zeros_(layer.bias)
                 continue
-            # with a momentum of 1 the running statistics are those of the last batch: training averages them itself
+            # with a momentum of 1 the running statistics are those of the last batch: the training averages them itself
             if len(shape) == 2:
                 layer = nn.Linear(inputs, outputs, bias=False)
                 norm: nn.Module = nn.BatchNorm1d(outputs, EPSILON, momentum=1.0)

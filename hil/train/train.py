@@ -1,4 +1,4 @@
-"""Training of a network on a data set, and its errors on the frames that were held out."""
+"""Training of a pose network on a data set, and its errors on held-out frames."""
 
 from __future__ import annotations
 
@@ -39,39 +39,49 @@ if TYPE_CHECKING:
 
     Report = Callable[[float, str], None]
 
-# Samples of one step.
+# Batch size.
 BATCH = 32
 
-# Width of the wanted likelihood [steps from one class to the next].
+# Standard deviation of the soft attitude labels [class spacings].
 WIDTH_STEPS = 0.65
 
-# Error of the place from which it counts linearly [halves of the view, units of log range], and its weight.
+# Threshold of the Huber loss of the position [half fields of view, units of log range], and its weight.
 PLACE_LINEAR_FROM, PLACE_WEIGHT = 0.05, 0.5
 
-# Least error that a network's sheet states.
+# Least held-out error stored with a network.
 LEAST_ERROR = 1e-4
 
 RATE, DECAY, LARGEST_GRADIENT = 2e-3, 1e-2, 5.0
 
-# Steps in which the rate rises; share of the weights' running mean that each step keeps; reports of a training.
+# Warm-up steps; decay of the exponential moving average of the weights, per step; number of progress reports.
 WARM_UP, KEEP, REPORTS = 200, 0.998, 10
 
 
 class TrainingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Errors of a network, run as a board runs it, on the frames of its data set that were held out.
+    """Errors of a trained network, evaluated as on a board, on the held-out frames of its data set.
 
     Parameters
     ----------
-    network, target : str
-        Name of its file, and the craft.
-    n_learned, n_held_out : int
-        Numbers of frames.
-    mean_E_T_m, median_E_T_m, mean_E_R_deg, median_E_R_deg : float
-        Errors over all held-out frames.
+    network : str
+        Name of the network's file.
+    target : str
+        Name of the target.
+    n_learned : int
+        Number of training frames.
+    n_held_out : int
+        Number of held-out frames.
+    mean_E_T_m : float
+        Mean position error over all held-out frames.
+    median_E_T_m : float
+        Median position error.
+    mean_E_R_deg : float
+        Mean attitude error.
+    median_E_R_deg : float
+        Median attitude error.
     accepted : float
-        Share of the held-out frames that it accepts.
+        Share of the held-out frames that are accepted.
     mean_predictor : MeanPredictor
-        Errors of one pose for all frames, the mean of the true ones.
+        Errors of the mean pose as the answer to every frame.
     """
 
     network: str
@@ -100,48 +110,48 @@ def train_network(
     report: Report = lambda _done, _text: None,
     progress: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> TrainingReport:
-    """Train on a data set, judge the network on the frames that were held out, and write its file.
+    """Train a pose network on a data set, evaluate it on held-out frames, and write its file.
 
     Parameters
     ----------
     folder : Path
-        The data set.
+        Data set.
     output : Path
-        The file, ``.npz``.
+        File to write, ``.npz``.
     architecture : str
         One of ``ARCHITECTURES``.
     width_px : int
-        Width of the network's pictures.
+        Width of the network's input images.
     classes : int
-        Attitudes that it tells apart.
+        Number of attitude classes.
     budget : Budget, optional
-        How long to train; default: six minutes.
+        Budget of the training; by default six minutes.
     seed : int
-        Seed of the first weights and the samples.
+        Seed of initial weights and samples.
     device : str
-        Device, as PyTorch calls it.
+        PyTorch device.
     threads : int
-        Threads of the processor.
+        Number of processor threads.
     report : callable
-        Receives the share done and a line of text.
+        Called with the completed share and a line of text.
     progress : callable
-        Receives the number of pictures read, and of all.
+        Called with the number of images read, and the total.
 
     Raises
     ------
     UserError
-        If the folder is no data set, has too few frames or pictures of an unusable shape, the training diverges, or the
+        If the folder is not a data set, has too few frames or images of an unusable size, the training diverges, or the
         file cannot be written.
     """
     if not torch.cuda.is_available() and device.startswith("cuda"):
-        raise UserError(f"--device {device}: PyTorch finds no such device here; leave it out")
+        raise UserError(f"--device {device}: PyTorch finds no such device here: leave it out")
     torch.set_num_threads(threads)
     data = read_training_set(folder, width_px, progress)
     camera = data.learned.camera
     if not SIDE_PX[0] <= camera.height_px <= SIDE_PX[1]:
         raise UserError(
-            f"a network takes pictures of {SIDE_PX[0]} to {SIDE_PX[1]} px each way, and these have {width_px} x "
-            f"{camera.height_px}; choose another --width"
+            f"a network takes pictures with sides of {SIDE_PX[0]} to {SIDE_PX[1]} px, these have {width_px} x "
+            f"{camera.height_px}: choose another --width"
         )
     log_range = np.log(np.linalg.norm(data.learned.t_m, axis=1))
     scale = float(log_range.mean()), max(float(log_range.std()), 1e-2)
@@ -149,7 +159,7 @@ def train_network(
     weights = training.run(budget or Budget(), report)
     if not all(np.isfinite(w).all() for w in weights.values()):
         raise UserError(
-            "the training diverged: weights are not finite; choose another --seed, or capture more"
+            "the training diverged: weights are not finite: choose another --seed, or capture more"
         )
     file = NetworkFile(
         name=output.name,
@@ -182,22 +192,22 @@ def train_network(
 
 
 class PoseTraining:
-    """Training of one network: AdamW, a falling rate, and the running mean of the weights.
+    """Training of one network: AdamW, a learning-rate schedule, and the moving average of the weights.
 
     Parameters
     ----------
     architecture : Architecture
-        Sizes of the network.
+        Layer sizes of the network.
     pictures : LabelledPictures
-        Pictures to learn from.
+        Training images.
     classes : int
-        Attitudes that the network tells apart.
+        Number of attitude classes.
     scale : tuple of float
         Mean and scale of the logarithm of the range.
     seed : int
-        Seed of the first weights and the samples.
+        Seed of initial weights and samples.
     device : str
-        Device, as PyTorch calls it.
+        PyTorch device.
 
     References
     ----------
@@ -223,14 +233,14 @@ class PoseTraining:
         self.network = ResidualNetwork(architecture, camera.width_px, camera.height_px, classes).to(device)
 
     def run(self, budget: Budget, report: Report) -> dict[str, Float32Array]:
-        """Train, and return the weights that a board runs.
+        """Train, and return the weights for the board.
 
         Parameters
         ----------
         budget : Budget
-            How long to train.
+            Budget of the training.
         report : callable
-            Receives the share done and a line of text, ten times in all.
+            Called ten times with the completed share and a line of text.
         """
         parameters = list(self.network.parameters())
         adam = torch.optim.AdamW(
@@ -257,7 +267,7 @@ class PoseTraining:
                 (attitude + PLACE_WEIGHT * place).backward()
                 torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
                 adam.step()
-                # early steps count for little in the mean
+                # give early steps little weight in the average
                 keep = min(KEEP, count / (count + 20)) if count > 1 else 0.0
                 with torch.no_grad():
                     for m, w in zip(
@@ -276,7 +286,7 @@ class PoseTraining:
         return sample(self._pictures, self._rng, BATCH)
 
     def _losses(self, batch: Samples) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the losses of the attitudes and of the places of a batch."""
+        """Return the attitude and position losses of a batch."""
         place, logits = self.network(torch.from_numpy(batch.pictures).to(self._device))
         target = _soft_classes(batch.q_wxyz, self._grid, self._width_rad).to(self._device)
         mean, spread = self._scale
@@ -287,14 +297,14 @@ class PoseTraining:
 
 
 def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:
-    """Return (B, N) probabilities of attitude classes (N, 4), Gaussian in the angle to the true attitudes (B, 4)."""
+    """Return probabilities (B, N) of attitude classes (N, 4), Gaussian in the angle to the true attitudes (B, 4)."""
     angle = 2 * np.arccos(np.minimum(np.abs(q_wxyz.astype(np.float32) @ grid.T.astype(np.float32)), 1.0))
     density = np.exp(-0.5 * (angle / np.float32(width_rad)) ** 2) + np.float32(1e-9)
     return torch.from_numpy(density / density.sum(axis=1, keepdims=True))
 
 
 def _judged(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameScore]:
-    """Return the scores of the estimator itself on the held-out frames."""
+    """Return the estimator's scores on the held-out frames."""
     estimator = NetworkEstimator(file, board_model(load_target(data.target[0])), data.camera)
     records = []
     for k, q, t in zip(data.held_out_frames, data.held_out.q_wxyz, data.held_out.t_m, strict=True):
@@ -313,7 +323,7 @@ def _judged(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameSco
 
 
 def _errors(records: list[FrameScore]) -> HeldOutErrors:
-    """Return the RMS errors, the largest twentieth left out."""
+    """Return the RMS errors without the largest twentieth."""
     turns = np.array([r.turn_camera_deg for r in records])
     shifts = np.array([r.shift_camera_m for r in records]) / np.array([r.range_m for r in records])[:, None]
 

@@ -1,4 +1,4 @@
-"""Steps of the keypoint network's training: AdamW, a rate that falls to zero, and the running mean of the weights.
+"""Training loop components of the keypoint network: loss, AdamW, learning-rate schedule, weight averaging.
 
 References
 ----------
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
     from flyaround.hil.train.keypoints.samples import Batch
 
-# Width of the wanted distribution of a keypoint [bins], and the weights of presence and size against it.
+# Standard deviation of a keypoint's target distribution [bins], and the weights of the presence and size losses.
 WIDTH_BINS, PRESENCE, SIZE = 1.6, 0.3, 1.0
 
-# Largest rate, its weight decay, steps in which it rises, and the largest gradient.
+# Peak learning rate, weight decay, warm-up steps, and largest gradient norm.
 RATE, DECAY, WARM_UP, LARGEST_GRADIENT = 2e-3, 0.02, 300, 5.0
 
-# Share of the running mean of the weights that each step keeps.
+# Decay of the exponential moving average of the weights, per step.
 KEEP = 0.998
 
 
 def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
-    """Return (B, K, 2, BINS) distributions to learn, and (B, K, 2) 1 where the keypoint is within reach.
+    """Return the target distributions (B, K, 2, BINS), and a mask (B, K, 2) that is 1 for keypoints within the bins.
 
     Parameters
     ----------
-    points : Tensor
-        (B, K, 2) tensor Keypoints from the middle of the input [half sides].
+    points : (B, K, 2) tensor
+        Keypoints relative to the centre of the input [half sides].
     """
     centres = (torch.arange(BINS) + 0.5) * STEP - REACH
     off = (points[..., None] - centres) / (WIDTH_BINS * STEP)
@@ -46,14 +46,14 @@ def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def loss(outputs: tuple[Tensor, Tensor], batch: Batch) -> tuple[Tensor, Tensor]:
-    """Return the cross-entropy of the keypoints of the craft that are there, and the whole loss.
+    """Return the cross-entropy of the keypoints of visible targets, and the total loss.
 
     Parameters
     ----------
     outputs : tuple of Tensor
-        Pair of tensors Of a `Head`.
+        Outputs of a `Head`.
     batch : Batch
-        The truth.
+        Ground truth.
     """
     logits, whole = (x.float() for x in outputs)
     present, size = torch.from_numpy(batch.present), torch.from_numpy(batch.log_size)

@@ -1,4 +1,4 @@
-"""Training of the keypoint head of a craft on the features of the shipped trunk, from rendered views."""
+"""Training of a target's keypoint head on the features of the shipped trunk, from rendered views."""
 
 from __future__ import annotations
 
@@ -57,17 +57,19 @@ class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
     network : str
         Name of the head's file.
     target : str
-        Name of the craft.
-    views, steps : int
-        Number of rendered views, and of training steps.
+        Name of the target.
+    views : int
+        Number of rendered views.
+    steps : int
+        Number of training steps.
     median_px : float
         Median error of a keypoint, in pixels of the network's 128 x 128 input.
     within_10_px : float
         Share of keypoints with an error below 10 px.
     present : float
-        Share of the views with a craft in which the head detects it.
+        Share of the views with a target in which the head detects it.
     symmetries : int
-        Number of rotations under which the craft looks nearly the same. Keypoints are determined only up to these.
+        Number of rotations under which the target looks nearly the same. Keypoints are determined only up to these.
     """
 
     network: str
@@ -90,10 +92,10 @@ def train_head(
     workers: int = 1,
     report: Report = lambda _done, _text: None,
 ) -> HeadReport:
-    """Train the head of a craft and write its file.
+    """Train the keypoint head of a target, and write its file.
 
-    Until the file is written, rendered views and checkpoints are kept in a folder of its name with ``.partial`` added.
-    An interrupted training resumes from there if it is called again with the same arguments.
+    Rendered views and checkpoints are kept in a folder of the file's name plus ``.partial`` until the file is written.
+    An interrupted training resumes from there if called again with the same arguments.
 
     Parameters
     ----------
@@ -104,25 +106,25 @@ def train_head(
     views : int
         Number of views to render.
     budget : Budget
-        Limit on the time or steps of the training, without rendering.
+        Limit on the time or steps of the training, excluding rendering.
     seed : int
         Seed of views, samples and initial weights.
     workers : int
-        Number of processes that render, and of threads that make samples.
+        Number of render processes, and of threads that make samples.
     report : callable
         Called with the completed share and a line of text.
 
     Raises
     ------
     UserError
-        If the craft has too few distinct keypoints or too many triangles, the disk is full, or the interrupted training
+        If the target has too few distinct keypoints or too many triangles, the disk is full, or an interrupted training
         is damaged or has other views.
     """
     target = load_target(name)
     model = board_model(target)
     if model.faces is None:
         raise UserError(
-            f"target {name!r} has too many triangles for a board to draw, so hybrid would use no network; add its "
+            f"target {name!r} has too many triangles for a board to render, so hybrid would not use a network; add its "
             "mesh again with --decimate 9000"
         )
     points_m = keypoints_m(model)
@@ -130,7 +132,7 @@ def train_head(
     _check_keypoints(target, points)
     partial = output.with_name(f"{output.name}.partial")
     drawing = Drawing(partial / "views", (name,), views, seed)
-    draw_all(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views drawn"))
+    draw_all(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views rendered"))
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     trunk = from_onnx(trunk_bytes()).requires_grad_(requires_grad=False)
@@ -154,7 +156,7 @@ def train_head(
 
 
 def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
-    """Load the rendered views of a craft, whose keypoints are ``points`` (K, 3) [radii]."""
+    """Load the rendered views of a target, whose keypoints are ``points`` (K, 3) [radii]."""
 
     def part(name: str) -> NDArray[Any]:
         return np.asarray(np.load(drawing.folder / f"{name}.npy", mmap_mode="r"))
@@ -179,7 +181,7 @@ def _of_file(key: str) -> str:
 
 
 def _check_keypoints(target: Target, points: FloatArray) -> None:
-    """Raise if the keypoints of a craft do not determine its pose.
+    """Raise unless the keypoints of a target determine its pose.
 
     Raises
     ------
@@ -194,7 +196,7 @@ def _check_keypoints(target: Target, points: FloatArray) -> None:
     if len(distinct) < LEAST_DISTINCT or spread[1] < DISTINCT_RADII:
         raise UserError(
             f"target {target.name!r} has {len(distinct)} distinct keypoints; training needs {LEAST_DISTINCT} that are "
-            "not on a line; add keypoints or edges to its file"
+            "not collinear: add keypoints or edges to its file"
         )
 
 
@@ -230,7 +232,7 @@ class _HeadTraining:
         return self._steps
 
     def judged(self) -> tuple[float, float, float]:
-        """Return the median keypoint error [px], the share below 10 px, and the share of craft detected."""
+        """Return the median keypoint error [px], the share below 10 px, and the share of targets detected."""
         self._head.load_state_dict(self.mean)
         rng = np.random.default_rng([self._seed, 2])
         centres = ((torch.arange(BINS) + 0.5) * STEP - REACH).numpy()
@@ -249,7 +251,7 @@ class _HeadTraining:
         return float(np.median(off)), float((off < 10).mean()), float(np.concatenate(noticed).mean())
 
     def _batch(self, step: int) -> Batch:
-        """Return the batch of a step, which depends on the seed and the step alone."""
+        """Return the batch of a step, which depends only on the seed and the step."""
         rng = np.random.default_rng([self._seed, 1, step])
         which = rng.integers(self._kept_back, len(self._views.lit), BATCH)
         return sample(self._views, self._earths, which, rng)
@@ -303,4 +305,4 @@ class _HeadTraining:
             EOFError,
             pickle.UnpicklingError,
         ) as error:
-            raise UserError(f"{path} is no state of a stopped training; remove it to begin again") from error
+            raise UserError(f"{path} is not a checkpoint of a training: remove it to start again") from error

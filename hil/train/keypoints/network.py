@@ -1,7 +1,7 @@
-"""The keypoint network in PyTorch: a trunk shared by all craft, and a head for each craft.
+"""Keypoint network in PyTorch: a trunk shared by all targets, and a head for each target.
 
-For every keypoint a head gives a distribution over the columns of the input and one over its rows. It also gives the
-logit that a craft is present.
+For every keypoint, a head returns a distribution over the columns and one over the rows of the input. It also returns
+the logit of the target's presence.
 
 References
 ----------
@@ -21,7 +21,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, KE
 if TYPE_CHECKING:
     from torch import Tensor
 
-# Channels of the stages at a quarter, an eighth and a sixteenth of the input, and residual blocks of each.
+# Channels of the stages at 1/4, 1/8 and 1/16 of the input resolution, and residual blocks in each.
 CHANNELS, BLOCKS = (64, 128, 192), (2, 2, 3)
 
 
@@ -43,7 +43,7 @@ class _Residual(nn.Module):  # type: ignore[misc]
 
 
 class Trunk(nn.Module):  # type: ignore[misc]
-    """Feature extractor, shared by all craft: (B, 2, 128, 128) inputs to (B, 192, 8, 8) features."""
+    """Feature extractor shared by all targets: inputs (B, 2, 128, 128) to features (B, 192, 8, 8)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -61,12 +61,12 @@ class Trunk(nn.Module):  # type: ignore[misc]
         self.body = nn.Sequential(*layers)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the features."""
+        """Return the features (B, 192, 8, 8)."""
         return self.body(x)
 
 
 class Head(nn.Module):  # type: ignore[misc]
-    """Output layers of one craft: (B, K, 2, BINS) logits of keypoints, and (B, 2) logit of presence and log size."""
+    """Output layers of one target: keypoint logits (B, K, 2, BINS), and presence logit and log size (B, 2)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -77,7 +77,7 @@ class Head(nn.Module):  # type: ignore[misc]
         self.whole = nn.Linear(width, 2)
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the logits."""
+        """Return the keypoint logits, and the presence logit and log size."""
         maps = torch.relu(self.maps(features)).reshape(-1, KEYPOINTS, MAPS * CELLS * CELLS)
         logits = self.bins(torch.relu(self.hidden(maps))).reshape(-1, KEYPOINTS, 2, BINS)
         return logits, self.whole(features.mean(dim=(2, 3)))

@@ -1,9 +1,9 @@
-"""Training samples: views in a random light, on a background, turned, moved, exposed and made noisy by chance.
+"""Training samples of the keypoint network: views with random light, background, crop, exposure and noise.
 
-Two kinds of sample. *Orbit*: the Sun and a little of all other lights, in front of the Earth or of nothing.
-*Laboratory*: several lights of random strength; surfaces brighter or darker than their paint, some of them mirrors of a
-lamp; a fall-off across the craft; other textures, bars and cables that the model lacks; a shape a little bent; up to a
-half burnt out; glow, stray light, a black level; specks, occlusion, blur, JPEG and another tone curve (after Park &
+There are two kinds of samples. *Orbit*: sunlight and a little of all other lights, in front of the Earth or of space.
+*Laboratory*: several lights of random strength; surfaces brighter or darker than in the model, some of them specular; a
+fall-off across the target; textures, bars and cables that the model lacks; a slight deformation; up to half of the
+target saturated; glow, stray light, a black level; specks, occlusion, blur, JPEG and another tone curve (after Park &
 D'Amico 2024, Robust multi-task learning and online refinement for spacecraft pose estimation across domain gap).
 """
 
@@ -27,31 +27,31 @@ if TYPE_CHECKING:
 
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
-# Share of laboratory samples with the Earth behind; share of all without a craft.
+# Share of laboratory samples with the Earth in the background, and share of all samples without a target.
 LAB_EARTH_SHARE, EMPTY_SHARE = 0.4, 0.08
 
-# Logarithm of the craft's size over the right one, at most.
+# Range of the log size: logarithm of the target's size over the size that the crop assumes.
 SIZES = (-1.1, 0.7)
 
-# Pixels of the SPEED camera per pixel of an input, times range over radius.
+# Pixels of the SPEED camera per input pixel, times range over radius.
 REDUCED = 65.0
 
-# Width and height of a picture, in pixels of the SPEED camera.
+# Width and height of an image [px of the SPEED camera].
 FRAME_PX = (1920.0, 1200.0)
 
-# Logarithm of the exposure over the right one: standard deviation; largest of the share that is far off.
+# Log exposure error: standard deviation, and largest value of the outliers.
 EXPOSED, ASTRAY = 0.4, 2 * float(np.log(2.0))
 
-# Logarithm of the measured noise over the true one.
+# Range of the logarithm of the measured noise over the true one.
 MISMEASURED = (-0.1, 0.5)
 
-# Shares of laboratory samples with another texture, with bars and cables, bent, with stray light, occluded, by JPEG.
+# Shares of laboratory samples: with another texture, bars and cables, deformed, stray light, occluded, JPEG.
 TEXTURED, CABLED, BENT, STRAY, OCCLUDED, COMPRESSED = 0.3, 0.3, 0.3, 0.25, 0.2, 0.2
 
-# Standard deviation of the bend [px], and the length over which it varies [px].
+# Standard deviation of the deformation [px], and its correlation length [px].
 BENT_PX, BENT_OVER_PX = 1.2, 20.0
 
-# Brightest signal that is kept [full scale].
+# Largest signal that is kept [full scale].
 MOST = 12.0
 
 _Y, _X = (np.mgrid[:VIEW_PX, :VIEW_PX] / (0.5 * VIEW_PX) - 1.0).astype(np.float32)
@@ -60,17 +60,22 @@ _V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.flo
 
 @dataclass(frozen=True)
 class Mix:
-    """Chances of a sample.
+    """Distribution of the training samples.
 
     Parameters
     ----------
     off : tuple of (float, float)
-        Standard deviations of a crop's shift [half sides] and logarithm of its size, at the first look and later.
+        Standard deviations of a crop's shift [half sides] and log size, for the first and later passes.
     off_share : tuple of float
-        Shares of these looks.
-    orbit, earth, astray : float
-        Share of samples in orbit; of these, with the Earth behind and far off the right exposure.
+        Shares of samples from each of these passes.
+    orbit : float
+        Share of orbit samples.
+    earth : float
+        Share of orbit samples with the Earth in the background.
+    astray : float
+        Share of orbit samples with a grossly wrong exposure.
     noise : tuple of float, optional
+        Range of the noise per pixel [full scale].
         (float, float) Bounds of the noise of one pixel [full scale].
     """
 
@@ -82,32 +87,32 @@ class Mix:
     noise: tuple[float, float] = (0.002, 0.075)
 
 
-# All that a network must bear, and what it learns first: from random weights it learns attitudes much sooner so
-# (docs/lab/2026-11-keypoint-network.md).
+# Full range of conditions, and an easier curriculum for the start: from random weights, attitudes are then learned much
+# sooner (docs/lab/2026-11-keypoint-network.md).
 HARD = Mix()
 EASY = Mix(((0.1, 0.15), (0.06, 0.1), (0.03, 0.05)), (0.2, 0.3, 0.5), 0.75, 0.25, 0.1, (0.002, 0.02))
 
 
 @dataclass(frozen=True, eq=False)
 class LitViews:
-    """Views of one craft, stacked.
+    """Stacked views of one target.
 
     Parameters
     ----------
     lit : ByteArray
-        Arrays (N, ...) As of ``View``.
+        See ``View``.
     scale : Float32Array
-        Arrays (N, ...) As of ``View``.
+        See ``View``.
     cover : ByteArray
-        Arrays (N, ...) As of ``View``.
+        See ``View``.
     label : ByteArray
-        Arrays (N, ...) As of ``View``.
+        See ``View``.
     q_wxyz : (N, 4) array
-        Attitudes.
+        Attitude quaternions, camera from target.
     range_in_radii : (N,) array
-        Ranges.
+        Ranges [radii of the bounding sphere].
     keypoints : (K, 3) array
-        Keypoints from the sphere's centre over its radius, target frame.
+        Keypoints relative to the sphere's centre, target frame [radii].
     """
 
     lit: ByteArray
@@ -121,18 +126,18 @@ class LitViews:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Network inputs with their truth.
+    """Network inputs with their ground truth.
 
     Parameters
     ----------
     inputs : (B, 2, S, S) array
-        Float16.
+        Inputs, float16.
     points : (B, K, 2) array
-        Keypoints from the middle of the input [half sides].
+        Keypoints relative to the centre of the input [half sides].
     present : (B,) array
-        1 where there is a craft.
+        1 if a target is present, else 0.
     log_size : (B,) array
-        Logarithm of its size over that of a crop that it fills as it should.
+        Logarithm of the target's size over the size that the crop assumes.
     """
 
     inputs: NDArray[np.float16]
@@ -142,7 +147,7 @@ class Batch:
 
 
 def halved(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
-    """Return backgrounds and the same at halves of the size."""
+    """Return an image pyramid of the backgrounds: each level has half the size of the previous one."""
     out = [np.asarray(earths, np.float32)]
     for _ in range(levels - 1):
         n, h, w = out[-1].shape
@@ -153,20 +158,20 @@ def halved(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
 def sample(
     views: LitViews, earths: Sequence[Float32Array], which: NDArray[Any], rng: Generator, mix: Mix = HARD
 ) -> Batch:
-    """Return a batch of one sample of each of these views.
+    """Return a batch with one sample of each of the given views.
 
     Parameters
     ----------
     views : LitViews
-        Of one craft.
+        Views of one target.
     earths : sequence of (M, h, w) array
-        Backgrounds and the same at halves of the size.
+        Image pyramid of the backgrounds.
     which : (B,) array
-        Numbers of the views.
+        Indices of the views.
     rng : Generator
-        Source of chance.
+        Random generator.
     mix : Mix
-        Chances of a sample.
+        Distribution of the samples.
     """
     size = len(which)
     off = np.array(mix.off)[rng.choice(len(mix.off), size, p=mix.off_share)]
@@ -204,7 +209,7 @@ def sample(
 
 
 def _seen_at(views: LitViews, k: int) -> FloatArray:
-    """Return (K, 2) pixels of the keypoints in a view."""
+    """Return the pixels (K, 2) of the keypoints in a view."""
     p = views.keypoints @ matrix_from_quat(views.q_wxyz[k]).T
     away = views.range_in_radii[k]
     f = float(focal_length_px(away))
@@ -212,7 +217,7 @@ def _seen_at(views: LitViews, k: int) -> FloatArray:
 
 
 def _affine(turn: float, box: FloatArray) -> FloatArray:
-    """Return (2, 3) from a view's pixels to the input's."""
+    """Return the affine map (2, 3) from a view's pixels to the input's."""
     scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (FILLED * VIEW_PX)
     c, s = scale * np.cos(turn), scale * np.sin(turn)
     middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
@@ -231,7 +236,7 @@ def _warped(
 
 
 def _mixed(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
-    """Return the signal of the craft in a mixture of its lights."""
+    """Return the target's signal under a mixture of its lights."""
     out = np.zeros((VIEW_PX, VIEW_PX), np.float32)
     for j in np.flatnonzero(weights):
         root = views.lit[k, j].astype(np.float32)
@@ -242,7 +247,7 @@ def _mixed(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
 
 
 def _in_orbit(views: LitViews, k: int, rng: Generator) -> Float32Array:
-    """Return the craft in the light of the Sun, and a little of what the Earth gives back."""
+    """Return the target in sunlight with some Earthshine."""
     lights = views.lit.shape[1]
     weights = np.full(lights, rng.uniform(0.0, 0.02))
     weights[rng.integers(min(lights, SUNS))] = 1.0
@@ -250,13 +255,13 @@ def _in_orbit(views: LitViews, k: int, rng: Generator) -> Float32Array:
 
 
 def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
-    """Return the craft by several lamps, its surfaces other than in the model, a random share burnt out."""
+    """Return the target under several lamps, with other surfaces than in the model, a random share saturated."""
     lights = views.lit.shape[1]
     weights = np.exp(rng.normal(0, 1.5, lights)) * (rng.random(lights) < rng.choice([0.3, 0.6, 1.0]))
     if not weights.any():
         weights[rng.integers(lights)] = 1.0
     signal = _mixed(views, k, weights)
-    # another paint, and mirrors of a lamp; each surface with a fall-off of its own
+    # other surface brightnesses and specular reflections of a lamp; each surface with its own fall-off
     spread, tilt = rng.uniform(0.05, 0.7), rng.uniform(0.0, 1.2)
     log_gain = rng.normal(0, spread, LABELS)
     mirror = rng.random(LABELS) < 0.06
@@ -264,13 +269,13 @@ def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
     a, b = (rng.normal(0, tilt, LABELS).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2))
     label = views.label[k]
     field = log_gain.astype(np.float32)[label] + a[label] * _X + b[label] * _Y
-    # a floor of light: what is in shadow is not quite black, with all surfaces alike
+    # ambient light: shadows are not quite black, equal for all surfaces
     floor = np.float32(rng.choice([0.0, 0.01, 0.04]) * float(signal.max()))
     signal = (signal + floor * (label > 0)) * np.exp(np.clip(field, -3, 3))
     seen = signal[views.cover[k] > 128]
     if not len(seen):
         return signal
-    # a quantile of what is seen gets a level: from little light to half of the craft burnt out
+    # normalise a quantile of the visible surface to a random level: from little light to half of the target saturated
     level = float(np.exp(rng.normal(np.log(0.7), 0.7)))
     rank = int(rng.uniform(0.5, 0.995) * (len(seen) - 1))
     return signal * np.float32(level / max(float(np.partition(seen, rank)[rank]), 1e-4))
@@ -292,7 +297,7 @@ def _orbit_picture(
     if not present or rng.random() < mix.earth:
         earth = _window(earths, reduced / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
-    # below black and above white there is nothing: noise on black lifts its mean
+    # clipping at black and white: noise on black raises the mean
     lifted = np.float32(0.8 * noise)
     return np.minimum(0.5 * (picture + np.sqrt(picture * picture + lifted * lifted)), 1.0)
 
@@ -322,7 +327,7 @@ def _laboratory_picture(
     for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
         cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
     if rng.random() < OCCLUDED:
-        # something in front, as bright as anything
+        # an occluding object of any brightness
         x, y = rng.integers(INPUT_PX, size=2)
         w, h = rng.integers(8, 48, size=2)
         picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
@@ -340,12 +345,12 @@ def _laboratory_picture(
         a = rng.uniform(0, 2 * np.pi)
         ramp = np.clip(0.5 + 0.5 * (np.float32(np.cos(a)) * _U + np.float32(np.sin(a)) * _V), 0, 1)
         picture = picture + np.float32(rng.uniform(0.0, 0.2)) * ramp ** np.float32(rng.uniform(0.5, 4.0))
-    # a rest of a black level that was subtracted
+    # residual of a subtracted black level
     return np.minimum(picture + np.float32(max(rng.normal(0, 0.03), 0.0)), np.float32(1.0))
 
 
 def _compressed(picture: Float32Array, rng: Generator) -> Float32Array:
-    """Return the picture after JPEG."""
+    """Return the image after JPEG compression."""
     eight = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
     _, coded = cv2.imencode(".jpg", eight, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
     decoded = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE))
@@ -353,7 +358,7 @@ def _compressed(picture: Float32Array, rng: Generator) -> Float32Array:
 
 
 def _draw_cables(picture: Float32Array, rng: Generator) -> None:
-    """Draw bars and cables across the picture."""
+    """Draw bars and cables across the image."""
     top = max(float(picture.max()), 1e-3)
     for _ in range(int(rng.integers(1, 5))):
         middle = 0.5 * INPUT_PX + rng.normal(0, 0.2 * INPUT_PX, 2)
@@ -364,7 +369,7 @@ def _draw_cables(picture: Float32Array, rng: Generator) -> None:
 
 
 def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
-    """Return the picture with its places moved a little, those beside each other alike."""
+    """Return the image with a smooth random deformation."""
     coarse = INPUT_PX // 8
     at = np.mgrid[:INPUT_PX, :INPUT_PX][::-1].astype(np.float32)
     for k in range(2):
@@ -377,7 +382,7 @@ def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
 
 
 def _shadowed(signal: Float32Array, rng: Generator) -> Float32Array:
-    """Return the signal, now and then with a straight shadow over a part."""
+    """Return the signal, sometimes with a straight shadow edge over a part of it."""
     if rng.random() > 0.08:
         return signal
     angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-0.25, 0.25)
@@ -386,7 +391,7 @@ def _shadowed(signal: Float32Array, rng: Generator) -> Float32Array:
 
 
 def _window(earths: Sequence[Float32Array], reduced: float, rng: Generator) -> Float32Array:
-    """Return a random part of a background, ``reduced`` of its pixels per pixel, turned by quarters."""
+    """Return a random window of a background, downscaled by ``reduced`` and rotated by a multiple of 90 deg."""
     level = int(np.clip(np.log2(max(reduced, 1.0)), 0, len(earths) - 1))
     earth = earths[level][int(rng.integers(len(earths[level])))]
     h, w = earth.shape
@@ -399,9 +404,9 @@ def _window(earths: Sequence[Float32Array], reduced: float, rng: Generator) -> F
 
 
 def _framed(picture: Float32Array, reduced: float, box: FloatArray, rng: Generator) -> Float32Array:
-    """Return the picture with its edge continued where the crop reaches beyond the frame, as the board has it.
+    """Return the image with its border replicated where the crop extends beyond the frame, as on the board.
 
-    The craft's sphere is somewhere in the frame, or about its middle where it is larger.
+    The bounding sphere is placed randomly in the frame, or near its centre if it is larger.
     """
     at = []
     for size_px, shift in zip(FRAME_PX, box[:2], strict=True):

@@ -1,4 +1,4 @@
-"""The shipped trunk as PyTorch weights, normalisations folded in or restored; and a trained one as ONNX."""
+"""The shipped trunk as PyTorch weights with batch normalisation folded in or restored, and trained trunks as ONNX."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-# What OpenCV 4.6 reads.
+# ONNX operator set that OpenCV 4.6 reads.
 OPERATORS_VERSION = 11
 
 
 def folded(trunk: Trunk) -> Trunk:
-    """Return the trunk with every normalisation folded into the convolution before it."""
+    """Return the trunk with every batch normalisation folded into the preceding convolution."""
     trunk = trunk.eval()
     trunk.body = _folded(trunk.body)
     return trunk
 
 
 def to_onnx(trunk: Trunk) -> bytes:
-    """Return a folded trunk as ONNX, weights in half precision: OpenCV runs them in single precision."""
+    """Return a folded trunk as ONNX with half-precision weights, which OpenCV evaluates in single precision."""
     data = io.BytesIO()
     example = torch.zeros(1, 2, INPUT_PX, INPUT_PX).half()
     torch.onnx.export(
@@ -48,7 +48,7 @@ def to_onnx(trunk: Trunk) -> bytes:
 
 
 def from_onnx(data: bytes) -> Trunk:
-    """Return the folded trunk of a file that ``to_onnx`` wrote, in single precision."""
+    """Return the folded trunk of an ONNX file written by ``to_onnx``, in single precision."""
     trunk = folded(Trunk())
     weights = {
         w.name: torch.from_numpy(numpy_helper.to_array(w).copy()).float()
@@ -59,14 +59,14 @@ def from_onnx(data: bytes) -> Trunk:
 
 
 def unfolded(trunk: Trunk, inputs: Tensor) -> Trunk:
-    """Return a trunk to train further, whose outputs equal those of a folded one.
+    """Return a trainable trunk, with batch normalisation, whose outputs equal those of a folded one.
 
     Parameters
     ----------
     trunk : Trunk
-        Normalisations folded into its convolutions.
-    inputs : Tensor
-        (B, 2, S, S) tensor Samples; the normalisations begin with their statistics.
+        Folded trunk.
+    inputs : (B, 2, S, S) tensor
+        Samples, whose statistics initialise the batch normalisation.
     """
     out = Trunk().eval()
     with torch.no_grad():
@@ -75,7 +75,7 @@ def unfolded(trunk: Trunk, inputs: Tensor) -> Trunk:
 
 
 def _restore(folded_layers: Iterable[nn.Module], layers: list[nn.Module], x: Tensor) -> Tensor:
-    """Copy folded layers into layers with normalisations, and return their output."""
+    """Copy folded layers into layers with batch normalisation, and return their output."""
     sources = iter(folded_layers)
     for k, layer in enumerate(layers):
         if isinstance(layer, nn.BatchNorm2d):

@@ -1,4 +1,4 @@
-"""Views drawn by several processes into one folder of arrays, each chunk once: a killed run goes on where it was."""
+"""Views rendered by several processes into array files, chunk by chunk, so that an interrupted run can resume."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import Float32Array
     from flyaround.simulator.targets.model import Target
 
-# Views of a chunk, and backgrounds.
+# Number of views per chunk, and of backgrounds.
 CHUNK, EARTHS = 25, 80
 
 ARRAYS = {
@@ -37,18 +37,18 @@ ARRAYS = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A folder of views to draw.
+    """Specification of rendered views.
 
     Parameters
     ----------
     folder : Path
-        Of the arrays.
+        Folder of the arrays.
     paints : tuple of str
-        Targets of one shape.
+        Targets of the same shape with different surfaces.
     views : int
         Number of views.
     seed : int
-        Of poses and lights.
+        Seed of poses and lights.
     """
 
     folder: Path
@@ -58,21 +58,21 @@ class Drawing:
 
 
 def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None]) -> None:
-    """Draw what is not drawn yet.
+    """Render the missing chunks.
 
     Parameters
     ----------
     drawing : Drawing
-        What to draw.
+        Views to render.
     workers : int
         Number of processes.
     progress : callable
-        Given views drawn and in all.
+        Called with the number of finished views, and the total.
 
     Raises
     ------
     UserError
-        If the disk is full, a process is ended from outside, or the folder holds other views.
+        If the disk is full, a process is killed, or the folder holds other views.
     """
     try:
         _begin(drawing)
@@ -87,7 +87,7 @@ def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None
 
 
 def _begin(drawing: Drawing) -> None:
-    """Make the arrays, or check that those of a stopped run are of the same views."""
+    """Create the arrays, or check that those of an interrupted run belong to the same views."""
     plan = [
         list(drawing.paints),
         [load_target(name).sha256 for name in drawing.paints],
@@ -98,14 +98,14 @@ def _begin(drawing: Drawing) -> None:
     drawing.folder.mkdir(parents=True, exist_ok=True)
     if kept.is_file() and kept.read_bytes() != msgspec.json.encode(plan):
         raise UserError(
-            f"{drawing.folder} holds views of another target, number or seed; give the same again, or remove the folder"
+            f"{drawing.folder} holds views of another target, number or seed; use the same again, or remove the folder"
         )
     for name, (kind, shape) in ARRAYS.items():
         path = drawing.folder / f"{name}.npy"
         if not kept.is_file():
             np.lib.format.open_memmap(path, "w+", kind, (drawing.views, *shape)).flush()
             if hasattr(os, "posix_fallocate"):
-                # a write into a hole of a full disk would end the process by a signal
+                # preallocate: writing into a hole of a sparse file on a full disk would kill the process with a signal
                 with path.open("r+b") as file:
                     os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
     if not kept.is_file():
@@ -113,7 +113,7 @@ def _begin(drawing: Drawing) -> None:
 
 
 def earths_of(drawing: Drawing) -> Float32Array:
-    """Return the drawn backgrounds."""
+    """Return the rendered backgrounds."""
     return np.asarray(np.load(drawing.folder / "earths.npy"), np.float32)
 
 
@@ -121,7 +121,7 @@ def _mark(drawing: Drawing, chunk: int) -> Path:
     return drawing.folder / f"drawn-{chunk}"
 
 
-# What one process draws with, made at its start.
+# Renderer and targets of a render process, made at its start.
 _at_work: list[tuple[Drawing, Renderer, Sequence[Target]]] = []
 
 
@@ -130,7 +130,7 @@ def _start(drawing: Drawing) -> None:
 
 
 def _draw_chunk(chunk: int) -> int:
-    """Draw one chunk of views; of number -1, the backgrounds."""
+    """Render one chunk of views; number -1 stands for the backgrounds."""
     drawing, renderer, paints = _at_work[0]
     if chunk < 0:
         earths = draw_earths(renderer, paints[0], EARTHS, drawing.seed)

@@ -1,8 +1,8 @@
-"""Views of a craft for training: drawn once under several single lights, to be mixed as any light afterwards.
+"""Views of a target for training, rendered once under several single lights that are mixed later.
 
-Each view shows the whole craft in a narrow camera turned to its centre. It is drawn ``LIGHTS`` times: by the Sun from
-three directions, by two diffuse boxes and by a lamp, each as strong at the craft as the Sun. Light is additive, so any
-weighted sum of them is the craft in sunlight or in a laboratory.
+Each view shows the whole target in a narrow camera that points at its centre. It is rendered ``LIGHTS`` times: in
+sunlight from three directions, with two diffuse boxes and with a lamp, each as strong at the target as the Sun. Light
+is additive, so weighted sums represent sunlight as well as laboratory illumination.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from flyaround.simulator.scene.state import SceneState
     from flyaround.simulator.targets.model import Target
 
-# Side of a view [px], and share of it that the craft's bounding sphere fills.
+# Side of a view [px], and share of it that the bounding sphere fills.
 VIEW_PX, FILLED = 160, 0.97
 
-# Lights of a view, the first ``SUNS`` of them the Sun, and their largest angle from the camera's direction [rad].
+# Number of lights, the first ``SUNS`` of them the Sun, and their largest angle from the camera's direction [rad].
 LIGHTS, SUNS, FARTHEST_RAD = 6, 3, float(np.radians(125.0))
 
-# Area lights: side of a box and of a lamp's face, and distance from the craft [radii]; half angle of a lamp [deg].
+# Area lights: side of a box and of a lamp, and distance from the target [radii]; half angle of a lamp [deg].
 BOX_RADII, LAMP_RADII, AWAY_RADII, LAMP_DEG = (0.4, 2.3), (0.1, 0.33), (1.3, 5.2), (12.0, 40.0)
 
 SUN_M, SUN_W_M2 = 1.5e11, 1361.0
@@ -51,32 +51,32 @@ SUN_M, SUN_W_M2 = 1.5e11, 1361.0
 # Range of a view [radii of the bounding sphere].
 RANGE_RADII = (2.7, 25.0)
 
-# The scene without anything but the craft.
+# Environment with nothing but the target.
 CRAFT_ALONE = Environment(earth=False, stars=False, sun=False, moon=False, planets=False, sea_ice=False)
 
-# A background: the picture of the SPEED camera at a quarter of its size [px].
+# Size of a background: the SPEED camera's image at a quarter of its resolution [px].
 EARTH_PX = (480, 300)
 
-# Largest number of a surface label.
+# Largest surface label.
 LABELS = 256
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A craft seen from one place under each light alone.
+    """A target from one viewpoint, under each light separately.
 
     Parameters
     ----------
     lit : (LIGHTS, S, S) array
-        Square roots of the signals over the brightest one of each light, scaled to 255.
+        Square root of the signal relative to each light's largest one, scaled to 255.
     scale : (LIGHTS,) array
-        Brightest signal under each light [full scale].
+        Largest signal under each light [full scale].
     cover : (S, S) array
-        Share of the pixel that the craft covers, scaled to 255.
+        Share of the pixel covered by the target, scaled to 255.
     label : (S, S) array
-        Number of the surface, a part's side; 0 beside the craft.
+        Label of the surface, a side of a part; 0 outside the target.
     q_wxyz : (4,) array
-        Attitude of the target in the turned camera.
+        Attitude of the target relative to the view's camera.
     range_in_radii : float
         Distance of the sphere's centre over its radius.
     """
@@ -90,27 +90,27 @@ class View:
 
 
 def focal_length_px(range_in_radii: FloatArray | float, side_px: int = VIEW_PX) -> FloatArray:
-    """Return the focal length of a view's camera, by which the bounding sphere fills ``FILLED`` of the side [px]."""
+    """Return the focal length with which the bounding sphere fills ``FILLED`` of the view's side [px]."""
     return np.asarray(0.5 * FILLED * side_px * np.sqrt(np.asarray(range_in_radii) ** 2 - 1.0))
 
 
 def draw_views(
     renderer: Renderer, paints: Sequence[Target], n: int, seed: int, first: int = 0
 ) -> Iterator[View]:
-    """Draw views ``first`` to ``n`` of a craft, each a function of the seed and its number.
+    """Render views ``first`` to ``n - 1`` of a target, each a function of the seed and its index only.
 
     Parameters
     ----------
     renderer : Renderer
-        Draws them.
+        Renderer.
     paints : sequence of Target
-        Targets of one shape in different materials, drawn in turns.
+        Targets of the same shape with different surfaces, rendered in turn.
     n : int
-        Number of the last view, exclusive.
+        Index after the last view.
     seed : int
-        Of poses and lights.
+        Seed of poses and lights.
     first : int
-        Number of the first view.
+        Index of the first view.
     """
     model = board_model(paints[0])
     plans = [_plan(paint, n, seed, "eval-black") for paint in paints]
@@ -123,11 +123,11 @@ def draw_views(
 
 
 def draw_earths(renderer: Renderer, target: Target, n: int, seed: int) -> Float32Array:
-    """Return (n, 300, 480) signals of the Earth without the craft, as the recipe ``eval-earth`` shows it."""
+    """Return signals (n, 300, 480) of the Earth without the target, as in the recipe ``eval-earth``."""
     plan = _plan(target, n, seed, "eval-earth")
     out = np.zeros((n, EARTH_PX[1], EARTH_PX[0]), np.float32)
     for k in range(n):
-        # the craft is out of sight
+        # move the target out of sight
         scene = replace(plan.scene(k), sensor=sensor_preset("ideal"), t_camera_from_target_m=(0.0, 0.0, 1e6))
         out[k] = np.minimum(expose_scene(scene, integrate(renderer, scene, target).radiance), 8.0)
     return out
@@ -149,7 +149,7 @@ def _plan(target: Target, n: int, seed: int, name: str) -> RecipePlan:
 
 
 def _narrow(scene: SceneState, centre_m: FloatArray, radius_m: float, range_in_radii: float) -> SceneState:
-    """Return the scene in a camera on whose axis the craft's centre lies, filled by its sphere."""
+    """Return the scene in a camera that points at the target's centre and is filled by its bounding sphere."""
     f = float(focal_length_px(range_in_radii))
     middle = 0.5 * (VIEW_PX - 1)
     camera = Camera(width_px=VIEW_PX, height_px=VIEW_PX, fx_px=f, fy_px=f, cx_px=middle, cy_px=middle)
@@ -177,7 +177,7 @@ def _draw(
     scale = np.empty(LIGHTS, np.float32)
     seen = surfaces(renderer, scene, target, layers=True)
     if seen.parts is None or seen.normals is None:
-        raise RuntimeError("a label raster with layers has parts and normals")
+        raise RuntimeError("the label raster lacks parts or normals")
     there = np.isfinite(seen.depth_m)
     for j, direction in enumerate(_directions(rng)):
         lamp = j == LIGHTS - 1
@@ -186,7 +186,7 @@ def _draw(
             np.asarray(expose_scene(near, integrate(renderer, near, target).radiance), np.float32) * there
         )
         top = max(float(signal.max()), 1e-6)
-        # square roots: eight bits hold dark parts as well
+        # square roots, because eight bits must resolve dark parts as well
         lit[j], scale[j] = np.rint(255 * np.sqrt(np.maximum(signal / top, 0))), top
     label = _surface_labels(seen.parts, seen.normals) % LABELS
     q = np.asarray(quat_from_matrix(matrix_from_quat(scene.q_camera_from_target_wxyz)), float)
@@ -196,7 +196,7 @@ def _draw(
 
 
 def _by_sun(scene: SceneState, direction: FloatArray) -> SceneState:
-    """Return the scene by the Sun in a direction of the camera's frame, and no other light."""
+    """Return the scene lit only by the Sun from a direction in the camera frame."""
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     sun = np.asarray(scene.r_target_eci_m) + SUN_M * (R.T @ direction)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=1.0)
@@ -205,7 +205,7 @@ def _by_sun(scene: SceneState, direction: FloatArray) -> SceneState:
 def _by_lamp(
     scene: SceneState, direction: FloatArray, radius_m: float, rng: np.random.Generator, *, lamp: bool
 ) -> SceneState:
-    """Return the scene by an area light in a direction of the camera's frame from the craft, and no other light."""
+    """Return the scene lit only by an area light in a direction of the camera frame, seen from the target."""
     origin = np.asarray(scene.t_camera_from_target_m)
     away = radius_m * float(rng.uniform(*AWAY_RADII))
     width, height = radius_m * rng.uniform(*(LAMP_RADII if lamp else BOX_RADII), size=2)
@@ -222,7 +222,7 @@ def _by_lamp(
 
 
 def _directions(rng: np.random.Generator) -> FloatArray:
-    """Return (LIGHTS, 3) unit vectors towards the lights, camera axes, uniform within ``FARTHEST_RAD``."""
+    """Return unit vectors (LIGHTS, 3) towards the lights, camera axes, uniform within ``FARTHEST_RAD``."""
     cosine = rng.uniform(np.cos(FARTHEST_RAD), 1.0, LIGHTS)
     turn = rng.uniform(0, 2 * np.pi, LIGHTS)
     sine = np.sqrt(1 - cosine**2)
@@ -230,7 +230,7 @@ def _directions(rng: np.random.Generator) -> FloatArray:
 
 
 def _surface_labels(parts: NDArray[np.uint16], normals: NDArray[np.float16]) -> NDArray[np.uint16]:
-    """Return a number for each part's side: the part, and the direction that it faces in the camera's axes."""
+    """Return a label per side of a part, by its quantised normal in the camera's axes."""
     n = np.rint(1.5 * normals.astype(np.float32)).astype(np.int32)
     side = (n[..., 0] + 2) * 25 + (n[..., 1] + 2) * 5 + n[..., 2] + 2
     _, number = np.unique(parts.astype(np.int64) * 125 + side, return_inverse=True)
