@@ -71,7 +71,7 @@ def test_options_reach_the_agent_and_its_end_is_told_by_the_code(monkeypatch, ca
     assert "nobody listens" in capsys.readouterr().err
     for bad in (["--watchdog", "0"], ["--silence", "nan"], ["--timeout", "-1"], ["--window", "0"]):
         assert run(["hil", "board", "tcp://127.0.0.1:1", *bad]) == 2
-        assert f"{bad[0]} {bad[1]} cannot be" in " ".join(capsys.readouterr().err.split())
+        assert f"{bad[0]} {bad[1]} is invalid" in " ".join(capsys.readouterr().err.split())
 
 
 STUCK = f"""

@@ -31,9 +31,9 @@ def test_what_is_about_a_link_is_refused_where_a_camera_is_served(words, capsys)
     ("words", "sentence"),
     [
         (["--interface", "nothing0"], "no network interface 'nothing0'"),
-        (["--interface", "lo", "--allow", "example.org"], "is no IPv4 address"),
+        (["--interface", "lo", "--allow", "example.org"], "is not an IPv4 address"),
         (["--interface", "lo", "--log", "run1"], "give --answers"),
-        (["--interface", "lo", "--answers", "udp://127.0.0.1:9"], "is no TCP address"),
+        (["--interface", "lo", "--answers", "udp://127.0.0.1:9"], "is not a TCP address"),
         # whoever connects is answered there: from elsewhere with a key alone
         (["--interface", "lo", "--answers", "tcp://0.0.0.0:5602"], "give both sides a key"),
         (["--interface", "lo", "--xml", "none.xml"], "cannot be read"),

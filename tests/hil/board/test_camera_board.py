@@ -229,7 +229,7 @@ def test_a_stream_that_begins_among_other_packets_is_begun_anew(endpoint, camera
 
 
 def test_without_aravis_one_sentence(monkeypatch, capsys, camera_file):
-    monkeypatch.setattr(aravis, "NAMES", ("libaravis-none.so",))
+    monkeypatch.setattr(aravis, "LIBRARY_NAMES", ("libaravis-none.so",))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     aravis.load_aravis.cache_clear()
     try:
@@ -245,13 +245,13 @@ def test_without_aravis_one_sentence(monkeypatch, capsys, camera_file):
     ("arguments", "sentence"),
     [
         (["gige://", "--camera", "CAMERA"], "names no camera"),
-        (["gige://ADDRESS"], "does not tell its lens"),
+        (["gige://ADDRESS"], "does not report its intrinsics"),
         (["gige://ADDRESS", "--camera", "none.json"], "none.json cannot be used"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--roi", "1,2,3"], "not X,Y,WIDTH,HEIGHT"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--roi", "0,0,4000,10"], "refuses --roi"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--pixel-format", "Beige8"], "refuses --pixel-format"),
         (["gige://ADDRESS", "--camera", "CAMERA", "--exposure", "1e9"], "refuses --exposure"),
-        (["gige://ADDRESS", "--camera", "CAMERA", "--poses", "CAMERA"], "is there already"),
+        (["gige://ADDRESS", "--camera", "CAMERA", "--poses", "CAMERA"], "exists already"),
         (["tcp://127.0.0.1:9", "--gain", "3"], "--gain goes with a camera"),
     ],
 )

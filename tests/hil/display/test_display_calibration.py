@@ -86,7 +86,7 @@ def test_calibration_is_kept(calibration, tmp_path):
     write_calibration(calibration, tmp_path / "c.json")
     assert read_calibration(tmp_path / "c.json") == calibration
     (tmp_path / "bad.json").write_text("{}")
-    with pytest.raises(UserError, match="no calibration"):
+    with pytest.raises(UserError, match="not a calibration"):
         read_calibration(tmp_path / "bad.json")
 
 

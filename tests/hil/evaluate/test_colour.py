@@ -96,5 +96,5 @@ def test_what_cannot_be_estimated_is_said_in_a_sentence():
         fa.estimate(np.zeros((1200, 1920)), "speed", "tango")
     with pytest.raises(fa.UserError, match="unknown method 'svdd'"):
         fa.estimate(np.zeros((1200, 1920), np.uint8), "speed", "tango", method="svdd")
-    with pytest.raises(fa.UserError, match="is no unit vector: give three numbers of length 1"):
+    with pytest.raises(fa.UserError, match="is not a unit vector: give three numbers of length 1"):
         fa.estimate(np.zeros((1200, 1920), np.uint8), "speed", "tango", sun_camera=(0.0, 0.0, 2.0))

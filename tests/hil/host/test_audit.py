@@ -71,7 +71,7 @@ def test_a_row_that_is_changed_is_found(run):
     found = audit_pictures([*rows[:2], later, *rows[3:]], pictures_of(run / "kept"))
     assert not found.passed
     assert found.agree == N - 1
-    assert found.wrong == ["998.png says frame 2 and -0.001 ms beside the ledger's time of it"]
+    assert found.wrong == ["998.png says frame 2 and -0.001 ms from its time in the ledger"]
     # a frame that the ledger does not know, and one that nobody has a picture of
     pictures = {name: image for name, image in pictures_of(run / "kept") if name != "997.png"}
     found = audit_pictures(rows[1:], [*pictures.items(), ("again", pictures["999.png"])])
@@ -94,7 +94,7 @@ def test_a_camera_that_repeats_its_number_is_found(tmp_path):
     done = CliRunner().invoke(app, ["hil", "audit", str(tmp_path / "log"), str(tmp_path / "kept")])
     assert done.exit_code == 1
     assert "3 agree" in done.output
-    assert "beside the ledger's time of it" in done.output
+    assert "from its time in the ledger" in done.output
 
 
 def test_what_is_no_recording_is_one_sentence(run, tmp_path):

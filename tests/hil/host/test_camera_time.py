@@ -89,7 +89,7 @@ def test_frames_are_handed_over_a_constant_latency_after_their_exposure(tmp_path
         assert theirs.staleness_ms == pytest.approx(ours.staleness_ms)
     page = write_report(tmp_path / "log").read_text()
     assert 'alt="camera"' in page
-    assert "staleness when used" in page
+    assert "age when used" in page
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])

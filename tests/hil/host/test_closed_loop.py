@@ -86,8 +86,11 @@ def test_faults_of_the_line_delay_and_lose_poses_without_a_board(tmp_path):
         (("--pose", "noisy"), "needs --closed-loop"),
         (("--closed-loop", "--pose", "guess"), "--pose is 'guess', allowed: board, noisy, truth"),
         (("--closed-loop", "-n", "5"), "give --every instead of -n"),
-        (("--closed-loop", "--workers", "2"), "leave --workers out"),
-        (("--closed-loop", "--pose", "truth", "--every", "0.5"), "no multiple of the thrusters' period"),
+        (("--closed-loop", "--workers", "2"), "leave out --workers"),
+        (
+            ("--closed-loop", "--pose", "truth", "--every", "0.5"),
+            "not a multiple of the thrusters' control period",
+        ),
     ],
 )
 def test_mistakes_end_with_one_sentence(words, says):

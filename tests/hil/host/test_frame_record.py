@@ -54,7 +54,7 @@ def test_a_frame_that_was_dropped_has_the_times_that_it_came_to():
     [
         (answered(receive_s=10.25), "not in this order"),
         (answered(receive_s=10.0), "before it was sent"),
-        (answered(end_s=10.5), "after the answer came"),
+        (answered(end_s=10.5), "after the answer was received"),
     ],
 )
 def test_board_times_that_cannot_be_are_left_out(record, words):

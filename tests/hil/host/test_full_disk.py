@@ -39,7 +39,7 @@ def whole(summary, n):
 
 def goes_on(n, log, **options):
     """A run whose recorder fails: it comes to its end, and then to a sentence; that sentence."""
-    with pytest.raises(UserError, match="the run went on to its end, and its ledger is whole") as caught:
+    with pytest.raises(UserError, match="the run continued to its end, and its ledger is complete") as caught:
         Loop(board()).run(large_frames(n), log_dir=log, **options)
     summary = msgspec.json.decode((log / "summary.json").read_bytes(), type=LedgerSummary)
     assert whole(summary, n)
@@ -84,7 +84,7 @@ def test_the_live_view_outlives_the_file(small_disk, tmp_path, caplog):
         goes_on(20, tmp_path / "log", recorders=(recorder,), on_row=lambda _: heard.append(recorder.port))
     assert len(heard) == 20
     assert all(heard)
-    assert [record.getMessage().count("the live view goes on") for record in caplog.records] == [1, 0]
+    assert [record.getMessage().count("the live view continues") for record in caplog.records] == [1, 0]
 
 
 def test_space_packets_end_and_the_run_goes_on(small_disk, tmp_path, caplog):

@@ -49,12 +49,12 @@ def test_a_board_at_the_port_of_the_truth_is_sent_to_the_other_and_hears_no_trut
     loop = Loop(wrong_port_then_right_one)
     summary = loop.run(frames(2), truth="separate")
     assert summary.accepted == 2
-    assert f"gives ground truth to loggers: connect the board to {loop.url}" in sentences[0]
+    assert f"serves ground truth to loggers: connect the board to {loop.url}" in sentences[0]
 
 
 def test_an_old_ledger_is_not_overwritten(tmp_path):
     (tmp_path / "frames.csv").write_text("precious")
-    with pytest.raises(UserError, match="is there already: name another folder"):
+    with pytest.raises(UserError, match="exists already: name another folder"):
         Loop().run(frames(1), log_dir=tmp_path)
     assert (tmp_path / "frames.csv").read_text() == "precious"
     assert not (tmp_path / "run.json").exists()

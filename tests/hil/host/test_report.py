@@ -126,7 +126,7 @@ def test_summary_counts_percentiles_and_misses():
 
 
 def test_books_that_do_not_add_up_are_an_error():
-    with pytest.raises(AssertionError, match="does not add up"):
+    with pytest.raises(AssertionError, match="inconsistent ledger"):
         summarise([*ROWS, row(23, "lost somewhere")], **RUN)
 
 
@@ -179,7 +179,7 @@ def test_a_damaged_ledger_is_one_sentence(tmp_path, body, said):
     with (tmp_path / "frames.csv").open("ab") as file:
         file.write(body)
     with pytest.raises(
-        UserError, match=rf"frames\.csv.* is damaged \(.*{said}.*\): take a whole copy"
+        UserError, match=rf"frames\.csv.* is damaged \(.*{said}.*\): copy the ledger again"
     ) as caught:
         write_report(tmp_path)
     assert "\n" not in str(caught.value)

@@ -119,7 +119,7 @@ def test_realtime_paces_by_scenario_time_and_the_newest_frame_wins():
     assert answered[-1].frame_id == 19
     for row in rows:
         if row.outcome == "dropped:superseded":
-            assert f"frame {row.frame_id + 1} came while it waited" in row.reason
+            assert f"frame {row.frame_id + 1} replaced it while it waited" in row.reason
     # frames are handed over when they are due, never before, and sent when the board is free
     assert all(row.handover_error_ms >= 0 for row in rows)
     assert all(row.send_lag_ms >= row.handover_error_ms for row in answered)

@@ -415,7 +415,7 @@ def pose(q=(1.0, 0.0, 0.0, 0.0), t=(0.0, 0.0, 5.0), confidence=0.5, stages=((("a
         ({"confidence": 1.0000001}, "confidence of a POSE is 1: it must be 0 to 1"),
         ({"confidence": -0.1}, "confidence of a POSE is -0.1"),
         ({"confidence": math.nan}, "not finite"),
-        ({"stages": (("a", -1.0),)}, "took less than nothing"),
+        ({"stages": (("a", -1.0),)}, "has a negative duration"),
         ({"stages": (("a", math.inf),)}, "not finite"),
     ],
 )

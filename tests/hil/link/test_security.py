@@ -43,7 +43,7 @@ def test_what_was_sealed_opens_once():
     sealed = board_side.seal(POSE)
     assert len(sealed.payload) == len(POSE.payload) + TRAILER_BYTES
     assert host.open(sealed) == POSE
-    with pytest.raises(PacketError, match="came twice"):
+    with pytest.raises(PacketError, match="received twice"):
         host.open(sealed)
 
 
@@ -81,7 +81,7 @@ def test_packets_may_overtake_each_other_within_the_window():
     order = [5, 3, 4, 0, WINDOW + 1]
     assert [host.open(sealed[k]).sequence for k in order] == order
     for late in (0, 1, 3):
-        with pytest.raises(PacketError, match="twice, or long after"):
+        with pytest.raises(PacketError, match="twice, or much too late"):
             host.open(sealed[late])
     assert host.open(sealed[WINDOW]).sequence == WINDOW
 

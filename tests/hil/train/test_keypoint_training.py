@@ -136,7 +136,7 @@ def test_a_stopped_run_of_other_views_or_a_damaged_state_is_refused(tmp_path, mo
         with pytest.raises(UserError, match="another target, number or seed"):
             train_head(CRAFT, tmp_path / "a.npz", budget=Budget(steps=3), **changed)
     (tmp_path / "a.npz.partial" / "head.pt").write_bytes(b"PK nothing")
-    with pytest.raises(UserError, match="no state of a stopped training"):
+    with pytest.raises(UserError, match="not a checkpoint of a training"):
         train_head(CRAFT, tmp_path / "a.npz", views=25, budget=Budget(steps=3))
 
 

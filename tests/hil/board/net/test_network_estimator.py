@@ -18,7 +18,7 @@ from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.methods import check_method_name, make_estimator
 from flyaround.hil.board.net.attitude_classes import class_attitudes, mean_attitude, softmax
-from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
+from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardise
 
 LENS = CameraIntrinsics(480, 300, 750.0, 750.0, 239.5, 149.5)
 BENT = dataclasses.replace(LENS, distortion_model="brown_conrady", distortion=(-0.3, 0.1, 1e-3, -1e-3, 0.0))
@@ -45,10 +45,10 @@ def test_depth_and_exposure_of_a_picture_change_little():
     rng = np.random.default_rng(0)
     image = rng.integers(0, 200, (300, 480)).astype(np.uint8)
     reduce = PictureReducer.prepare(CAMERA, LENS)
-    a = standardised(reduce(image))
+    a = standardise(reduce(image))
     deep = (image.astype(np.uint16) * 257).astype(np.uint16)
-    np.testing.assert_allclose(standardised(reduce(deep)), a, atol=0.02)
-    np.testing.assert_allclose(standardised(reduce((image // 2).astype(np.uint8))), a, atol=0.1)
+    np.testing.assert_allclose(standardise(reduce(deep)), a, atol=0.02)
+    np.testing.assert_allclose(standardise(reduce((image // 2).astype(np.uint8))), a, atol=0.1)
     assert a.mean() == pytest.approx(0.0, abs=1e-5)
 
 
@@ -99,7 +99,7 @@ def test_what_it_is_not_sure_of_is_declined_with_its_best_pose(tmp_path):
     image = np.random.default_rng(0).integers(0, 255, (300, 480)).astype(np.uint8)
     result = make_estimator(model, LENS, f"net:{path}").estimate(image)
     assert not result.accepted
-    assert result.reason == "several attitudes are as likely"
+    assert result.reason == "several attitudes are equally likely"
     assert result.q_camera_from_target_wxyz is not None
 
 

@@ -31,7 +31,7 @@ def test_aravis_grabs_equal_pixels_despite_loss():
         got = aravis("grab", "2", "Width=32", "Height=16", "OffsetX=8", "ExposureTime=5000.0")
         assert [frame["size"] for frame in got["frames"]] == [[32, 16]] * 2
         assert got["frames"][0]["mean"] == pytest.approx(64, abs=10)
-    assert sum("gave control back" in note for note in notes) == 2
+    assert sum("released control" in note for note in notes) == 2
 
 
 def test_second_client_is_refused_and_a_killed_one_is_followed():

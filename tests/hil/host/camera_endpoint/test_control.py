@@ -83,7 +83,7 @@ def test_one_controller(endpoint):
         == gvcp.Status.ACCESS_DENIED
     )
     said = [pipe.recv().sentence for _ in range(4)]
-    assert "asked for control" in said[1]
+    assert "was refused control" in said[1]
 
 
 def test_control_ends_with_the_heartbeat(endpoint):
@@ -198,7 +198,7 @@ def test_strangers_are_not_answered(endpoint):
         assert camera.answer(command(0x0002, flags=0x11), (f"10.0.0.{k}", 5)) is None
     told = 0
     while pipe.poll():
-        assert "not among" in pipe.recv().sentence
+        assert "not an allowed controller" in pipe.recv().sentence
         told += 1
     assert told == 16  # nobody fills the log
 

@@ -82,8 +82,8 @@ ENTITIES = """<?xml version="1.0"?><!DOCTYPE RegisterDescription [<!ENTITY a "aa
     [
         ("camera.txt", b"", "neither .xml nor .zip"),
         ("a.xml", b"<html/>", "outermost element is html"),
-        ("a.xml", b"<RegisterDescription>", "is no XML"),
-        ("a.xml", b"", "is no XML"),
+        ("a.xml", b"<RegisterDescription>", "is not XML"),
+        ("a.xml", b"", "is not XML"),
         ("a.xml", ENTITIES.encode(), "document type"),
         ("a.xml", b"<!DOCTYPE r SYSTEM 'http://192.0.2.1/x'><RegisterDescription/>", "document type"),
         ("a.xml", b"<RegisterDescription>" + b"<a>" * 100, "deeper than"),

@@ -36,7 +36,7 @@ from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
 from flyaround.hil.board.hybrid.model.visibility import occluders, sample_edges, visible_samples
 from flyaround.hil.board.hybrid.native import interface, library
-from flyaround.hil.board.hybrid.propose.variants import _middle
+from flyaround.hil.board.hybrid.propose.variants import _silhouette_centroid
 from flyaround.hil.board.hybrid.refine import photometric
 from flyaround.hil.board.hybrid.refine.motion_images import motion_images
 
@@ -143,10 +143,10 @@ def test_a_library_of_another_platform_is_refused(folder: Path) -> None:
         pytest.skip("no library of another processor was compiled")
     shutil.copy(others[0], folder / library.choose_library())
     sealed(folder)
-    assert "does not load here" in refusal()
+    assert "cannot be loaded" in refusal()
     (folder / library.choose_library()).write_bytes(b"no library at all")
     sealed(folder)
-    assert "does not load here" in refusal()
+    assert "cannot be loaded" in refusal()
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def sums_of_everything(model: BoardModel) -> dict[str, bytes]:
         "seen": (seen, sun.seen, sun.height, shading.group, shading.picture, shading.level, shading.behind),
         "sun": (table.height, table._costs(faces, shading, *moving[2:], np.arange(20), 500)),
         "visible": visible_samples(sample_edges(model, 0.02), occluders(model), -R.T @ t),
-        "middle": (_middle(craft, patch, Hypothesis(PoseFit(q, t), Any)),),
+        "middle": (_silhouette_centroid(craft, patch, Hypothesis(PoseFit(q, t), Any)),),
         "step": (motion_images(*moving), *gram, photometric.explained(shading, patch)),
         "image": (area_mean(picture, 70, 50), noise_sigma(picture, 255.0), lsd_stream(gray, 3.0)),
     }
@@ -258,7 +258,7 @@ def test_wider_instructions_change_no_bit(tango: BoardModel, monkeypatch: pytest
         asked = SimpleNamespace(
             **{f: (lambda *a, f=f: called.add(f) or getattr(loaded, f)(*a)) for f in interface.FUNCTIONS}
         )
-        monkeypatch.setattr(library, "_loaded", lambda: (asked, name))
+        monkeypatch.setattr(library, "_load_best", lambda: (asked, name))
         return sums_of_everything(tango)
 
     first, *others = (every_answer(name) for name in here)
