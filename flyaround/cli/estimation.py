@@ -23,7 +23,7 @@ from flyaround.hil.evaluate.added_estimators import any_estimator, check_any_met
 from flyaround.hil.evaluate.dataset_evaluation import evaluate_dataset
 from flyaround.hil.evaluate.estimate import checked_picture
 from flyaround.hil.evaluate.evaluation_page import about_mean_predictor
-from flyaround.hil.evaluate.greyscale import PLAIN, about_pictures
+from flyaround.hil.evaluate.greyscale import PLAIN_NOTE, describe_pictures
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
 from flyaround.hil.evaluate.metrics import MethodMetrics
 from flyaround.runs.document import write_run
@@ -110,7 +110,7 @@ def _estimated(estimator: Estimator, path: Path, intrinsics: Camera, place: Path
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     return {
         "image": str(path),
-        "picture": about_pictures(raw, intrinsics.pixel_encoding),
+        "picture": describe_pictures(raw, intrinsics.pixel_encoding),
         "accepted": bool(result.accepted),
         "reason": result.reason,
         "q_camera_from_target_wxyz": None if q is None else [float(x) for x in q],
@@ -146,7 +146,7 @@ def _tell_estimates(rows: list[dict[str, Any]]) -> None:
         )
     terminal().print(table)
     for row in rows:
-        if row["picture"] != PLAIN:
+        if row["picture"] != PLAIN_NOTE:
             say(f"{row['image']}: {row['picture']}")
 
 

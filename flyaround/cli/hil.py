@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from flyaround.cli.terminal import say
-from flyaround.hil.host.audit import MAX_LISTED, audit_pictures, pictures_of
+from flyaround.hil.host.audit import MAX_REPORTED, audit_pictures, pictures_of
 from flyaround.hil.host.bundle import write_bundle
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.report import write_report
@@ -84,7 +84,7 @@ def audit(
             ("answered frames without a picture", agreement.missing),
         ):
             if names:
-                more = ", ..." if len(names) > MAX_LISTED else ""
-                say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MAX_LISTED])}{more}")
+                more = ", ..." if len(names) > MAX_REPORTED else ""
+                say(f"{len(names)} {what}: {', '.join(str(name) for name in names[:MAX_REPORTED])}{more}")
     if not agreement.passed:
         raise typer.Exit(1)

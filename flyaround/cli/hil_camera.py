@@ -15,7 +15,12 @@ from flyaround.hil.host.camera_endpoint.camera_ledger import CameraLedger
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME, read_xml, write_xml
 from flyaround.hil.host.camera_endpoint.interface import check_address, find_interface
 from flyaround.hil.host.camera_endpoint.messages import AnswerTerms, EndpointConfig
-from flyaround.hil.host.camera_endpoint.pictures import DrawnPictures, check_one_channel, image_alone, loop_of
+from flyaround.hil.host.camera_endpoint.pictures import (
+    RenderedPictures,
+    check_one_channel,
+    pixels_only,
+    render_loop,
+)
 from flyaround.hil.host.camera_endpoint.registers import CameraTerms
 from flyaround.hil.host.camera_endpoint.simulated_camera import WARNING, run_camera
 from flyaround.hil.host.ledger.run_terms import FlownRecord
@@ -73,12 +78,12 @@ def serve_camera(run: CameraRun) -> None:
     callbacks: dict[str, Any] = {"ledger": ledger, "on_opened": opened, "on_note": note}
     try:
         if run.loop is not None:
-            run_camera(loop_of(plan, device_index=run.gpu), config, **callbacks)
+            run_camera(render_loop(plan, device_index=run.gpu), config, **callbacks)
             return
         with open_frames(
-            image_alone, processes=1, device_index=run.gpu, first=plan.scene(0), restarts=True
+            pixels_only, processes=1, device_index=run.gpu, first=plan.scene(0), restarts=True
         ) as producer:
-            pictures = DrawnPictures(plan, producer)
+            pictures = RenderedPictures(plan, producer)
             pictures.warm_up()
             run_camera(pictures, config, **callbacks)
     finally:

@@ -190,7 +190,7 @@ def _be_camera(run: HostRun, context: typer.Context) -> None:
     if options:
         raise UserError(
             f"{listen} serves a camera, but {', '.join(options)} {'concerns' if len(options) == 1 else 'concern'} a"
-            f" board's link: leave out, or use flyaround hil camera {run.scenario} --interface {interface} with its own options"
+            f" board's link: leave out, or use flyaround hil camera {run.scenario} --interface {interface}"
         )
     serve_camera(CameraRun(scenario=run.scenario, interface=interface, seed=run.seed, gpu=run.pictures.gpu))
 

@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 SUFFIX = ".board.json"
 
 # Delay before a new connection attempt [s]: doubled after each failure, up to the second value.
-FIRST_PAUSE_S, LAST_PAUSE_S = 0.1, 1.6
+MIN_BACKOFF_S, MAX_BACKOFF_S = 0.1, 1.6
 
 # Makes an estimator from a camera JSON object, which arrives with the handshake.
 EstimatorFactory = Callable[[Dict[str, Any]], BoardEstimator]
@@ -60,7 +60,7 @@ def estimator_factory(model_path: Union[str, Path], method: str) -> Tuple[Estima
         raise LinkError(str(error)) from error
 
     try:
-        inside = _bundled(str(model_path))
+        inside = _read_bundled(str(model_path))
         model = (
             BoardModel.read(str(model_path)) if inside is None else BoardModel.from_dict(json.loads(inside))
         )
@@ -105,7 +105,7 @@ def bundled_models() -> List[str]:
     return sorted(name[: -len(SUFFIX)] for name in names if name.endswith(SUFFIX))
 
 
-def _bundled(name: str) -> Optional[bytes]:
+def _read_bundled(name: str) -> Optional[bytes]:
     if Path(name).is_file() or name not in bundled_models():
         return None
     return (_models() / (name + SUFFIX)).read_bytes()
@@ -239,7 +239,7 @@ class BoardAgent:
         BoardSummary
             Summary of the session whose estimator hung; only a new process gets rid of the hung thread.
         """
-        wait_s, reported = FIRST_PAUSE_S, ""
+        wait_s, reported = MIN_BACKOFF_S, ""
         while True:
             try:
                 summary = self.serve()
@@ -252,10 +252,10 @@ class BoardAgent:
                 tell(summary.ended)
                 if summary.hung or summary.busy:
                     return summary
-                wait_s, reported = FIRST_PAUSE_S, ""
+                wait_s, reported = MIN_BACKOFF_S, ""
             # random jitter, so that boards that lost the same host do not all reconnect at once
             pause(wait_s * random.uniform(0.75, 1.25))
-            wait_s = min(2.0 * wait_s, LAST_PAUSE_S)
+            wait_s = min(2.0 * wait_s, MAX_BACKOFF_S)
 
     def _estimator(self, terms: HelloAck, link: Link) -> BoardEstimator:
         try:

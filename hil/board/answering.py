@@ -15,7 +15,7 @@ from flyaround.hil.link.packets.pixels import Image
 logger = logging.getLogger(__name__)
 
 # Largest covariance element that is sent. Larger ones carry no information, and single precision overflows at 3.4e38.
-LARGEST_NUMBER = 1e30
+MAX_COVARIANCE = 1e30
 
 
 class Estimate(Protocol):
@@ -142,7 +142,7 @@ def _upper_triangle(covariance: Any) -> Optional[Tuple[float, ...]]:  # noqa: AN
     if covariance is None:
         return None
     triangle = tuple(float(covariance[i][k]) for i in range(6) for k in range(i, 6))
-    return triangle if all(math.isfinite(x) and abs(x) < LARGEST_NUMBER for x in triangle) else None
+    return triangle if all(math.isfinite(x) and abs(x) < MAX_COVARIANCE for x in triangle) else None
 
 
 def _numbers(values: Any) -> Any:  # noqa: ANN401 - any sequence of numbers, or None

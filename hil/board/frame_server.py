@@ -36,13 +36,13 @@ logger = logging.getLogger(__name__)
 # Largest number of logged line errors in a session, so that a noisy line does not fill the disk.
 MAX_LOGGED = 100
 # Time for the worker thread to finish when the session ends [s].
-LAST_WAIT_S = 1.0
+JOIN_TIMEOUT_S = 1.0
 # Interval of the clock requests that show the host that the board is alive while its estimator works [s].
-BEAT_S = 0.4
+CLOCK_REQUEST_S = 0.4
 # Factor on the silence time-out before the host's first reply, because a serial line may need seconds.
-UNMET_FACTOR = 5.0
+FIRST_REPLY_FACTOR = 5.0
 # Longest interval between two checks of the stop flag and of the watchdog [s].
-LOOK_S = 0.5
+CHECK_INTERVAL_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class FrameServer:
         self._assembler = FrameAssembler(terms)
         self._logged = 0
         self._newest = NO_FRAME
-        self._patience = UNMET_FACTOR
+        self._patience = FIRST_REPLY_FACTOR
         self._frames = self._accepted = 0
         self._goodbye = self._hung = False
         self._ended = "the host went away"
@@ -131,14 +131,14 @@ class FrameServer:
         self._receiver.start()
         self._worker.start()
         try:
-            while not self._over.wait(min(LOOK_S, self._watchdog_s / 4)):
+            while not self._over.wait(min(CHECK_INTERVAL_S, self._watchdog_s / 4)):
                 self._watch()
         finally:
             self._stop.set()
             self._arrivals.put(None)
             self._receiver.join(2.0)
             if not self._hung:
-                self._worker.join(LAST_WAIT_S)
+                self._worker.join(JOIN_TIMEOUT_S)
         return BoardSummary(
             self._frames,
             self._accepted,
@@ -199,7 +199,7 @@ class FrameServer:
                     self._in_work = None
                 self._send(pose)
         except LinkClosed:
-            self._receiver.join(LAST_WAIT_S)  # it reports the reason
+            self._receiver.join(JOIN_TIMEOUT_S)  # it reports the reason
         finally:
             self._over.set()
 
@@ -228,13 +228,13 @@ class FrameServer:
         try:
             while not self._stop.is_set():
                 if now_ns() >= beat_ns:
-                    beat_ns = now_ns() + round(BEAT_S * 1e9)
+                    beat_ns = now_ns() + round(CLOCK_REQUEST_S * 1e9)
                     with contextlib.suppress(
                         LinkClosed
                     ):  # the next recv reports the closure, after any unread messages
                         self._link.send(TimeSyncRequest(now_ns()))
                 try:
-                    message = self._link.recv(BEAT_S)
+                    message = self._link.recv(CLOCK_REQUEST_S)
                     if message is not None and not self._take(message):
                         return
                 except ProtocolMistake as mistake:

@@ -68,7 +68,7 @@ def make_estimator(
     if method in PUBLISHED:
         from flyaround.hil.board.svd.pipeline import PublishedEstimator  # noqa: PLC0415 - imported on demand
 
-        return PublishedEstimator(model, camera, _configured(PUBLISHED[method], solver, streams))
+        return PublishedEstimator(model, camera, _with_choices(PUBLISHED[method], solver, streams))
     if solver is not None or streams is not None:
         raise BoardModelError(
             f"method {method!r} has no choice of solver or streams: leave it out, or take {', '.join(PUBLISHED)}"
@@ -87,7 +87,7 @@ def make_estimator(
     return NetworkEstimator(NetworkFile.read(method[len(NETWORK) :]), model, camera)
 
 
-def _configured(
+def _with_choices(
     config: PublishedConfig, solver: Optional[str], streams: Optional[Sequence[str]]
 ) -> PublishedConfig:
     """Return the settings of a published method with another solver or other streams."""

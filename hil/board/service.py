@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Callable, List
 
 # Heartbeats per watchdog period of the service manager.
-BEATS = 3.0
+HEARTBEATS_PER_PERIOD = 3.0
 # Default watchdog time of the estimator [s].
 WATCHDOG_S = 60.0
 
@@ -64,7 +64,7 @@ class ServiceManager:
         while True:
             if is_well():
                 self.tell("WATCHDOG=1")
-            if self._stop.wait(self._watch_s / BEATS):
+            if self._stop.wait(self._watch_s / HEARTBEATS_PER_PERIOD):
                 return
 
 

@@ -12,7 +12,7 @@ from flyaround.hil.board.service import ExitCode, ServiceManager
 from flyaround.hil.link.errors import LinkError
 
 # End of the log line that announces a restart.
-RESTARTS = "; the agent restarts"
+RESTART_NOTE = "; the agent restarts"
 
 
 class NoSessionError(LinkError):
@@ -38,7 +38,7 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
     try:
         if reconnect:
             summary = agent.serve_until_stopped(lambda sentence: _say(sentence, manager))
-            _say(summary.ended + RESTARTS, manager)
+            _say(summary.ended + RESTART_NOTE, manager)
             _start_anew(start)
         try:
             return agent.serve()

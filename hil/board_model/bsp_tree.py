@@ -18,7 +18,7 @@ from flyaround.simulator.runtime.arrays import BoolArray, FloatArray, IntArray
 
 # Distance within which a corner lies in a plane [m], and limit for a small face on a large one to be in front of it
 # [m].
-ON_PLANE_M, FRONT_M = 2e-5, -2e-4
+PLANE_TOLERANCE_M, FRONT_TOLERANCE_M = 2e-5, -2e-4
 
 # Largest number of planes tried at a node, and depth of the tree; remaining faces count as small ones.
 MAX_PLANES, MAX_DEPTH = 200, 250
@@ -79,7 +79,7 @@ def _grow(
     s = big @ n - d
     # a quadrilateral is not exactly planar: treat it as lying in its own plane, or it would be cut for ever
     s[plane] = 0.0
-    front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
+    front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
     on = ~front & ~behind
     tree.plane[me] = (float(n[0]), float(n[1]), float(n[2]), d)
     tree.members[me] = _emit(tree, big[on], big_of[on])
@@ -89,7 +89,7 @@ def _grow(
         pieces = [(piece, int(big_of[k])) for k in cut for piece in _clip(big[k], sign * s[k])]
         corners = np.concatenate([big[whole], np.array([p for p, _ in pieces]).reshape(-1, 4, 3)])
         sides.append((corners, np.concatenate([big_of[whole], np.array([k for _, k in pieces], int)])))
-    ahead = small.mean(axis=1) @ n - d >= FRONT_M
+    ahead = small.mean(axis=1) @ n - d >= FRONT_TOLERANCE_M
     first = _grow(tree, *sides[0], small[ahead], small_of[ahead], depth + 1)
     second = _grow(tree, *sides[1], small[~ahead], small_of[~ahead], depth + 1)
     tree.children[me] = (first, second)
@@ -112,7 +112,7 @@ def _best_plane(big: FloatArray, small: FloatArray) -> tuple[int, FloatArray, fl
         n = n / np.linalg.norm(n)
         d = float(n @ face[0])
         s = big @ n - d
-        front, behind = (s > ON_PLANE_M).any(axis=1), (s < -ON_PLANE_M).any(axis=1)
+        front, behind = (s > PLANE_TOLERANCE_M).any(axis=1), (s < -PLANE_TOLERANCE_M).any(axis=1)
         r = small @ n - d
         through = ((r > 1e-3).any(axis=1) & (r < -1e-3).any(axis=1)).sum()
         cost = (
@@ -133,9 +133,11 @@ def _clip(face: FloatArray, s: FloatArray) -> list[FloatArray]:
     inside = []
     for i in range(count):
         j = (i + 1) % count
-        if s[i] >= -ON_PLANE_M:
+        if s[i] >= -PLANE_TOLERANCE_M:
             inside.append(face[i])
-        if (s[i] > ON_PLANE_M and s[j] < -ON_PLANE_M) or (s[i] < -ON_PLANE_M and s[j] > ON_PLANE_M):
+        if (s[i] > PLANE_TOLERANCE_M and s[j] < -PLANE_TOLERANCE_M) or (
+            s[i] < -PLANE_TOLERANCE_M and s[j] > PLANE_TOLERANCE_M
+        ):
             inside.append(face[i] + (face[j] - face[i]) * s[i] / (s[i] - s[j]))
     pieces = [inside] if len(inside) <= 4 else [inside[:4], [inside[0], *inside[3:]]]
     out = []

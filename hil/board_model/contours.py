@@ -29,14 +29,14 @@ VIEWS, POINTS = 200, 72
 RANGE_RADII = 10.0
 """Range of the views [radii of the target]; the board corrects for other ranges."""
 SIZE_PX = 384
-FILL = 0.92
+FILL_SHARE = 0.92
 """Share of the image covered by the target's bounding sphere."""
-NEAR_PX = 1.6
+MAX_MATCH_PX = 1.6
 """Largest distance between a contour pixel and the mesh point that represents it [px]."""
 CREASE_COSINE = float(np.cos(np.deg2rad(20.0)))
 """Cosine of the angle between corner normals beyond which two faces form a sharp edge."""
 KERNEL = np.ones((3, 3), np.uint8)
-LARGEST_RADIUS = 1.0
+MAX_RADIUS = 1.0
 """Largest radius of curvature [radii of the target]: flatter surfaces end at an edge first."""
 
 
@@ -153,15 +153,15 @@ def _view(
     edge = np.flatnonzero((front[s.faces[:, 0]] != front[s.faces[:, 1]]) | s.rim)
     ends = s.positions_m[s.ends[edge]]
     axes = _camera(direction)
-    focal = FILL * SIZE_PX / 2 * np.sqrt(RANGE_RADII**2 - 1)
+    focal = FILL_SHARE * SIZE_PX / 2 * np.sqrt(RANGE_RADII**2 - 1)
     pixels = _project(ends.reshape(-1, 3), eye, axes, focal).reshape(-1, 2, 2)
     # points along the edges, ends included, at most 0.7 pixels apart, so that rounding leaves no gap
     steps = np.ceil(np.hypot(*(pixels[:, 1] - pixels[:, 0]).T) / 0.7).astype(int) + 1
     owner = np.repeat(np.arange(len(edge)), steps)
     share = (np.arange(len(owner)) - np.repeat(np.cumsum(steps) - steps, steps)) / (steps[owner] - 1 + 1e-9)
     xy = pixels[owner, 0] + share[:, None] * (pixels[owner, 1] - pixels[owner, 0])
-    filled = _filled(xy)
-    places, inward = _spread(filled, count)
+    filled = _fill_silhouette(xy)
+    places, inward = _sample_outline(filled, count)
     border = cv2.dilate(filled, KERNEL) - cv2.erode(filled, KERNEL, iterations=2)
     x, y = np.rint(xy).astype(int).T
     kept = np.flatnonzero(border[y, x])
@@ -170,11 +170,11 @@ def _view(
     neighbours = cKDTree(xy).query(places, k=min(12, len(xy)))
     distance, near = (np.asarray(x).reshape(count, -1) for x in neighbours)
     depth = np.einsum("ijk,ik->ij", xy[near] - places[:, None], inward)
-    limit = np.maximum(NEAR_PX, distance[:, :1] + 1e-9)
+    limit = np.maximum(MAX_MATCH_PX, distance[:, :1] + 1e-9)
     pick = near[np.arange(count), np.argmin(np.where(distance <= limit, depth, np.inf), axis=1)]
     point = ends[owner[pick], 0] + share[pick, None] * (ends[owner[pick], 1] - ends[owner[pick], 0])
     normal, curvature_radius = _shape(s, edge[owner[pick]], front, point, share[pick], eye)
-    return point, normal, np.clip(curvature_radius, 0.0, LARGEST_RADIUS * radius)
+    return point, normal, np.clip(curvature_radius, 0.0, MAX_RADIUS * radius)
 
 
 def _camera(direction: FloatArray) -> FloatArray:
@@ -192,7 +192,7 @@ def _project(points: FloatArray, eye: FloatArray, axes: FloatArray, focal: float
     return np.asarray((ray @ axes.T) * (focal / depth)[:, None] + (SIZE_PX - 1) / 2)
 
 
-def _filled(xy: FloatArray) -> ByteArray:
+def _fill_silhouette(xy: FloatArray) -> ByteArray:
     """Return the silhouette: all pixels that the edge points (P, 2) separate from the image border."""
     image = np.zeros((SIZE_PX, SIZE_PX), np.uint8)
     x, y = np.rint(xy).astype(int).T
@@ -202,7 +202,7 @@ def _filled(xy: FloatArray) -> ByteArray:
     return np.asarray((image != 2).astype(np.uint8))
 
 
-def _spread(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
+def _sample_outline(filled: ByteArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Return pixels (count, 2) evenly spaced along the contours, and unit vectors inwards (count, 2)."""
     outlines, _ = cv2.findContours(filled, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     loops = [c.reshape(-1, 2).astype(float) for c in outlines]
@@ -238,7 +238,7 @@ def _shape(
     inside = s.positions_m[s.triangles[nearer]].mean(axis=1) - point
     sharp *= -np.sign(np.einsum("ij,ij->i", sharp, inside))[:, None]
     smooth = s.smooth[edge]
-    normal = np.where(smooth[:, None], _blended(s, edge, share), sharp)
+    normal = np.where(smooth[:, None], _blend_normals(s, edge, share), sharp)
     normal -= np.einsum("ij,ij->i", normal, sight)[:, None] * sight
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.where(size > 1e-12, normal / np.maximum(size, 1e-12), 0.0)
@@ -248,7 +248,7 @@ def _shape(
     return normal, np.asarray(radius)
 
 
-def _blended(s: _Surface, edge: IntArray, share: FloatArray) -> FloatArray:
+def _blend_normals(s: _Surface, edge: IntArray, share: FloatArray) -> FloatArray:
     """Return the mean of both faces' normals, interpolated to the points."""
     total = np.zeros((len(edge), 3))
     for k in (0, 1):

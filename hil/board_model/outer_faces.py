@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 MIN_TRIANGLE_M2, MIN_PART_M2 = 2e-6, 2.5e-3
 
 # Number of view directions, and spacing of the surface sample points [share of the target's size].
-DIRECTIONS, PITCH = 32, 0.0022
+DIRECTIONS, SAMPLE_SPACING = 32, 0.0022
 
 # Largest share of a hidden face's points that appear visible through gaps between the sample points in front.
-LEAK_SHARE = 0.015
+MAX_LEAK_SHARE = 0.015
 
 # Largest number of triangles that a board renders in time.
 MAX_TRIANGLES = 9000
 
 # Largest number of visible triangles; parts with the largest visible area per triangle come first. Triangles within
-# NEW_SHARE of the coarse model's surface and of the same material add no information [share of the target's size].
-# Least visible area of a triangle and of a part [share of the size, squared].
-MAX_SEEN, NEW_SHARE, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
+# MIN_DISTANCE_SHARE of the coarse model's surface and of the same material add no information [share of the target's
+# size]. Least visible area of a triangle and of a part [share of the size, squared].
+MAX_VISIBLE, MIN_DISTANCE_SHARE, MIN_TRIANGLE, MIN_PART = 4200, 0.006, 1e-7, 1e-4
 
 # Weight of the area of parts that stand off the body, because they shape the outline and cast shadows.
-ALOFT_WEIGHT = 3.0
+PROTRUSION_WEIGHT = 3.0
 
 
 def triangles_of(parts: Sequence[Part]) -> tuple[FloatArray, IntArray]:
@@ -55,7 +55,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     normal = face_vectors(triangles_m)
     twice = np.linalg.norm(normal, axis=1)
     normal /= np.maximum(twice, 1e-30)[:, None]
-    pitch = PITCH * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
+    pitch = SAMPLE_SPACING * float(np.ptp(triangles_m.reshape(-1, 3), axis=0).max())
     count = np.maximum(3, np.ceil(0.5 * twice / pitch**2)).astype(int)
     owner = np.repeat(np.arange(len(triangles_m)), count)
     # additive recurrence of the plastic number: low-discrepancy sampling
@@ -81,7 +81,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         seen += np.bincount(visible, minlength=len(triangles_m))
         looked += np.bincount(owner[front], minlength=len(triangles_m))
     # an occasional empty cell makes inner faces appear visible
-    seen[seen < LEAK_SHARE * looked] = 0.0
+    seen[seen < MAX_LEAK_SHARE * looked] = 0.0
     return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
 
 
@@ -128,13 +128,13 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     surface[first] = visible_area(triangles[first]) > least
     hidden = np.flatnonzero(seen & ~first)
     new = np.zeros(len(triangles))
-    new[hidden] = _distinctiveness(parts, triangles, owner, surface, hidden, NEW_SHARE * size)
+    new[hidden] = _distinctiveness(parts, triangles, owner, surface, hidden, MIN_DISTANCE_SHARE * size)
     side = face_vectors(triangles)
     shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
     chosen_parts, count = np.arange(len(parts)) < coarse, int(surface.sum())
     for k in np.argsort(-shown / np.maximum(number, 1)):
-        if not chosen_parts[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_SEEN:
+        if not chosen_parts[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_VISIBLE:
             chosen_parts[k] = True
             count += number[k]
     # faces hidden only by omitted parts become visible
@@ -151,7 +151,7 @@ def _distinctiveness(
     asked: IntArray,
     within_m: float,
 ) -> FloatArray:
-    """Return weights of triangles near a surface: 1 for another material, `ALOFT_WEIGHT` if well off it, else 0.
+    """Return weights of triangles near a surface: 1 for another material, `PROTRUSION_WEIGHT` if well off it, else 0.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _distinctiveness(
         return np.ones(len(asked))
     distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[asked].mean(axis=1))
     other = (distance > within_m) | (np.concatenate(of)[nearest] != material[asked])
-    return np.where(distance > 3.0 * within_m, ALOFT_WEIGHT, other.astype(float))
+    return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, other.astype(float))
 
 
 def merge_triangle_pairs(triangles_m: FloatArray, material: Sequence[str]) -> tuple[FloatArray, list[str]]:

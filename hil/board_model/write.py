@@ -12,7 +12,7 @@ import numpy as np
 
 from flyaround.hil.board_model.bsp_tree import build_tree
 from flyaround.hil.board_model.contours import (
-    LARGEST_RADIUS,
+    MAX_RADIUS,
     RANGE_RADII,
     OccludingContours,
     outlines_of,
@@ -38,7 +38,7 @@ POSITION_STEPS = 8192
 """Quantisation steps along the target's radius: half a millimetre on Dragon, below a tenth of a pixel in any image."""
 
 # Least area of a face whose plane may split space [share of the target's size, squared].
-LARGE = 1.2e-3
+MIN_SPLITTING_AREA = 1.2e-3
 
 # Decimals of the planes in the file.
 PLANE_DIGITS = 6
@@ -69,11 +69,14 @@ def board_record(target: Target) -> BoardModelRecord:
     except OSError as error:
         raise UserError(f"cannot read {head}: {error.strerror}; train the network again") from error
     return msgspec.structs.replace(
-        labels_alone(target), outlines=cached_outlines(target), faces=cached_faces(target), network=network
+        record_without_faces(target),
+        outlines=cached_outlines(target),
+        faces=cached_faces(target),
+        network=network,
     )
 
 
-def labels_alone(target: Target) -> BoardModelRecord:
+def record_without_faces(target: Target) -> BoardModelRecord:
     """Return the board model without contours and faces, which take seconds to compute."""
     record = record_of(target)
     return BoardModelRecord(
@@ -89,10 +92,10 @@ def labels_alone(target: Target) -> BoardModelRecord:
     )
 
 
-def packed(o: OccludingContours) -> OutlinesRecord:
+def pack_contours(o: OccludingContours) -> OutlinesRecord:
     """Return contours in compact form: positions to 1/8192 of the target's radius, normals to half a degree."""
     radius = o.range_m / RANGE_RADII
-    step, radius_step = radius / POSITION_STEPS, radius * LARGEST_RADIUS / 255
+    step, radius_step = radius / POSITION_STEPS, radius * MAX_RADIUS / 255
     rows = (
         np.rint(o.directions * 32767).astype("<i2"),
         np.rint((o.points_m - o.center_m) / step).astype("<i2"),
@@ -112,13 +115,13 @@ def packed(o: OccludingContours) -> OutlinesRecord:
 
 def cached_outlines(target: Target) -> OutlinesRecord:
     """Return the target's contours, cached on disk by the target's hash."""
-    key = entry_name("outlines", (packed, outlines_of), target.sha256)
+    key = entry_name("outlines", (pack_contours, outlines_of), target.sha256)
     path = cache_folder("board-models") / f"{key}.json"
     data = read_checked(path)
     if data is not None:
         with contextlib.suppress(msgspec.DecodeError):
             return msgspec.json.decode(data, type=OutlinesRecord)
-    record = packed(outlines_of(target))
+    record = pack_contours(outlines_of(target))
     # writing a board file must work without a writable cache
     store_checked(path, lambda file: file.write(msgspec.json.encode(record)))
     return record
@@ -141,7 +144,7 @@ def make_faces(levels: Sequence[Sequence[Part]]) -> FacesRecord | None:
     )
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     names = sorted(set(of))
-    tree = build_tree(corners, area > LARGE * size**2)
+    tree = build_tree(corners, area > MIN_SPLITTING_AREA * size**2)
     places = np.array(tree.corners_m)
     step = float(np.abs(places).max()) / 32000
     n = PLANE_DIGITS

@@ -128,7 +128,7 @@ def run_campaign(
         raise UserError(
             "a case waits for a board at an address, which serves one run at a time: give --workers 1"
         )
-    if not _is_ours(folder):
+    if not _is_campaign_folder(folder):
         empty_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with only_writer(folder, "campaign"):
@@ -144,11 +144,11 @@ def run_campaign(
             for ready in cases
             for seed in ready.case.all_seeds
         ]
-        _tidy(folder, tasks)
-        _discard(folder, _of_other_versions(tasks), say)
+        _remove_incomplete(folder, tasks)
+        _discard(folder, _outdated_runs(tasks), say)
         stored = {task for task in tasks if task.folder.is_dir()}
         _fly_all(tasks, workers, progress)
-        if _discard(folder, _of_other_boards(tasks, stored), say):
+        if _discard(folder, _runs_of_other_boards(tasks, stored), say):
             _fly_all(tasks, workers, progress)
         results = [read_result(task.folder) for task in tasks]
         _check_inputs(tasks, results)
@@ -164,7 +164,7 @@ def run_campaign(
     return outcome
 
 
-def _is_ours(folder: Path) -> bool:
+def _is_campaign_folder(folder: Path) -> bool:
     """Return True if the folder is empty or that of a campaign, whose file is written first."""
     if not folder.is_dir():
         return False
@@ -173,7 +173,7 @@ def _is_ours(folder: Path) -> bool:
     )
 
 
-def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
+def _remove_incomplete(folder: Path, tasks: Sequence[RunTask]) -> None:
     """Remove incomplete runs of a killed campaign.
 
     Raises
@@ -194,7 +194,7 @@ def _tidy(folder: Path, tasks: Sequence[RunTask]) -> None:
             )
 
 
-def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
+def _outdated_runs(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     """Return the runs flown by other versions than the current ones, with the differences."""
     outdated: dict[RunTask, str] = {}
     for task in tasks:
@@ -212,7 +212,7 @@ def _of_other_versions(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     return outdated
 
 
-def _of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
+def _runs_of_other_boards(tasks: Sequence[RunTask], kept: set[RunTask]) -> dict[RunTask, str]:
     """Return the stored runs of another board than the one that is connected now."""
     current = {}
     for task in tasks:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flyaround.hil.campaign.quantities import QUANTITIES
-from flyaround.hil.campaign.verdicts import in_words, worst
+from flyaround.hil.campaign.verdicts import format_value, worst_verdict
 from flyaround.simulator.reports.markup import Markup, element, markup
 from flyaround.simulator.reports.page import Page, key_figures, link, note
 
@@ -82,7 +82,7 @@ def _sign(*, passed: bool) -> Markup:
 def _value(verdict: Verdict) -> str:
     if verdict.value is None:
         return "\N{EN DASH}"
-    return in_words(verdict.value, QUANTITIES[verdict.requirement.quantity].unit)
+    return format_value(verdict.value, QUANTITIES[verdict.requirement.quantity].unit)
 
 
 def _margin(verdict: Verdict) -> str:
@@ -91,7 +91,7 @@ def _margin(verdict: Verdict) -> str:
     if verdict.margin is None:
         return "\N{EN DASH}"
     share = f" ({verdict.margin / abs(limit):.0%})" if isinstance(limit, int | float) and limit else ""
-    return in_words(verdict.margin, QUANTITIES[verdict.requirement.quantity].unit) + share
+    return format_value(verdict.margin, QUANTITIES[verdict.requirement.quantity].unit) + share
 
 
 def _of(n: int, total: int) -> str:
@@ -106,13 +106,13 @@ def _report(run: RunVerdict, text: str, class_: str | None = None) -> Markup:
 
 def _requirement_row(requirement: Requirement, runs: Sequence[RunVerdict]) -> list[Markup | str]:
     verdicts = _verdicts(requirement, runs)
-    bad = worst([v for _, v in verdicts])
+    bad = worst_verdict([v for _, v in verdicts])
     run = next(run for run, v in verdicts if v is bad)
     return [
         requirement.name,
         _sign(passed=all(v.passed for _, v in verdicts)),
         requirement.quantity,
-        f"{requirement.comparison} {in_words(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
+        f"{requirement.comparison} {format_value(requirement.limit, QUANTITIES[requirement.quantity].unit)}",
         _of(sum(v.passed for _, v in verdicts), len(verdicts)),
         _value(bad),
         _margin(bad),
@@ -136,8 +136,8 @@ def _matrix_row(case: str, campaign: Campaign, runs: Sequence[RunVerdict]) -> li
         if not verdicts:
             row.append("")
             continue
-        value = worst(verdicts).value
-        short = "\N{EN DASH}" if value is None else in_words(value, digits=3)
+        value = worst_verdict(verdicts).value
+        short = "\N{EN DASH}" if value is None else format_value(value, digits=3)
         row.append(_cell(short, sum(v.passed for v in verdicts), len(verdicts)))
     return row
 

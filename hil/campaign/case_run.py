@@ -18,7 +18,7 @@ import msgspec
 
 from flyaround.hil.board.agent import describe_board
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
+from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_own_board
 from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
@@ -36,7 +36,7 @@ from flyaround.hil.host.pose_link import PoseLink
 from flyaround.hil.host.report import TRACE_JSON, write_report
 from flyaround.hil.host.run import RunConfig
 from flyaround.hil.link.security import read_key
-from flyaround.hil.link.session import SILENCE_S as LINK_SILENCE_S
+from flyaround.hil.link.session import SILENCE_TIMEOUT_S as LINK_SILENCE_S
 from flyaround.hil.navigation.closed_loop import ClosedLoopConfig
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_document
@@ -259,7 +259,7 @@ def _fly_with_board(
         mode=case.mode,
         truth="off",
         timeout_s=settings.timeout_s,
-        silence_s=LINK_SILENCE_S if settings.listen else SILENCE_S,
+        silence_s=LINK_SILENCE_S if settings.listen else SILENCE_TIMEOUT_S,
         compression=settings.encoding,
         pixel_format=settings.pixel_format,
         max_misses=settings.max_misses,

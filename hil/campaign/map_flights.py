@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flyaround.hil.campaign.own_board import SILENCE_S, run_with_own_board
+from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_own_board
 from flyaround.hil.host.closed_loop_run import figures, fly_without_pictures, frame_every
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -125,7 +125,7 @@ def _fly_with_board(
         If the board disconnected.
     """
     wire = LinkConfig(
-        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_S
+        url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_TIMEOUT_S
     )
     flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=loop, pose_link=link))
     summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))

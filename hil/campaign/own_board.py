@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from flyaround.hil.host.flight_run import FlightRun
     from flyaround.hil.host.ledger.summary import LedgerSummary
 
-EXIT_S = 20.0
+EXIT_TIMEOUT_S = 20.0
 # Silence time-out between host and board on a busy machine [s]; a closed connection is noticed immediately.
-SILENCE_S = 60.0
+SILENCE_TIMEOUT_S = 60.0
 MAX_BYTES = 1 << 20
 
 
@@ -38,7 +38,7 @@ def run_with_own_board(
     with contextlib.ExitStack() as stack:
 
         def start(url: str, _truth_url: str | None) -> None:
-            stack.enter_context(_board((*command, url, "--silence", f"{SILENCE_S:g}", *options), log))
+            stack.enter_context(_board((*command, url, "--silence", f"{SILENCE_TIMEOUT_S:g}", *options), log))
 
         return flight.run(on_listening=start)
 
@@ -52,7 +52,7 @@ def _board(command: tuple[str, ...], log: Path | None) -> Iterator[None]:
         try:
             yield
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(EXIT_S)
+                process.wait(EXIT_TIMEOUT_S)
         finally:
             process.kill()
             if process.wait() != 0 and log is not None:

@@ -124,7 +124,7 @@ def _share(part: Callable[[LedgerSummary], int]) -> Callable[[RunRecord], Value]
     return lambda r: part(r.summary) / r.summary.sent if r.summary.sent else None
 
 
-def _over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
+def _percentile_over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
     """Return a percentile over the frames sent to the board; a missing time counts as infinite."""
 
     def value(record: RunRecord) -> Value:
@@ -138,7 +138,7 @@ def _over_sent(column: str, q: float) -> Callable[[RunRecord], Value]:
     return value
 
 
-def _came(s: LedgerSummary) -> int:
+def _poses_received(s: LedgerSummary) -> int:
     """Return the number of poses received, in time or not."""
     return s.accepted + s.declined + s.link.late_poses
 
@@ -273,7 +273,7 @@ QUANTITIES: dict[str, Quantity] = {
         f"{column}_{name}": Quantity(
             unit="ms",
             meaning=f"{meaning}, over frames sent to the board; infinite for a frame without it",
-            of=_over_sent(column, q),
+            of=_percentile_over_sent(column, q),
             needs=_TIMES,
         )
         for column, meaning, names in (
@@ -319,7 +319,7 @@ QUANTITIES: dict[str, Quantity] = {
     "late_poses": Quantity(
         unit="",
         meaning="poses received too late to be used",
-        of=_count(lambda s: s.link.late_poses, _came),
+        of=_count(lambda s: s.link.late_poses, _poses_received),
         needs=_TIMES,
     ),
 }

@@ -67,9 +67,11 @@ class Verdict:
         r, quantity = self.requirement, QUANTITIES[self.requirement.quantity]
         unit = quantity.unit
         has = (
-            f"has no value ({quantity.meaning})" if self.value is None else f"is {in_words(self.value, unit)}"
+            f"has no value ({quantity.meaning})"
+            if self.value is None
+            else f"is {format_value(self.value, unit)}"
         )
-        return f"{r.name}: {r.quantity} {has}, required {r.comparison} {in_words(r.limit, unit)}"
+        return f"{r.name}: {r.quantity} {has}, required {r.comparison} {format_value(r.limit, unit)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,14 +119,14 @@ def judge(campaign: Campaign, case: str, seed: int, result: RunResult) -> RunVer
     return RunVerdict(case, seed, failure, verdicts)
 
 
-def worst(verdicts: Sequence[Verdict]) -> Verdict:
+def worst_verdict(verdicts: Sequence[Verdict]) -> Verdict:
     """Return the verdict without a value, else a failed one, else the one with the least margin."""
     return min(
         verdicts, key=lambda v: (v.value is not None, v.passed, v.margin if v.margin is not None else 0.0)
     )
 
 
-def in_words(value: float | str, unit: str = "", *, digits: int = 4) -> str:
+def format_value(value: float | str, unit: str = "", *, digits: int = 4) -> str:
     """Format a number with its unit, large ones with all digits; return a word unchanged."""
     if isinstance(value, str):
         return value

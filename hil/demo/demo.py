@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 SCENARIO = "tango-flyaround"
 N_IMAGES = 20
 N_LOOP_FRAMES = 30
-MARK = "demo.json"
+MARKER = "demo.json"
 BOARD_EXIT_S = 20.0
 
 
@@ -74,10 +74,10 @@ def run_demo(
         If the folder is in use, a label is wrong, or the ledger does not account for every frame.
     """
     started = time.monotonic()
-    if overwrite and (folder / MARK).is_file():
+    if overwrite and (folder / MARKER).is_file():
         shutil.rmtree(folder)
     empty_folder(folder, advice="replace an earlier demo with --overwrite")
-    write_json(folder / MARK, {"scenario": SCENARIO, "complete": False})
+    write_json(folder / MARKER, {"scenario": SCENARIO, "complete": False})
     scenario = load_scenario(SCENARIO)
     plan = plan_flight(scenario, n=N_IMAGES)
     say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
@@ -110,7 +110,7 @@ def run_demo(
         )
     )
     write_json(
-        folder / MARK,
+        folder / MARKER,
         {
             "scenario": SCENARIO,
             "complete": True,
@@ -135,7 +135,7 @@ class Loop:
     truth_records: int
 
 
-class _Kept:
+class _FrameStore:
     """Sink that keeps the frames for the page."""
 
     def __init__(self) -> None:
@@ -151,7 +151,7 @@ def _run_loop(plan: Plan, folder: Path, board_command: Sequence[str], progress_b
     port = _free_port_pair()
     url, truth_url = f"tcp://127.0.0.1:{port}", f"tcp://127.0.0.1:{port + 1}"
     rows: list[FrameRecord] = []
-    recorder = _Kept()
+    recorder = _FrameStore()
     command = [*board_command, url, "--target", plan.target.name]
     config = RunConfig(
         link=LinkConfig(url=url, truth_url=truth_url, mode="lockstep", truth="separate", timeout_s=60.0),

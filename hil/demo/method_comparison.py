@@ -105,19 +105,21 @@ def method_answer(
         Stage name, q (N, 4) and t (N, 3) of the poses that each stage passed on, in order.
     """
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
-    right = q is not None and t is not None and _any_right(truth, q[None], t[None])
+    right = q is not None and t is not None and _any_correct(truth, q[None], t[None])
     failed_at = "" if right and result.accepted else DECISION
     if not right:
         stages = list(dict.fromkeys(name for name, _, _ in poses))
         # a stage of a second round may recover a pose that the first round lost
-        holding = [stages.index(name) for name, some_q, some_t in poses if _any_right(truth, some_q, some_t)]
+        holding = [
+            stages.index(name) for name, some_q, some_t in poses if _any_correct(truth, some_q, some_t)
+        ]
         # a method that stopped before it had any pose failed where it stopped
         stages = stages or list(result.stages_ms)[-1:]
         failed_at = [*stages, DECISION][max(holding, default=-1) + 1]
     return MethodAnswer(method, frame_id, right, result.accepted, sum(result.stages_ms.values()), failed_at)
 
 
-def _any_right(truth: Truth, q: Array, t: Array) -> bool:
+def _any_correct(truth: Truth, q: Array, t: Array) -> bool:
     """Return True if any of N poses q (N, 4), t (N, 3) is within 5 deg and 5 % of the range."""
     true_t = np.asarray(truth.t_camera_from_target_m)
     turn = 2 * np.arccos(np.minimum(np.abs(q @ np.asarray(truth.q_camera_from_target_wxyz)), 1.0))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from flyaround.hil.host.frame_record import FrameRecord
     from flyaround.simulator.scenario.plan import Plan
 
-WIDTH = 13  # inches
+WIDTH_INCHES = 13  # inches
 
 
 def plot_trajectory(plan: Plan) -> Figure:
@@ -35,7 +35,7 @@ def plot_trajectory(plan: Plan) -> Figure:
     states = [plan.flight.state(float(t)) for t in times]
     p = np.array([s.position_lvlh_m for s in states])
     taken = np.array([plan.flight.state(t).position_lvlh_m for t in plan.times_s])
-    figure, axes = figure_with_axes(1, 3, 4.2, width=WIDTH, dark=True)
+    figure, axes = figure_with_axes(1, 3, 4.2, width=WIDTH_INCHES, dark=True)
     views = (
         (1, 0, "along-track [m]", "radial, outward [m]"),
         (1, 2, "along-track [m]", "cross-track [m]"),
@@ -56,7 +56,7 @@ def plot_trajectory(plan: Plan) -> Figure:
 
 def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
     """Plot rotation and translation error of every answered frame, distinguishing accepted and declined ones."""
-    figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, dark=True)
+    figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH_INCHES, dark=True)
     for ax, field, label, limit in (
         (axes[0], "E_R_deg", "rotation error [deg]", 5.0),
         (axes[1], "E_T_m", "translation error [m]", None),
@@ -80,7 +80,7 @@ def plot_errors(rows: Sequence[FrameRecord]) -> Figure:
 def plot_latency(rows: Sequence[FrameRecord]) -> Figure:
     """Plot the time of each frame's stages and the distribution of the end-to-end latency."""
     answered = [r for r in rows if r.e2e_ms is not None]
-    figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH, widths=(2, 1), dark=True)
+    figure, axes = figure_with_axes(1, 2, 3.8, width=WIDTH_INCHES, widths=(2, 1), dark=True)
     bottom = np.zeros(len(answered))
     names = list(dict.fromkeys(name for r in answered for name in r.stages_ms))
     ids = [r.frame_id for r in answered]

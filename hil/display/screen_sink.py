@@ -30,7 +30,7 @@ class Screen(Protocol):
 
 
 @dataclass(frozen=True)
-class ShownFrame:
+class DisplayRecord:
     """Record of a shown frame: number, mid-exposure and display time, since 1970-01-01 UTC [ns]."""
 
     frame_id: int
@@ -57,7 +57,7 @@ class ScreenSink:
         self, screen: Screen, predistorter: Predistorter | None, *, code: bool = True, hold_s: float = 0.0
     ) -> None:
         self._screen, self._predistorter, self._code, self._hold_s = screen, predistorter, code, hold_s
-        self.shown: list[ShownFrame] = []
+        self.shown: list[DisplayRecord] = []
 
     @property
     def code_place(self) -> CodePlace:
@@ -84,7 +84,7 @@ class ScreenSink:
         else:
             levels = self._predistorter.screen_image(image, white)
         self._screen.show(levels)
-        self.shown.append(ShownFrame(frame.scene.frame_index, time_ns, time.time_ns()))
+        self.shown.append(DisplayRecord(frame.scene.frame_index, time_ns, time.time_ns()))
         time.sleep(self._hold_s)
 
     def _centred(self, image: ByteArray) -> ByteArray:

@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.native.library import describe_library
 from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.evaluate.evaluation_page import write_page
 from flyaround.hil.evaluate.evaluator import Evaluator, answer_in_worker, start_worker
-from flyaround.hil.evaluate.greyscale import about_pictures
+from flyaround.hil.evaluate.greyscale import describe_pictures
 from flyaround.hil.evaluate.mean_predictor import MeanPredictor, mean_predictor
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
 from flyaround.hil.evaluate.metrics import MethodMetrics, Metrics, compose, summarise
@@ -86,7 +86,7 @@ def evaluate_dataset(
         )
     labels = tuple(c.label for c in methods)
     path = report / ROWS
-    done = _resumed(
+    done = _resume_rows(
         path, RunHeader(f"{card.scenario_name} {card.seed}", card.target.sha256, labels, craft.sha256)
     )
     there = {(row.frame, row.method) for row in done}
@@ -112,7 +112,7 @@ def evaluate_dataset(
     return metrics
 
 
-def _resumed(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
+def _resume_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
     """Return the rows of an interrupted evaluation, and remove an incomplete last line from the file."""
     done: list[EvaluatedFrame] = []
     if path.is_file():
@@ -157,7 +157,7 @@ def _pictures(folder: Path, rows: Sequence[EvaluatedFrame], encoding: str) -> tu
         except UserError:
             # a resumed run may have rows of files that have been deleted since
             continue
-        return about_pictures(image, encoding), image.ndim == 3
+        return describe_pictures(image, encoding), image.ndim == 3
     return "", False
 
 

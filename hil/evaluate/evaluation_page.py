@@ -158,7 +158,7 @@ def _digits(x: float) -> str:
     return f"{x:.0f}" if abs(x) >= 100 else f"{x:.3g}"
 
 
-def _ranged(
+def _with_interval(
     value: float | None, interval: tuple[float, float] | None, unit: str, factor: float = 1.0
 ) -> Content:
     text = _number(value, unit, factor)
@@ -188,7 +188,7 @@ def _axes(
     )
 
 
-def _wrong(m: MethodMetrics) -> Content:
+def _wrong_share(m: MethodMetrics) -> Content:
     if m.false_accept is None:
         return "none accepted"
     count = round(m.false_accept * m.n_accepted)
@@ -201,25 +201,25 @@ def _methods_table(methods: Sequence[MethodMetrics]) -> Markup:
         ("coarse success", lambda m: _share(m.coarse_success, m.coarse_success_wilson)),
         ("fine success", lambda m: _share(m.fine_success, m.fine_success_wilson)),
         ("availability", lambda m: _share(m.availability, m.availability_wilson)),
-        ("accepted but not coarse", _wrong),
-        ("median E_R", lambda m: _ranged(m.median_E_R_deg, m.median_E_R_deg_bootstrap, "deg")),
-        ("median E_T", lambda m: _ranged(m.median_E_T_m, m.median_E_T_m_bootstrap, "mm", 1e3)),
-        ("mean E_R", lambda m: _ranged(m.mean_E_R_deg, m.mean_E_R_deg_bootstrap, "deg")),
-        ("mean E_T", lambda m: _ranged(m.mean_E_T_m, m.mean_E_T_m_bootstrap, "mm", 1e3)),
+        ("accepted but not coarse", _wrong_share),
+        ("median E_R", lambda m: _with_interval(m.median_E_R_deg, m.median_E_R_deg_bootstrap, "deg")),
+        ("median E_T", lambda m: _with_interval(m.median_E_T_m, m.median_E_T_m_bootstrap, "mm", 1e3)),
+        ("mean E_R", lambda m: _with_interval(m.mean_E_R_deg, m.mean_E_R_deg_bootstrap, "deg")),
+        ("mean E_T", lambda m: _with_interval(m.mean_E_T_m, m.mean_E_T_m_bootstrap, "mm", 1e3)),
         ("p95 E_R, E_T", lambda m: f"{_number(m.p95_E_R_deg, 'deg')}, {_number(m.p95_E_T_m, 'mm', 1e3)}"),
         ("position error along x, y, z", lambda m: _axes(m.bias_m, m.spread_m, "mm", 1e3)),
         ("attitude error about x, y, z", lambda m: _axes(m.turn_bias_deg, m.turn_spread_deg, "deg")),
         (
             "median E_R, all feasible",
-            lambda m: _ranged(m.median_E_R_deg_all, m.median_E_R_deg_all_bootstrap, "deg"),
+            lambda m: _with_interval(m.median_E_R_deg_all, m.median_E_R_deg_all_bootstrap, "deg"),
         ),
         (
             "median E_T, all feasible",
-            lambda m: _ranged(m.median_E_T_m_all, m.median_E_T_m_all_bootstrap, "mm", 1e3),
+            lambda m: _with_interval(m.median_E_T_m_all, m.median_E_T_m_all_bootstrap, "mm", 1e3),
         ),
         (
             "mean E_T, all feasible",
-            lambda m: _ranged(m.mean_E_T_m_all, m.mean_E_T_m_all_bootstrap, "mm", 1e3),
+            lambda m: _with_interval(m.mean_E_T_m_all, m.mean_E_T_m_all_bootstrap, "mm", 1e3),
         ),
         ("SPEED score", lambda m: _number(m.speed_score, "")),
         ("time p50, p95", lambda m: f"{_number(m.time_ms_p50, 'ms')}, {_number(m.time_ms_p95, 'ms')}"),

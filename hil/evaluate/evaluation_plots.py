@@ -66,26 +66,26 @@ def draw_plots(rows: Sequence[EvaluatedFrame], labels: Sequence[str]) -> dict[st
     return {name: png(figure) for name, figure in figures.items() if figure is not None}
 
 
-def _posed(rows: Sequence[EvaluatedFrame]) -> list[EvaluatedFrame]:
+def _with_pose(rows: Sequence[EvaluatedFrame]) -> list[EvaluatedFrame]:
     return [r for r in rows if r.record.feasible and r.record.E_T_m is not None]
 
 
 def _against_range(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
-    if not any(_posed(rows) for rows in by_method.values()):
+    if not any(_with_pose(rows) for rows in by_method.values()):
         return None
     figure, axes = figure_with_axes(1, 2, 4.6)
     quantities = (("E_T_m", "translation error [m]"), ("E_R_deg", "rotation error [deg]"))
-    size = _dot(max(len(_posed(rows)) for rows in by_method.values()))
+    size = _dot(max(len(_with_pose(rows)) for rows in by_method.values()))
     for ax, (field, label) in zip(axes, quantities, strict=True):
         for k, (method, rows) in enumerate(by_method.items()):
-            posed = _posed(rows)
+            posed = _with_pose(rows)
             x = np.array([r.record.range_m for r in posed])
             y = np.maximum([getattr(r.record, field) for r in posed], 1e-4)
             accepted = np.array([r.record.accepted for r in posed], bool)
             colour = COLOURS[k % len(COLOURS)]
             ax.scatter(x[accepted], y[accepted], s=size, color=colour, lw=0, alpha=0.6)
             ax.scatter(x[~accepted], y[~accepted], s=size, facecolors="none", edgecolors=colour, lw=0.7)
-            mids, (medians,) = _binned(x, y, (50,))
+            mids, (medians,) = _binned_percentiles(x, y, (50,))
             ax.plot(mids, medians, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
         ax.set(xlabel="range [m]", ylabel=label, yscale="log")
     printed = f"{THESIS_E_R_DEG} deg, mean printed in the thesis"
@@ -120,7 +120,9 @@ def _mark(ax: Axes, value: float, words: str, style: str) -> None:
     )
 
 
-def _binned(x: np.ndarray, y: np.ndarray, percent: Sequence[float]) -> tuple[list[float], np.ndarray]:
+def _binned_percentiles(
+    x: np.ndarray, y: np.ndarray, percent: Sequence[float]
+) -> tuple[list[float], np.ndarray]:
     """Return the centre of each 3 m bin with enough frames, and the percentiles (P, bins) of y in it."""
     mids, values = [], []
     for low in np.arange(3 * np.floor(x.min(initial=0) / 3), x.max(initial=0) + 3, 3.0):
@@ -147,8 +149,16 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
         turn = np.array([r.turn_camera_deg for r in records])
         for a in range(3):
             for ax, values, top in (
-                (axes[a], shift[:, a], _reach([1e3 * (r.shift_camera_m or (0.0,) * 3)[a] for r in right])),
-                (axes[3 + a], turn[:, a], _reach([(r.turn_camera_deg or (0.0,) * 3)[a] for r in right])),
+                (
+                    axes[a],
+                    shift[:, a],
+                    _half_height([1e3 * (r.shift_camera_m or (0.0,) * 3)[a] for r in right]),
+                ),
+                (
+                    axes[3 + a],
+                    turn[:, a],
+                    _half_height([(r.turn_camera_deg or (0.0,) * 3)[a] for r in right]),
+                ),
             ):
                 colour = COLOURS[k % len(COLOURS)]
                 inside = np.abs(values) <= top
@@ -157,7 +167,7 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
                 for beyond, marker in ((values > top, "^"), (values < -top, "v")):
                     edge = np.full(int(beyond.sum()), top if marker == "^" else -top)
                     ax.scatter(x[beyond], edge, s=1.5 * size, color=colour, marker=marker, lw=0)
-                mids, (low, middle, high) = _binned(x, np.clip(values, -top, top), (5, 50, 95))
+                mids, (low, middle, high) = _binned_percentiles(x, np.clip(values, -top, top), (5, 50, 95))
                 ax.plot(mids, middle, color=colour, lw=2, path_effects=HALO, zorder=4, label=method)
                 for side in (low, high):
                     ax.plot(mids, side, color=colour, lw=1.2, ls="--", path_effects=HALO, zorder=4)
@@ -173,13 +183,13 @@ def _along_axes(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
     return figure
 
 
-def _reach(values: Sequence[float]) -> float:
+def _half_height(values: Sequence[float]) -> float:
     """Return the half height of an axis that shows nearly all errors of correct poses."""
     return max(1.15 * float(np.percentile(np.abs(values), 98)), 1e-3) if values else 1.0
 
 
 def _histograms(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None:
-    methods = {m: _posed(rows) for m, rows in by_method.items() if _posed(rows)}
+    methods = {m: _with_pose(rows) for m, rows in by_method.items() if _with_pose(rows)}
     if not methods:
         return None
     figure, axes = figure_with_axes(len(methods), 2, 1.0 + 2.4 * len(methods))

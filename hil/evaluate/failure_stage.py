@@ -76,7 +76,7 @@ def failure_kind(
     the correct pose is among the alternatives, or the answer is a near-symmetry. correspondence: image edges are
     present, but no hypothesis led to them.
     """
-    if regions and box_px is not None and not any(_serves(r, box_px) for r in regions):
+    if regions and box_px is not None and not any(_is_useful(r, box_px) for r in regions):
         return "region"
     q, t = quat_normalize(q_true), np.asarray(t_true, float)
     if box_px is not None and _edge_share(image, box_px, q, t, craft, noise) < MIN_EDGE_SHARE:
@@ -94,7 +94,7 @@ def failure_kind(
     return "correspondence"
 
 
-def _serves(region: Region, box: tuple[float, float, float, float]) -> bool:
+def _is_useful(region: Region, box: tuple[float, float, float, float]) -> bool:
     w = max(0.0, min(region.x1, box[2]) - max(region.x0, box[0]))
     h = max(0.0, min(region.y1, box[3]) - max(region.y0, box[1]))
     true = max((box[2] - box[0]) * (box[3] - box[1]), 1.0)

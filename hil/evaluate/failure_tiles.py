@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from flyaround.hil.board.estimation import BoardModel, CameraIntrinsics
 
 # Okabe-Ito colours in BGR.
-TRUE, ESTIMATED = (115, 158, 0), (0, 159, 230)
+TRUE_COLOUR, ESTIMATE_COLOUR = (115, 158, 0), (0, 159, 230)
 
 WIDTH, HEIGHT = 360, 260
 
 # Grey level outside the image, distinguishable from black space.
-BEYOND = 70
+OUTSIDE_LEVEL = 70
 
 # Start and end of the arrow to an estimate outside the tile, as shares of the distance from its centre to its edge.
 ARROW = (0.72, 0.94)
@@ -49,16 +49,16 @@ def failure_tile(
     flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     if scale < 1:
         flat = cv2.GaussianBlur(flat, (0, 0), 0.4 / scale)
-    cut = cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags, borderValue=BEYOND)
+    cut = cv2.warpAffine(flat, M, (WIDTH, HEIGHT), flags=flags, borderValue=OUTSIDE_LEVEL)
     tile = np.asarray(cv2.cvtColor(cut, cv2.COLOR_GRAY2BGR), np.uint8)
-    draw_wireframe(tile, model, camera, *true, TRUE, corner, scale)
+    draw_wireframe(tile, model, camera, *true, TRUE_COLOUR, corner, scale)
     if estimated is not None:
-        draw_wireframe(tile, model, camera, *estimated, ESTIMATED, corner, scale)
-        _point_at(tile, camera, estimated[1], corner, scale)
+        draw_wireframe(tile, model, camera, *estimated, ESTIMATE_COLOUR, corner, scale)
+        _draw_arrow(tile, camera, estimated[1], corner, scale)
     return tile
 
 
-def _point_at(
+def _draw_arrow(
     tile: NDArray[np.uint8],
     camera: CameraIntrinsics,
     t: Any,  # noqa: ANN401 - array-like
@@ -73,4 +73,4 @@ def _point_at(
     reach = float(np.max(np.abs(p) / middle))
     if reach > 1.0:
         a, b = (tuple(int(x) for x in middle + k * p / reach) for k in ARROW)
-        cv2.arrowedLine(tile, a, b, ESTIMATED, 2, cv2.LINE_AA, 0, 0.4)
+        cv2.arrowedLine(tile, a, b, ESTIMATE_COLOUR, 2, cv2.LINE_AA, 0, 0.4)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 GREY_NOTE = "colour, taken in grey (the mean of the three channels)"
 """Note on a colour image, shown with its pose."""
 
-PLAIN = "mono, 8 bits"
+PLAIN_NOTE = "mono, 8 bits"
 """Description of a linear 8-bit grey image, which needs no note."""
 
 
@@ -46,7 +46,7 @@ def grey(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> NDArra
     return np.ascontiguousarray(mean.astype(image.dtype))
 
 
-def about_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> str:
+def describe_pictures(image: NDArray[np.unsignedinteger], encoding: str = "linear") -> str:
     """Describe an image: bands, bit depth and the conversion before estimation."""
     bits = 8 * image.dtype.itemsize
     kind = "mono" if image.ndim == 2 else GREY_NOTE

@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from flyaround.hil.evaluate.pose_errors import FrameScore
 
 # Robust standard deviations beyond which an error component marks a wrong pose, excluded from the spread.
-WRONG_AT = 5.0
+WRONG_SIGMAS = 5.0
 
 # Ratio of a normal distribution's standard deviation to its median absolute deviation.
-NORMAL = 1.4826
+MAD_TO_SIGMA = 1.4826
 
 # Least number of poses for a spread, and smallest standard deviation reported.
 MIN_POSES, MIN_SIGMA = 10, 1e-6
@@ -57,8 +57,8 @@ def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     shift = np.array([r.shift_camera_m for r in accepted], float) / away
     turn = np.radians(np.array([r.turn_camera_deg for r in accepted], float))
     parts = np.concatenate([shift, turn], axis=1)
-    robust = NORMAL * np.median(np.abs(parts), axis=0)
-    right = np.all(np.abs(parts) <= WRONG_AT * np.maximum(robust, MIN_SIGMA), axis=1)
+    robust = MAD_TO_SIGMA * np.median(np.abs(parts), axis=0)
+    right = np.all(np.abs(parts) <= WRONG_SIGMAS * np.maximum(robust, MIN_SIGMA), axis=1)
     rms = np.maximum(np.sqrt(np.mean(parts[right] ** 2, axis=0)), MIN_SIGMA)
     return PoseSpread(
         across_share=float(np.hypot(rms[0], rms[1]) / np.sqrt(2)),

@@ -96,15 +96,15 @@ def read_rows(path: Path, header: RunHeader) -> list[EvaluatedFrame]:
             f"{path.parent} holds another evaluation (data set, model or methods differ):"
             " name another folder with -o"
         )
-    return _decoded(lines[1:-1], path)
+    return _decode(lines[1:-1], path)
 
 
-def rows_there(path: Path) -> list[EvaluatedFrame]:
+def existing_rows(path: Path) -> list[EvaluatedFrame]:
     """Return the rows of any evaluation; none if the file does not exist."""
-    return _decoded(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
+    return _decode(path.read_bytes().split(b"\n")[1:-1], path) if path.is_file() else []
 
 
-def _decoded(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:
+def _decode(lines: Iterable[bytes], path: Path) -> list[EvaluatedFrame]:
     rows = []
     for line in lines:
         try:

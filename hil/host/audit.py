@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 IMAGES_TOPIC = "/camera/image_raw"
 # Largest number of disagreements listed per kind.
-MAX_LISTED = 20
+MAX_REPORTED = 20
 
 
 @dataclass(kw_only=True)

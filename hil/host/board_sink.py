@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 # Real time: delay from the first image being ready to the first exposure [ns].
-LEAD_NS = 20_000_000
+FIRST_EXPOSURE_DELAY_NS = 20_000_000
 
 # Reason in the goodbye, by the way in which the run ended
 GOODBYES: dict[Ended, str] = {
@@ -52,7 +52,7 @@ def _readout(frame: Frame) -> Readout:
     return Readout((detector.roi_x0_px, detector.roi_y0_px, b * width, b * height), b)
 
 
-def _told_truth(frame: Frame) -> dict[str, object] | None:
+def _truth_record(frame: Frame) -> dict[str, object] | None:
     """Return the truth record of a frame, with the pixels that a time code covers."""
     if frame.truth is None:
         return None
@@ -107,7 +107,7 @@ class BoardSink:
         if self._origin_ns is None:
             # the first exposure begins now, not in the past
             start_ns = round((scene.t_s - 0.5 * scene.exposure_s) * 1e9)
-            self._origin_ns = time.monotonic_ns() + LEAD_NS - start_ns
+            self._origin_ns = time.monotonic_ns() + FIRST_EXPOSURE_DELAY_NS - start_ns
         if self._deadline_ms is None and self._last_t_s is not None:
             self._deadline_ms = 1e3 * (scene.t_s - self._last_t_s)
         self._last_t_s = scene.t_s
@@ -117,7 +117,11 @@ class BoardSink:
         self._submit(frame, self._origin_ns + t_ns)
         if self.config.decide_every_s is not None:
             # reserve the lead time for rendering the next frame
-            decide_ns = self._origin_ns + round((scene.t_s + self.config.decide_every_s) * 1e9) - LEAD_NS
+            decide_ns = (
+                self._origin_ns
+                + round((scene.t_s + self.config.decide_every_s) * 1e9)
+                - FIRST_EXPOSURE_DELAY_NS
+            )
             while (left_ns := decide_ns - time.monotonic_ns()) > 0:
                 self._collect(1e-9 * left_ns)
         gone_s = time.monotonic() - self.link.down_since_s
@@ -232,7 +236,7 @@ class BoardSink:
         job = FrameJob(
             record=FrameRecord.of(frame).at(due_ns=due_ns, latency_s=self.config.latency_s),
             bits=frame.scene.sensor.bits,
-            truth=None if self.config.link.truth == "off" else _told_truth(frame),
+            truth=None if self.config.link.truth == "off" else _truth_record(frame),
             camera_frame=frame.number if frame.camera_frame is None else frame.camera_frame,
             readout=_readout(frame),
             sun_camera=frame.scene.sun_direction_camera if self.config.send_sun else None,

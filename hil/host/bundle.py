@@ -13,7 +13,7 @@ import msgspec
 
 import flyaround.hil
 from flyaround.hil.board.hybrid.native.library import CHECKSUMS
-from flyaround.hil.board.hybrid.propose.keypoints.network import SAME_SHAPE
+from flyaround.hil.board.hybrid.propose.keypoints.network import SHARED_HEADS
 from flyaround.hil.board_model.write import board_record
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
@@ -35,7 +35,7 @@ DATE = (1980, 1, 1, 0, 0, 0)
 WEIGHTS = "weights"
 
 # Parts of pyserial that a Linux board never imports.
-LEFT_OUT = (
+EXCLUDED = (
     "tools",
     "threaded",
     "urlhandler",
@@ -75,7 +75,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
         # debug images are not needed for estimation
         if source.parent.name != "debug":
             yield f"flyaround/hil/{source.relative_to(root).as_posix()}", source.read_bytes()
-    names = {SAME_SHAPE.get(target.name, target.name) for target in targets}
+    names = {SHARED_HEADS.get(target.name, target.name) for target in targets}
     for kind in ("*.npz", "trunk.onnx", "kernels.h", "linux-*.so", CHECKSUMS):
         for data in (root / "board").rglob(kind):
             # only the heads of the bundled targets
@@ -92,7 +92,7 @@ def _contents(targets: Sequence[Target]) -> Iterator[tuple[str, bytes]]:
     serial = Path(spec.origin).parent
     for source in serial.rglob("*.py"):
         inner = source.relative_to(serial)
-        if inner.parts[0] not in LEFT_OUT:
+        if inner.parts[0] not in EXCLUDED:
             yield f"serial/{inner.as_posix()}", source.read_bytes()
     notice = importlib.metadata.metadata("pyserial")
     yield (

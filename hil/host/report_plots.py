@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from flyaround.hil.host.frame_record import FrameRecord
 
-HEIGHT = 3.6  # inches
+HEIGHT_INCHES = 3.6  # inches
 BLUE, GREEN, RED, ORANGE = "#2f6fb0", "#2f9e62", "#c8453b", "#e08a1e"
 STAGES = (
     "#274c77",
@@ -60,7 +60,7 @@ def plot_latency(rows: Sequence[FrameRecord], deadline_ms: float | None) -> Figu
     e2e = np.sort([row.e2e_ms for row in rows if row.e2e_ms is not None])
     if not len(e2e):
         return None
-    figure, (left, right) = figure_with_axes(1, 2, HEIGHT)
+    figure, (left, right) = figure_with_axes(1, 2, HEIGHT_INCHES)
     # bins over the bulk; the title states the outliers
     top = float(np.percentile(e2e, 99.5)) if len(e2e) > 40 else float(e2e[-1])
     beyond = int(np.sum(e2e > top))
@@ -192,7 +192,7 @@ def plot_errors(rows: Sequence[FrameRecord], _deadline_ms: float | None) -> Figu
     posed = [row for row in rows if row.E_T_m is not None and row.E_R_deg is not None]
     if not posed:
         return None
-    figure, axes = figure_with_axes(1, 2, HEIGHT)
+    figure, axes = figure_with_axes(1, 2, HEIGHT_INCHES)
     for ax, name, unit in ((axes[0], "E_T_m", "m"), (axes[1], "E_R_deg", "deg")):
         floor = 1e-4 if name == "E_T_m" else 1e-3
         for kind, marker in MARKERS.items():

@@ -30,7 +30,7 @@ __all__ = ["RunConfig", "run_host"]
 N_SLOTS = 4
 
 # Signals that end a run: Ctrl-C and SIGTERM
-ENDING = (signal.SIGINT, signal.SIGTERM)
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run_host(
@@ -106,12 +106,12 @@ def run_host(
                     f" start one with `{command}`"
                 )
             run.record_board("" if first.truth is None else first.truth.software.gl_renderer)
-            ended = _send_all(run, _on_one_footing(first, iterator), config.new_line_faults)
+            ended = _send_all(run, _checked_frames(first, iterator), config.new_line_faults)
         except KeyboardInterrupt:
             ended = "interrupted"
             raise
         finally:
-            with signals_held():
+            with deferred_signals():
                 try:
                     summary = run.end(ended)
                     if on_end is not None:
@@ -140,7 +140,7 @@ def _send_all(
     return "completed"
 
 
-def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+def _checked_frames(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     """Yield all frames, checked for consistency with the first one."""
     yield first
     before = first
@@ -159,7 +159,7 @@ def _on_one_footing(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
 
 
 @contextmanager
-def signals_held() -> Iterator[None]:
+def deferred_signals() -> Iterator[None]:
     """Defer SIGINT and SIGTERM until the end of the block, which must take a short and bounded time.
 
     Users and programs such as ``timeout`` often send the signal twice, and the second must not interrupt the handling
@@ -170,7 +170,9 @@ def signals_held() -> Iterator[None]:
         yield  # only the main thread receives signals
         return
     came: list[int] = []
-    before = {number: signal.signal(number, lambda number, _frame: came.append(number)) for number in ENDING}
+    before = {
+        number: signal.signal(number, lambda number, _frame: came.append(number)) for number in END_SIGNALS
+    }
     try:
         yield
     finally:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 ZSTD_NOISY = 2.3
 """Compression ratio of zstd on a noisy image."""
-PATIENCE_S = 1.0
+MIN_ADVICE_S = 1.0
 
 
 def line_time_s(image_bytes: int, baud: int) -> float:
@@ -70,7 +70,7 @@ def serial_advice(
         text += f": longer than the {link.timeout_s:g} s time-out of a pose, so that frames are dropped (--timeout)"
     elif every_s is not None and least_s > every_s:
         text += f": longer than the {every_s:g} s frame interval, so that some frames are never sent"
-    elif least_s < PATIENCE_S:
+    elif least_s < MIN_ADVICE_S:
         return text
     helps = ["a smaller read-out (roi_px or binning under [sensor]) or camera", "a faster line or a network"]
     if not packed:

@@ -18,9 +18,9 @@ import numpy as np
 from flyaround.hil.link.packets.messages import TimeSyncReply, TimeSyncRequest
 
 # Largest drift of computer oscillators, assumed while the drift is unknown [ppm]
-LIKELY_PPM = 100.0
+MAX_DRIFT_PPM = 100.0
 # Least duration of a line fit [s], and least number of seconds with an exchange
-LINE_S, LINE_POINTS = 5.0, 5
+MIN_LINE_S, MIN_LINE_POINTS = 5.0, 5
 BIN_NS = 1_000_000_000
 # Ratio of the standard deviation to the median absolute deviation, normal distribution
 MAD_TO_SIGMA = 1.4826
@@ -122,7 +122,7 @@ class ClockFilter:
 
     def _bound(self, sample: ClockSample, at_ns: int) -> int:
         # rounded up, because the offset loses half a nanosecond
-        known_ppm = LIKELY_PPM if self.line is None else 3 * self.line.sigma_ppm
+        known_ppm = MAX_DRIFT_PPM if self.line is None else 3 * self.line.sigma_ppm
         return sample.round_trip_ns // 2 + 1 + round(1e-6 * known_ppm * abs(at_ns - sample.at_ns))
 
     def _best(self, at_ns: int) -> Optional[ClockSample]:
@@ -141,7 +141,7 @@ def fit_line(samples: List[ClockSample]) -> Optional[ClockLine]:
     good = trips <= max(2 * float(trips.min()), float(np.median(trips)))
     at = np.array([sample.at_ns - samples[0].at_ns for sample in samples], float)[good]
     offset = np.array([sample.offset_ns - samples[0].offset_ns for sample in samples], float)[good]
-    if len(at) < LINE_POINTS or at[-1] - at[0] < LINE_S * 1e9:
+    if len(at) < MIN_LINE_POINTS or at[-1] - at[0] < MIN_LINE_S * 1e9:
         return None
     first, second = np.triu_indices(len(at), 1)
     slope = float(np.median((offset[second] - offset[first]) / (at[second] - at[first])))

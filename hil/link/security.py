@@ -36,9 +36,9 @@ TRAILER_BYTES = COUNTER.size + MAC_BYTES
 WINDOW = 1024
 """Largest reordering of packets that is accepted on lines that may reorder."""
 MIN_KEY_BYTES, MAX_KEY_BYTES = 16, 4096
-ANSWER_S = 10.0
+ANSWER_TIMEOUT_S = 10.0
 REPEAT_S = 1.0
-MAX_ASKS = 128
+MAX_REQUESTS = 128
 """Largest number of requests on one line before a proof; a board sends one per second for a minute."""
 _ABOUT = struct.Struct("<HBQI")
 _IN_CLEAR = (PacketType.ERROR, PacketType.BYE)
@@ -183,7 +183,7 @@ class HostHandshake:
         now_s = self._clock()
         if self.seal is not None and now_s - self._answered_s < REPEAT_S / 2:
             raise UnsealedPacket("a request for a proof comes too soon after another one")
-        if self.seal is None and self._asks > MAX_ASKS:
+        if self.seal is None and self._asks > MAX_REQUESTS:
             raise LinkClosed("it sends requests without a proof")
         self._answered_s = now_s
         if self._nonces is None or self._nonces[:NONCE_BYTES] != board_nonce:
@@ -290,7 +290,7 @@ class BoardTransport:
         self._line.close()
 
 
-def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_S) -> BoardTransport:
+def prove_to_host(line: Transport, key: bytes, timeout_s: float = ANSWER_TIMEOUT_S) -> BoardTransport:
     """Run the handshake of a board or truth logger; return a sealed line to a host with the same key.
 
     Raises

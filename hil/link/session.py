@@ -69,7 +69,7 @@ SILENCE_S = 1.5
 """Silence after which a side that used to send regularly is considered lost [s]."""
 
 # Number of ignored packets in a row after which a non-blocking receive returns to its caller
-MAX_LEFT_OUT = 256
+MAX_IGNORED = 256
 
 
 @dataclass
@@ -136,7 +136,7 @@ class Link:
         self._heard_session = 0
         self.last_sequence: Optional[int] = None
         self.gave_way = False
-        """True if the last `recv` returned after ``MAX_LEFT_OUT`` ignored packets: more may be buffered, so the caller
+        """True if the last `recv` returned after ``MAX_IGNORED`` ignored packets: more may be buffered, so the caller
         must not wait on the line."""
 
     def send(self, message: Message) -> None:
@@ -161,7 +161,7 @@ class Link:
         """
         deadline = time.monotonic() + timeout_s
         self.gave_way = False
-        for _ in range(MAX_LEFT_OUT):
+        for _ in range(MAX_IGNORED):
             try:
                 packet = self.transport.recv_packet(max(0.0, deadline - time.monotonic()))
                 if packet is None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Outcome = Literal["arrived", "aborted", "failed"]
 
-_END_S = 1e9
+END_S = 1e9
 """Time by which every path has ended [s]."""
 
 
@@ -235,7 +235,7 @@ class ClosedLoop:
         self._flight, self._arrived, self._config, self._thrusters = flight, arrived, config, thrusters
         self._com = np.asarray(com_target_m, float)
         self._rng = np.random.default_rng([config.seed, 1])
-        self._end, _ = flight.guidance.state_lvlh(_END_S, flight.n_rad_s)
+        self._end, _ = flight.guidance.state_lvlh(END_S, flight.n_rad_s)
         motion = MotionModel(
             n_rad_s=flight.n_rad_s,
             inertia_kg_m2=np.asarray(inertia_kg_m2, float) if config.inertia_known else None,

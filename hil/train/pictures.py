@@ -11,7 +11,7 @@ import numpy as np
 
 from flyaround.hil.board.estimation import CameraIntrinsics
 from flyaround.hil.board.estimation.vectors import swing
-from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardised
+from flyaround.hil.board.net.network_camera import NetworkCamera, PictureReducer, standardise
 from flyaround.hil.evaluate.greyscale import grey
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, read_png
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
     from flyaround.simulator.runtime.arrays import ByteArray, Float32Array, FloatArray
 
 # Resolution of stored images relative to the network's input, for antialiasing when they are rotated.
-FINER = 2
+OVERSAMPLING = 2
 
 # One of this many frames is held out.
-HELD_OUT = 10
+HELD_OUT_EVERY = 10
 
 # Least number of training images.
-LEAST_PICTURES = 20
+MIN_PICTURES = 20
 
 # Largest tilt of the camera [half fields of view], and number of attempts to keep the target in view.
-TILT, TRIES = 0.35, 8
+MAX_TILT, TILT_ATTEMPTS = 0.35, 8
 
 # Standard deviation of a sample's log exposure; largest standard deviation of its noise [full scale].
-EXPOSED, NOISE = 0.3, 0.03
+EXPOSURE_SIGMA, MAX_NOISE = 0.3, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class LabelledPictures:
     ----------
     camera : NetworkCamera
         Camera of the network.
-    signal : (N, FINER h, FINER w) array
+    signal : (N, OVERSAMPLING h, OVERSAMPLING w) array
         Square root of the signal relative to full scale, uint8, 255 at full scale.
     q_wxyz : (N, 4) array
         Attitudes of the target relative to the camera.
@@ -144,7 +144,7 @@ def read_training_set(
     card = read_card(folder)
     camera = CameraIntrinsics.from_dict(msgspec.to_builtins(card.camera))
     small = NetworkCamera.like(camera, width_px)
-    reduce = PictureReducer.prepare(small.enlarged(FINER), camera)
+    reduce = PictureReducer.prepare(small.enlarged(OVERSAMPLING), camera)
     frames, signals, q, t = [], [], [], []
     for k in range(card.n_frames):
         progress(k + 1, card.n_frames)
@@ -158,11 +158,11 @@ def read_training_set(
         signals.append(np.rint(255 * np.clip(reduce(image), 0, 1)).astype(np.uint8))
         q.append(truth.q_camera_from_target_wxyz)
         t.append(truth.t_camera_from_target_m)
-    held = np.array([k % HELD_OUT == HELD_OUT - 1 for k in frames], bool)
-    if held.sum() < 2 or len(frames) - held.sum() < LEAST_PICTURES:
+    held = np.array([k % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 for k in frames], bool)
+    if held.sum() < 2 or len(frames) - held.sum() < MIN_PICTURES:
         raise UserError(
-            f"data set {folder} has {len(frames)} feasible frames, but training needs {LEAST_PICTURES} and two of "
-            f"every {HELD_OUT}th frame, which are held out: capture more"
+            f"data set {folder} has {len(frames)} feasible frames, but training needs {MIN_PICTURES} and two of "
+            f"every {HELD_OUT_EVERY}th frame, which are held out: capture more"
         )
     whole = LabelledPictures(small, np.stack(signals), np.array(q, float), np.array(t, float))
     return TrainingSet(
@@ -180,30 +180,30 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
     small = pictures.camera
     out = np.empty((size, small.height_px, small.width_px), np.float32)
     q, t = np.empty((size, 4)), np.empty((size, 3))
-    gain = np.exp(rng.normal(0, 0.5 * EXPOSED, size)).astype(np.float32)
-    noise = (NOISE * rng.random(size) ** 2).astype(np.float32)
+    gain = np.exp(rng.normal(0, 0.5 * EXPOSURE_SIGMA, size)).astype(np.float32)
+    noise = (MAX_NOISE * rng.random(size) ** 2).astype(np.float32)
     for i, k in enumerate(which):
-        R = _turn(small, pictures.t_m[k], rng)
-        out[i] = _turned(pictures.signal[k], small, R)
+        R = _random_rotation(small, pictures.t_m[k], rng)
+        out[i] = _warp(pictures.signal[k], small, R)
         q[i] = quat_multiply(quat_from_matrix(R), pictures.q_wxyz[k])
         t[i] = R @ pictures.t_m[k]
     out = np.minimum(out * gain[:, None, None], 1.0)
     out += noise[:, None, None] * rng.standard_normal(out.shape, np.float32)
-    return labelled(out, small, q, t)
+    return with_labels(out, small, q, t)
 
 
-def labelled(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
+def with_labels(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
     """Return images (B, h, w) as samples, with the network's labels computed from their poses."""
     away = np.linalg.norm(t_m, axis=1)
     back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
     relative = quat_multiply(back, q_wxyz)
-    return Samples(standardised(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
+    return Samples(standardise(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
 
 
-def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _random_rotation(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return a random rotation (3, 3) of the camera that keeps the target in view."""
-    for _ in range(TRIES):
-        x, y = TILT * rng.uniform(-1, 1, 2) * camera.half_view
+    for _ in range(TILT_ATTEMPTS):
+        x, y = MAX_TILT * rng.uniform(-1, 1, 2) * camera.half_view
         roll = rng.uniform(0, 2 * np.pi)
         R = matrix_from_quat(quat_from_rotvec(np.array([0.0, 0.0, roll]))) @ matrix_from_quat(
             quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
@@ -214,15 +214,15 @@ def _turn(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> F
     return np.eye(3)
 
 
-def _turned(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32Array:
+def _warp(signal: ByteArray, camera: NetworkCamera, R: FloatArray) -> Float32Array:
     """Warp a stored image to a camera rotated by R, (h, w) float32; its border is replicated."""
-    fine = camera.enlarged(FINER)
+    fine = camera.enlarged(OVERSAMPLING)
     K, L = _matrix(camera), _matrix(fine)
     # M maps pixels of the rotated image to the stored one, which is averaged over the size of an output pixel
     light = (signal.astype(np.float32) / np.float32(255)) ** 2
-    soft = cv2.blur(light, (FINER, FINER), anchor=(0, 0))
+    soft = cv2.blur(light, (OVERSAMPLING, OVERSAMPLING), anchor=(0, 0))
     shift = np.eye(3)
-    shift[:2, 2] = -0.5 * (FINER - 1)
+    shift[:2, 2] = -0.5 * (OVERSAMPLING - 1)
     M = shift @ L @ R.T @ np.linalg.inv(K)
     picture = cv2.warpPerspective(
         soft,

@@ -43,18 +43,18 @@ if TYPE_CHECKING:
 BATCH = 32
 
 # Standard deviation of the soft attitude labels [class spacings].
-WIDTH_STEPS = 0.65
+LABEL_SIGMA_STEPS = 0.65
 
 # Threshold of the Huber loss of the position [half fields of view, units of log range], and its weight.
-PLACE_LINEAR_FROM, PLACE_WEIGHT = 0.05, 0.5
+POSITION_HUBER, POSITION_WEIGHT = 0.05, 0.5
 
 # Least held-out error stored with a network.
-LEAST_ERROR = 1e-4
+MIN_ERROR = 1e-4
 
-RATE, DECAY, LARGEST_GRADIENT = 2e-3, 1e-2, 5.0
+LEARNING_RATE, WEIGHT_DECAY, MAX_GRADIENT = 2e-3, 1e-2, 5.0
 
 # Warm-up steps; decay of the exponential moving average of the weights, per step; number of progress reports.
-WARM_UP, KEEP, REPORTS = 200, 0.998, 10
+WARM_UP_STEPS, AVERAGE_DECAY, N_REPORTS = 200, 0.998, 10
 
 
 class TrainingReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,7 +173,7 @@ def train_network(
         architecture=architecture,
         weights=weights,
     )
-    records = _judged(file, folder, data)
+    records = _evaluate(file, folder, data)
     file = replace(file, errors=_errors([r for r in records if r.accepted] or records))
     write_atomic(output, file.to_bytes({"dataset": folder.name, "frames": len(data.learned), "seed": seed}))
     E_T, E_R = (np.array([getattr(r, name) for r in records], float) for name in ("E_T_m", "E_R_deg"))
@@ -227,7 +227,7 @@ class PoseTraining:
         self._pictures, self._scale, self._device = pictures, scale, device
         self._rng = np.random.default_rng([seed, 1])
         self._grid = class_attitudes(classes)
-        self._width_rad = WIDTH_STEPS * class_step_rad(classes)
+        self._width_rad = LABEL_SIGMA_STEPS * class_step_rad(classes)
         torch.manual_seed(seed)
         camera = pictures.camera
         self.network = ResidualNetwork(architecture, camera.width_px, camera.height_px, classes).to(device)
@@ -245,7 +245,7 @@ class PoseTraining:
         parameters = list(self.network.parameters())
         adam = torch.optim.AdamW(
             [
-                {"params": [w for w in parameters if w.ndim > 1], "weight_decay": DECAY},
+                {"params": [w for w in parameters if w.ndim > 1], "weight_decay": WEIGHT_DECAY},
                 {"params": [w for w in parameters if w.ndim == 1], "weight_decay": 0.0},
             ],
             betas=(0.9, 0.99),
@@ -261,14 +261,17 @@ class PoseTraining:
                 done = min(budget.done(began, count + 1), 1.0)
                 count += 1
                 for group in adam.param_groups:
-                    group["lr"] = RATE * min(1.0, count / WARM_UP) * 0.5 * (1 + np.cos(np.pi * done)) + 1e-5
+                    group["lr"] = (
+                        LEARNING_RATE * min(1.0, count / WARM_UP_STEPS) * 0.5 * (1 + np.cos(np.pi * done))
+                        + 1e-5
+                    )
                 attitude, place = self._losses(batch)
                 adam.zero_grad()
-                (attitude + PLACE_WEIGHT * place).backward()
-                torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
+                (attitude + POSITION_WEIGHT * place).backward()
+                torch.nn.utils.clip_grad_norm_(parameters, MAX_GRADIENT)
                 adam.step()
                 # give early steps little weight in the average
-                keep = min(KEEP, count / (count + 20)) if count > 1 else 0.0
+                keep = min(AVERAGE_DECAY, count / (count + 20)) if count > 1 else 0.0
                 with torch.no_grad():
                     for m, w in zip(
                         mean.state_dict().values(), self.network.state_dict().values(), strict=True
@@ -276,7 +279,7 @@ class PoseTraining:
                         if m.is_floating_point():
                             m.lerp_(w, 1 - keep)
                 losses = 0.98 * losses + 0.02 * np.array([attitude.item(), place.item()])
-                if done - reported > 1 / REPORTS or done >= 1:
+                if done - reported > 1 / N_REPORTS or done >= 1:
                     reported = done
                     text = " ".join(f"{x:.3f}" for x in losses / (1 - 0.98**count))
                     report(done, f"{count} steps, loss {text}")
@@ -292,8 +295,8 @@ class PoseTraining:
         mean, spread = self._scale
         numbers = np.concatenate([batch.place, (batch.log_range[:, None] - mean) / spread], axis=1)
         numbers = torch.tensor(numbers, dtype=torch.float32, device=self._device)
-        off = functional.smooth_l1_loss(place, numbers, beta=PLACE_LINEAR_FROM, reduction="none")
-        return functional.cross_entropy(logits, target), off.sum(dim=1).mean() / PLACE_LINEAR_FROM
+        off = functional.smooth_l1_loss(place, numbers, beta=POSITION_HUBER, reduction="none")
+        return functional.cross_entropy(logits, target), off.sum(dim=1).mean() / POSITION_HUBER
 
 
 def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> torch.Tensor:
@@ -303,7 +306,7 @@ def _soft_classes(q_wxyz: FloatArray, grid: FloatArray, width_rad: float) -> tor
     return torch.from_numpy(density / density.sum(axis=1, keepdims=True))
 
 
-def _judged(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameScore]:
+def _evaluate(file: NetworkFile, folder: Path, data: TrainingSet) -> list[FrameScore]:
     """Return the estimator's scores on the held-out frames."""
     estimator = NetworkEstimator(file, board_model(load_target(data.target[0])), data.camera)
     records = []
@@ -329,6 +332,6 @@ def _errors(records: list[FrameScore]) -> HeldOutErrors:
 
     def rms(values: Any) -> float:  # noqa: ANN401 - an array of any shape
         inside = np.abs(values) <= np.quantile(np.abs(values), 0.95)
-        return max(float(np.sqrt(np.mean(values[inside] ** 2))), LEAST_ERROR)
+        return max(float(np.sqrt(np.mean(values[inside] ** 2))), MIN_ERROR)
 
     return HeldOutErrors(rms(np.radians(turns)), rms(shifts[:, :2]), rms(shifts[:, 2]))

@@ -21,10 +21,10 @@ def one_thread():
 def no_library(monkeypatch, tmp_path):
     """A machine that the estimator has no compiled library for."""
     monkeypatch.setattr(library, "library_folder", lambda: tmp_path / "no-library")
-    library._loaded.cache_clear()
+    library._load_best.cache_clear()
     yield
     monkeypatch.undo()
-    library._loaded.cache_clear()
+    library._load_best.cache_clear()
 
 
 @pytest.fixture(scope="session")

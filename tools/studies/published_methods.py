@@ -20,7 +20,7 @@ from flyaround.hil.board.method_names import HYBRID
 from flyaround.hil.board.svd.settings import SOLVERS
 from flyaround.hil.evaluate.dataset_evaluation import ROWS, evaluate_dataset, method_metrics
 from flyaround.hil.evaluate.method_choice import MethodChoice, board_model
-from flyaround.hil.evaluate.result_rows import EvaluatedFrame, rows_there
+from flyaround.hil.evaluate.result_rows import EvaluatedFrame, existing_rows
 from flyaround.simulator.dataset.card import read_card
 from flyaround.simulator.dataset.formats.native import frame_paths, is_whole, write_frame
 from flyaround.simulator.frame import take_frame
@@ -181,7 +181,7 @@ class Study:
                 workers=self.workers,
                 frames=self.frames,
             )
-        rows = rows_there(place / ROWS)
+        rows = existing_rows(place / ROWS)
         answered = Counter(r.frame for r in rows)
         return [r for r in rows if answered[r.frame] == len(choices)]
 

@@ -36,9 +36,9 @@ from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.keypoints import fit
 from flyaround.hil.train.keypoints.head_training import arrays_of, load_views, state_of
 from flyaround.hil.train.keypoints.network import Head, Trunk
-from flyaround.hil.train.keypoints.samples import EASY, HARD, Batch, halved, sample
-from flyaround.hil.train.keypoints.trunk_file import folded, from_onnx, to_onnx, unfolded
-from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of
+from flyaround.hil.train.keypoints.samples import EASY, HARD, Batch, image_pyramid, sample
+from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, unfold
+from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_views
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.library import load_target
 
@@ -91,7 +91,7 @@ def make_batches(folder: Path, seed: int, easy: Any, queue: Queue[Samples]) -> N
         model = board_model(load_target(name))
         points = (keypoints_m(model) - model.centre_m) / model.radius_m
         views[name] = load_views(drawing(folder, name), points)
-        earths[name] = halved(earths_of(drawing(folder, name)))
+        earths[name] = image_pyramid(earths_of(drawing(folder, name)))
     others = [name for name in VIEWS if name != "tango"]
     while True:
         few = rng.choice(others, OTHERS // PER_CRAFT, replace=False)
@@ -180,7 +180,7 @@ class KeypointNetworks(nn.Module):  # type: ignore[misc]
 
     def load_shipped(self, samples: Batch) -> None:
         """Take the weights of the package; ``samples`` give the normalisations their first statistics."""
-        trunk = unfolded(from_onnx(trunk_bytes()), torch.from_numpy(samples.inputs).float())
+        trunk = unfold(from_onnx(trunk_bytes()), torch.from_numpy(samples.inputs).float())
         self.trunk.load_state_dict(trunk.state_dict())
         for name, head in self.heads.items():
             shipped = network_for(board_model(load_target(name)))
@@ -203,7 +203,9 @@ def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: b
     both = KeypointNetworks()
     if kept is None and not anew:
         both.load_shipped(queue.get()[1])
-    adam = torch.optim.AdamW(both.parameters(), fit.RATE if anew else RATE_AGAIN, weight_decay=fit.DECAY)
+    adam = torch.optim.AdamW(
+        both.parameters(), fit.LEARNING_RATE if anew else RATE_AGAIN, weight_decay=fit.WEIGHT_DECAY
+    )
     mean = {k: v.clone() for k, v in both.state_dict().items()}
     if kept is not None:
         both.load_state_dict(kept["weights"])
@@ -217,7 +219,7 @@ def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: b
     began, saved = time.monotonic() - spent, time.monotonic()
     while (share := (time.monotonic() - began) / (60 * minutes)) < 1:
         easy.value = anew and share < EASY_SHARE
-        rate = (fit.RATE if anew else RATE_AGAIN) * min(1.0, (steps + 1) / fit.WARM_UP)
+        rate = (fit.LEARNING_RATE if anew else RATE_AGAIN) * min(1.0, (steps + 1) / fit.WARM_UP_STEPS)
         for group in adam.param_groups:
             group["lr"] = float(rate * (0.98 * (0.5 + 0.5 * np.cos(np.pi * share)) + 0.02))
         samples = queue.get()
@@ -225,7 +227,7 @@ def train(folder: Path, state: Path, minutes: float, assistants: int, *, anew: b
         adam.zero_grad()
         loss.backward()
         shared.take(weights, BATCH)
-        nn.utils.clip_grad_norm_(weights, fit.LARGEST_GRADIENT)
+        nn.utils.clip_grad_norm_(weights, fit.MAX_GRADIENT)
         adam.step()
         steps += 1
         with torch.no_grad():
@@ -244,7 +246,7 @@ def write(state: Path) -> None:
     mean = torch.load(state, weights_only=True)["mean"]
     trunk = Trunk()
     trunk.load_state_dict({k[len("trunk.") :]: v for k, v in mean.items() if k.startswith("trunk.")})
-    data = to_onnx(folded(trunk))
+    data = to_onnx(fold(trunk))
     WEIGHTS.mkdir(exist_ok=True)
     write_atomic(WEIGHTS / "trunk.onnx", data)
     for name in VIEWS:
@@ -269,7 +271,7 @@ def _loss(networks: KeypointNetworks, samples: Samples) -> tuple[Tensor, Tensor]
 
 
 def _average(mean: dict[str, Tensor], weights: dict[str, Tensor], steps: int) -> None:
-    keep = min(fit.KEEP, steps / (steps + 50))
+    keep = min(fit.AVERAGE_DECAY, steps / (steps + 50))
     with torch.no_grad():
         for key, value in weights.items():
             if value.dtype.is_floating_point:
@@ -315,7 +317,7 @@ def main() -> None:
     if given.command == "draw":
         for name in VIEWS:
             say = lambda done, of, name=name: print(f"{name}: {done} of {of}", flush=True)  # noqa: E731 - a line
-            draw_all(drawing(given.views, name), given.workers, say)
+            render_views(drawing(given.views, name), given.workers, say)
     elif given.command == "fit":
         train(given.views, given.state, given.minutes, given.assistants, anew=given.anew)
     else:

@@ -12,7 +12,7 @@ from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 
 # Smallest side of an image that is searched [px].
-SMALLEST_FRAME_PX = 64
+MIN_SIDE_PX = 64
 
 
 class Estimator:
@@ -85,7 +85,7 @@ def unusable(image: Any, camera: CameraIntrinsics) -> str:  # noqa: ANN401 - see
         return f"pixels must be uint8 or uint16, not {image.dtype}"
     if image.shape != (camera.height_px, camera.width_px):
         return f"picture is {image.shape[1]} x {image.shape[0]}, the camera {camera.width_px} x {camera.height_px}"
-    if min(image.shape) < SMALLEST_FRAME_PX:
+    if min(image.shape) < MIN_SIDE_PX:
         return "picture is too small"
     if int(image.max()) == int(image.min()):
         return "picture is constant"

@@ -14,7 +14,7 @@ Array = np.ndarray
 
 # Quantisation steps of each normal component when faces are grouped by brightness: default, and for curved bodies,
 # on which brightness varies with direction as much as between materials.
-STEPS, ROUND_STEPS = 3, 6
+NORMAL_STEPS, CURVED_NORMAL_STEPS = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +85,13 @@ class Faces:
             raise ValueError("the tree of faces names a face that is not there")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)
-        group, groups = _grouped(material, n, STEPS)
+        group, groups = _brightness_groups(material, n, NORMAL_STEPS)
         offset = np.einsum("ij,ij->i", n, corners[:, 0])
         return Faces(corners, n, offset, group, groups, material, plane, children, members)
 
     def grouped(self, steps: int) -> Faces:
         """Return the faces regrouped by material and by normals quantised to ``steps`` steps per component."""
-        group, groups = _grouped(self.material, self.normals, steps)
+        group, groups = _brightness_groups(self.material, self.normals, steps)
         return replace(self, group=group, groups=groups)
 
     @cached_property
@@ -111,7 +111,7 @@ class Faces:
         return np.asarray(self.corners.mean(axis=1))
 
 
-def _grouped(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
+def _brightness_groups(material: Array, normals: Array, steps: int) -> Tuple[Array, int]:
     """Return each face's brightness group (one material and nearly one normal) and the number of groups."""
     key = np.concatenate([material[:, None], np.rint(normals * steps)], axis=1).astype(int)
     unique, group = np.unique(key, axis=0, return_inverse=True)

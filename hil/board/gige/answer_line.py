@@ -24,7 +24,7 @@ from flyaround.hil.link.transports.url import connect
 
 logger = logging.getLogger(__name__)
 
-LOOK_S = 0.5
+CHECK_INTERVAL_S = 0.5
 
 
 class AnswerLine:
@@ -96,7 +96,7 @@ class AnswerLine:
         heard_ns = now_ns()
         while not self._stop.is_set() and not self.ended:
             try:
-                message = self._link.recv(LOOK_S)
+                message = self._link.recv(CHECK_INTERVAL_S)
             except PacketError as error:
                 logger.warning("%s", error)
                 continue

@@ -13,8 +13,8 @@ from typing import Any, Dict, Tuple
 
 from flyaround.hil.link.errors import LinkError
 
-NAMES = ("libaravis-0.8.so.0", "libaravis-0.8.0.dylib")
-ABSENT = (
+LIBRARY_NAMES = ("libaravis-0.8.so.0", "libaravis-0.8.0.dylib")
+NOT_INSTALLED = (
     "a gige:// camera is read with Aravis 0.8, which is not installed: apt-get install libaravis-0.8-0"
     " (on macOS: brew install aravis)"
 )
@@ -26,7 +26,7 @@ SUCCESS = 0
 
 # Result and argument types; a call whose last argument is GERROR reports its error through it.
 GERROR = POINTER(c_void_p)
-CALLS: Dict[str, Tuple[Any, ...]] = {
+SIGNATURES: Dict[str, Tuple[Any, ...]] = {
     "arv_camera_new": (c_void_p, c_char_p, GERROR),
     "arv_camera_get_device": (c_void_p, c_void_p),
     "arv_camera_is_gv_device": (c_int, c_void_p),
@@ -93,7 +93,7 @@ class Aravis:
     def __init__(self) -> None:
         library = _load()
         self._functions: Dict[str, Any] = {}
-        for name, (result, *arguments) in CALLS.items():
+        for name, (result, *arguments) in SIGNATURES.items():
             try:
                 function = getattr(library, name)
             except AttributeError:
@@ -110,7 +110,7 @@ class Aravis:
             If the function reports an error.
         """
         function = self._functions[name]
-        if CALLS[name][-1] is not GERROR:
+        if SIGNATURES[name][-1] is not GERROR:
             return function(*arguments)
         error = c_void_p()
         result = function(*arguments, byref(error))
@@ -153,9 +153,9 @@ def load_aravis() -> Aravis:
 
 def _load() -> ctypes.CDLL:
     path = ctypes.util.find_library("aravis-0.8")
-    for name in (*NAMES, *([path] if path else [])):
+    for name in (*LIBRARY_NAMES, *([path] if path else [])):
         try:
             return ctypes.CDLL(name)
         except OSError:
             continue
-    raise LinkError(ABSENT)
+    raise LinkError(NOT_INSTALLED)

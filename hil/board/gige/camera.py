@@ -17,8 +17,8 @@ from flyaround.hil.link.packets.pixels import Image, pixels_bytes, unpack_pixels
 
 SCHEME = "gige://"
 # Pixel-format codes with the memory layout of Mono16.
-WORDS = (0x01100005, 0x01100025)  # Mono12, Mono14
-GREY = (*(int(f) for f in PixelFormat if f.channels == 1), *WORDS)
+MONO16_CODES = (0x01100005, 0x01100025)  # Mono12, Mono14
+GREY_CODES = (*(int(f) for f in PixelFormat if f.channels == 1), *MONO16_CODES)
 N_BUFFERS = 8
 # Number of packets ignored without a complete image above which the stream restarts; other programs cause a few.
 DEAF_PACKETS = 64
@@ -294,7 +294,7 @@ class GigeCamera:
 
     def _check_format(self) -> None:
         code = self._do("get_pixel_format")
-        if code not in GREY:
+        if code not in GREY_CODES:
             name = (self._do("get_pixel_format_as_string") or b"").decode("utf-8", "replace")
             raise LinkError(
                 f"camera {self._address} sends {name or hex(code)}, and the estimator takes grey pixels: choose"
@@ -407,9 +407,9 @@ def grey_image(data: bytes, width_px: int, height_px: int, code: int) -> Optiona
     code : int
         Pixel-format code of GenICam's Pixel Format Naming Convention.
     """
-    if code not in GREY or width_px < 1 or height_px < 1:
+    if code not in GREY_CODES or width_px < 1 or height_px < 1:
         return None
-    lies_as = PixelFormat.Mono16 if code in WORDS else PixelFormat(code)
+    lies_as = PixelFormat.Mono16 if code in MONO16_CODES else PixelFormat(code)
     size = pixels_bytes(width_px, height_px, lies_as)
     if len(data) < size:
         return None

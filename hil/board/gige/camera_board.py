@@ -27,7 +27,7 @@ _CAMERA_KEYS = {
     *("pixel_pitch_um", "name", "notes"),
 }
 # Interval of the checks of the answer line while no image arrives [s].
-LOOK_S = 0.5
+CHECK_INTERVAL_S = 0.5
 # Number of restarts of a silent stream before the camera counts as lost.
 MAX_RESTARTS = 3
 
@@ -174,7 +174,7 @@ class _Session:
             if triggered and damaged != device.damaged:  # the image of the last trigger was damaged
                 damaged = device.damaged
                 device.trigger()
-            frame = device.frame(LOOK_S)
+            frame = device.frame(CHECK_INTERVAL_S)
             if frame is not None:
                 return frame
         return None

@@ -23,19 +23,19 @@ from flyaround.hil.board.svd.weak_gradients import eliminate_weak_gradients
 Array = np.ndarray
 
 # Least noise [steps of a scale of 255]: half of the quantisation noise.
-LEAST_NOISE, SCALE = 0.15, 255.0
+MIN_NOISE, FULL_SCALE = 0.15, 255.0
 
 # Ratio of the noise from means over many pixels to that from single pixels above which noise counts as smoothed.
-CORRELATED = 1.4
+SMOOTHED_RATIO = 1.4
 
 # Least black level in front of a texture [noise], whose dark parts lie above zero as well.
-FLOOR_OFFSET = 3.0
+MIN_BLACK_SIGMA = 3.0
 
 # Share of tiles with edges above which the background is not empty space.
-BUSY = 0.25
+MAX_BUSY_SHARE = 0.25
 
 # Least diagonal of a region [px].
-SMALLEST_PX = 24.0
+MIN_DIAGONAL_PX = 24.0
 
 
 def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
@@ -47,7 +47,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
     frame.keep("wge", edges)
     frame.mark("weak_gradients")
     regions, busy, frame.likely = propose_regions(reduced, edges, frame.noise / REDUCTION)
-    if busy < BUSY:
+    if busy < MAX_BUSY_SHARE:
         # reduced pixels are rounded to integers
         frame.background = whole_median(reduced.astype(np.int32))
     frame.black = _black_level(frame, reduced, busy, smoothed=smoothed)
@@ -59,7 +59,7 @@ def prepare(setup: SearchSetup, frame: Observation) -> PreparedImage:
         setup,
         frame,
         reduced,
-        [r for r in regions if r.diagonal_px >= SMALLEST_PX],
+        [r for r in regions if r.diagonal_px >= MIN_DIAGONAL_PX],
         regime,
         smoothed,
     )
@@ -69,12 +69,12 @@ def _measure_noise(frame: Observation) -> Tuple[Array, bool]:
     """Set the noise of the image (Immerkaer 1996). Return the reduced image, and True if the noise was smoothed."""
     image = frame.image
     # a 16-bit file may hold 10 or 12 bits: its largest value is taken as full scale
-    full_scale = SCALE if image.dtype == np.uint8 else float(image.max())
-    frame.noise = max(noise_sigma(image, full_scale), LEAST_NOISE * full_scale / SCALE)
+    full_scale = FULL_SCALE if image.dtype == np.uint8 else float(image.max())
+    frame.noise = max(noise_sigma(image, full_scale), MIN_NOISE * full_scale / FULL_SCALE)
     reduced, _ = shrink(image, 0, 0, image.shape[1], image.shape[0], max(image.shape) // REDUCTION)
     frame.keep("reduced", reduced)
     coarse = coarse_noise(reduced, REDUCTION)
-    if coarse <= CORRELATED * frame.noise:
+    if coarse <= SMOOTHED_RATIO * frame.noise:
         return reduced, False
     frame.noise = coarse
     return reduced, True
@@ -87,7 +87,7 @@ def _black_level(frame: Observation, reduced: Array, busy: float, *, smoothed: b
         # the noise is clipped at zero, so the camera adds no offset
         return 0.0
     black = black_level(reduced, noise)
-    if smoothed or busy < BUSY:
+    if smoothed or busy < MAX_BUSY_SHARE:
         return black
     # an image filled by the Earth also has a darkest part
-    return black if has_flat_floor(reduced, noise) and black > FLOOR_OFFSET * frame.noise else 0.0
+    return black if has_flat_floor(reduced, noise) and black > MIN_BLACK_SIGMA * frame.noise else 0.0

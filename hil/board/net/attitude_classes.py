@@ -18,7 +18,7 @@ Array = np.ndarray
 
 # Radius of the neighbourhood whose classes are averaged, in class spacings, and number of most probable classes tried
 # as its centre.
-NEAR_STEPS, CANDIDATES = 1.6, 24
+NEIGHBOURHOOD_STEPS, CANDIDATES = 1.6, 24
 
 
 def class_attitudes(n: int) -> Array:
@@ -50,7 +50,9 @@ def mean_attitude(probability: Array) -> Tuple[Array, float]:
     n = len(probability)
     grid = class_attitudes(n)
     candidates = np.argsort(-probability)[:CANDIDATES]
-    near = np.abs(grid[candidates] @ grid.T) > np.cos(0.5 * min(NEAR_STEPS * class_step_rad(n), np.pi))
+    near = np.abs(grid[candidates] @ grid.T) > np.cos(
+        0.5 * min(NEIGHBOURHOOD_STEPS * class_step_rad(n), np.pi)
+    )
     total = near @ probability
     best = int(np.argmax(total))
     # the outer product does not depend on a quaternion's sign

@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.image.edge_field import area_mean
 Array = np.ndarray
 
 # Contrast below which an image is not amplified any further: standard deviation, square root of full scale.
-LEAST_CONTRAST = 0.01
+MIN_CONTRAST = 0.01
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class PictureReducer:
         return np.sqrt(np.maximum(resampled, 0.0) / np.float32(full))
 
 
-def standardised(pictures: Array) -> Array:
+def standardise(pictures: Array) -> Array:
     """Return images (..., h, w), float32, each with zero mean and unit standard deviation."""
     mean = pictures.mean(axis=(-2, -1), keepdims=True)
     spread = pictures.std(axis=(-2, -1), keepdims=True)
-    return np.asarray((pictures - mean) / np.maximum(spread, LEAST_CONTRAST), np.float32)
+    return np.asarray((pictures - mean) / np.maximum(spread, MIN_CONTRAST), np.float32)

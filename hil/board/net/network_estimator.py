@@ -21,7 +21,7 @@ from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.estimation.vectors import swing
 from flyaround.hil.board.net.attitude_classes import mean_attitude, softmax
-from flyaround.hil.board.net.network_camera import PictureReducer, standardised
+from flyaround.hil.board.net.network_camera import PictureReducer, standardise
 from flyaround.hil.board.net.network_file import NetworkFile
 
 Array = np.ndarray
@@ -29,10 +29,10 @@ Array = np.ndarray
 logger = logging.getLogger(__name__)
 
 # Least probability of the best neighbourhood of attitudes at which a pose is accepted.
-ACCEPT_AT = 0.5
+MIN_PROBABILITY = 0.5
 
 # Bound of the standardised logarithm of the range.
-MOST_LOG = 7.0
+MAX_LOG_RANGE = 7.0
 
 
 class NetworkEstimator(Estimator):
@@ -67,19 +67,19 @@ class NetworkEstimator(Estimator):
         self._reduce = PictureReducer.prepare(network.camera, camera)
 
     def _estimate(self, frame: StageRecord) -> PoseResult:
-        picture = standardised(self._reduce(frame.image))
+        picture = standardise(self._reduce(frame.image))
         frame.mark("reduce")
         place, attitude = self.network.run(picture)
         frame.mark("network")
         if not (np.isfinite(place).all() and np.isfinite(attitude).all()):
             return self._declined(frame, "the network's answer is not finite")
-        t, direction = placed(place, self.network)
+        t, direction = position_from_output(place, self.network)
         probability = softmax(attitude)
         relative, confidence = mean_attitude(probability)
         q = quat.normalise(quat.multiply(quat.from_matrix(swing(direction)), relative))
         frame.keep("attitude shares", probability)
         frame.mark("pose")
-        reason = "" if confidence >= ACCEPT_AT else "several attitudes are equally likely"
+        reason = "" if confidence >= MIN_PROBABILITY else "several attitudes are equally likely"
         times, counts, covariance = frame.stages_ms, frame.counts, self._covariance(t)
         return PoseResult(
             not reason, reason, q, t, confidence, times, counts, covariance=covariance, method=self.method
@@ -92,7 +92,7 @@ class NetworkEstimator(Estimator):
         return np.diag([e.turn_rad**2] * 3 + [across, across, along])
 
 
-def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
+def position_from_output(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
     """Return the position (3,) of the model's origin in the camera frame [m], and the unit vector to it.
 
     Parameters
@@ -105,7 +105,7 @@ def placed(place: Array, network: NetworkFile) -> Tuple[Array, Array]:
     ray = np.append(place[:2] * network.camera.half_view, 1.0)
     direction = ray / np.linalg.norm(ray)
     log_range = network.log_range_mean + network.log_range_scale * float(
-        np.clip(place[2], -MOST_LOG, MOST_LOG)
+        np.clip(place[2], -MAX_LOG_RANGE, MAX_LOG_RANGE)
     )
     return np.exp(log_range) * direction, direction
 

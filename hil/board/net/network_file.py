@@ -24,7 +24,7 @@ Array = np.ndarray
 SCHEMA, VERSION = "flyaround.network", 2
 
 # Largest file [bytes]; then the range of an input image's sides and of the number of attitude classes.
-MOST_BYTES = 256_000_000
+MAX_BYTES = 256_000_000
 SIDE_PX, CLASSES = (16, 1024), (8, 20_000)
 
 
@@ -96,7 +96,7 @@ class NetworkFile:
             If the file cannot be read or is not a valid network; the message is one sentence.
         """
         try:
-            data = read_bounded(path, MOST_BYTES)
+            data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             raise BoardModelError(
                 f"network {path} cannot be read: {error.strerror or error}; name a file that flyaround train wrote"
@@ -104,7 +104,7 @@ class NetworkFile:
         except ValueError as error:
             raise BoardModelError(f"network {path!r} cannot be read: {error}") from error
         try:
-            return _parsed(Path(path).name, unpack_arrays(data, MOST_BYTES))
+            return _parse(Path(path).name, unpack_arrays(data, MAX_BYTES))
         except (ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
             raise BoardModelError(
@@ -141,7 +141,7 @@ class NetworkFile:
         return ARCHITECTURES[self.architecture].run(self.weights, picture)
 
 
-def _parsed(name: str, arrays: Dict[str, Array]) -> NetworkFile:
+def _parse(name: str, arrays: Dict[str, Array]) -> NetworkFile:
     sheet = json.loads(arrays.pop("sheet").tobytes().decode("utf-8"))
     if not isinstance(sheet, dict) or sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:
         raise ValueError(f"its metadata is not {SCHEMA} version {VERSION}")

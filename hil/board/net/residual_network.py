@@ -88,14 +88,14 @@ class Architecture:
             return np.asarray(weights[name] @ x + weights[f"{name}_bias"])
 
         with np.errstate(over="ignore", invalid="ignore"):
-            x = _windows(_rectified(convolved("stem", picture[None], 2)), 3, 2).max(axis=(3, 4))
+            x = _windows(_relu(convolved("stem", picture[None], 2)), 3, 2).max(axis=(3, 4))
             for name, _, _, stride in self.residual_blocks():
-                y = convolved(f"{name}_second", _rectified(convolved(f"{name}_first", x, stride)))
+                y = convolved(f"{name}_second", _relu(convolved(f"{name}_first", x, stride)))
                 shortcut = f"{name}_shortcut"
-                x = _rectified(y + (convolved(shortcut, x, stride) if shortcut in weights else x))
-            squeezed = _rectified(convolved("squeeze", x)).reshape(-1)
-            place = dense("place", _rectified(dense("place_hidden", squeezed)))
-            attitude = dense("attitude", _rectified(dense("attitude_hidden", x.max(axis=(1, 2)))))
+                x = _relu(y + (convolved(shortcut, x, stride) if shortcut in weights else x))
+            squeezed = _relu(convolved("squeeze", x)).reshape(-1)
+            place = dense("place", _relu(dense("place_hidden", squeezed)))
+            attitude = dense("attitude", _relu(dense("attitude_hidden", x.max(axis=(1, 2)))))
         return place, attitude
 
 
@@ -121,5 +121,5 @@ def _windows(x: Array, side: int, stride: int) -> Array:
     return sliding_window_view(padded, (side, side), axis=(1, 2))[:, ::stride, ::stride]
 
 
-def _rectified(x: Array) -> Array:
+def _relu(x: Array) -> Array:
     return np.maximum(x, 0.0, out=x)

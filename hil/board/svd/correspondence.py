@@ -20,13 +20,13 @@ Array = np.ndarray
 Pairs = Tuple[Array, Array]
 
 # Largest number of pairs to solve, which bounds the run time.
-BUDGET = 6000
+MAX_PAIRS = 6000
 
 # Least number of points of each solver.
-LEAST_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
+MIN_POINTS = {"p3p": 3, "ap3p": 4, "epnp": 4, "sqpnp": 4, "ippe": 4, "iterative": 4}
 
 # Kinds of groups in the order in which the budget is distributed, most distinctive first; True: with an antenna.
-ORDER = (
+GROUP_ORDER = (
     ("closed_tetrad", True),
     ("open_tetrad", False),
     ("closed_tetrad", False),
@@ -37,7 +37,7 @@ ORDER = (
 )
 
 
-def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET) -> Iterator[Pairs]:
+def correspondences(image: PointGroups, model: PointGroups, budget: int = MAX_PAIRS) -> Iterator[Pairs]:
     """Yield the pairs of one kind of group at a time: image points (N, P, 2) and model points (N, P, 3).
 
     Notes
@@ -46,8 +46,8 @@ def correspondences(image: PointGroups, model: PointGroups, budget: int = BUDGET
     Each kind gets an equal share of the remaining budget; if it has more pairs, they are subsampled uniformly.
     """
     remaining = budget
-    for k, (kind, with_antenna) in enumerate(ORDER):
-        share = remaining // (len(ORDER) - k)
+    for k, (kind, with_antenna) in enumerate(GROUP_ORDER):
+        share = remaining // (len(GROUP_ORDER) - k)
         pairs = _pairs(image, model, kind, with_antenna=with_antenna)
         total = pairs.shape[0]
         subset = pairs if total <= share else pairs[np.linspace(0, total - 1, share).astype(int)]
@@ -79,7 +79,7 @@ def solve_all(
     pose. Inliers are counted afterwards, for all poses together.
     """
     rng = np.random.default_rng(2018)
-    needed = LEAST_POINTS[config.solver]
+    needed = MIN_POINTS[config.solver]
     rays = PointGroups(
         {
             kind: undistorted_rays(camera, p.reshape(-1, 2)).reshape(p.shape)

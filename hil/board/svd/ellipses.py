@@ -18,10 +18,10 @@ from flyaround.hil.board.estimation.target_model import BoardModel
 Array = np.ndarray
 
 # Edge points that vote, and pairs of them tried as the ends of a major axis.
-POINTS, PAIRS = 260, 6000
+MAX_POINTS, MAX_PAIRS = 260, 6000
 
 # Ellipses kept per image, circles per model, and roll angles tried about a circle's axis.
-ELLIPSES, CIRCLES, ROLLS = 4, 8, 24
+MAX_ELLIPSES, MAX_CIRCLES, N_ROLLS = 4, 8, 24
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,12 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
         return ()
     points = np.stack([xs, ys], axis=-1).astype(float)
     rng = np.random.default_rng(len(xs))
-    sample = points[rng.permutation(len(points))[:POINTS]]
+    sample = points[rng.permutation(len(points))[:MAX_POINTS]]
     i, j = np.triu_indices(len(sample), 1)
     axis = np.linalg.norm(sample[i] - sample[j], axis=1)
     ok = (axis > 0.2 * diagonal_px) & (axis < 1.1 * diagonal_px)
     i, j = i[ok], j[ok]
-    pick = rng.permutation(len(i))[:PAIRS]
+    pick = rng.permutation(len(i))[:MAX_PAIRS]
     i, j = i[pick], j[pick]
     a, b, votes = _minor_axes(sample, i, j)
     distance = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3)
@@ -101,13 +101,13 @@ def hough_ellipses(mask: Array, origin: Tuple[float, float], diagonal_px: float)
             float(centre[0]), float(centre[1]), float(a[k]), float(b[k]), float(np.arctan2(d[1], d[0])), 0.0
         )
         fit = _refit(start, points, distance)
-        if fit is None or fit.share < 0.5 or any(_same(fit, other) for other in ellipses):
+        if fit is None or fit.share < 0.5 or any(_same_ellipse(fit, other) for other in ellipses):
             continue
         ellipses.append(fit)
     ellipses.sort(key=lambda e: -e.share * e.a)
     return tuple(
         EllipseFit(e.u + origin[0], e.v + origin[1], e.a, e.b, e.angle_rad, e.share)
-        for e in ellipses[:ELLIPSES]
+        for e in ellipses[:MAX_ELLIPSES]
     )
 
 
@@ -165,7 +165,7 @@ def _band(e: EllipseFit, points: Array, reach: float) -> Array:
     return np.asarray(np.abs(r - 1) / np.maximum(slope, 1e-9) < reach)
 
 
-def _same(a: EllipseFit, b: EllipseFit) -> bool:
+def _same_ellipse(a: EllipseFit, b: EllipseFit) -> bool:
     return bool(np.hypot(a.u - b.u, a.v - b.v) < 0.1 * a.a + 3 and abs(a.a - b.a) < 0.1 * a.a + 2)
 
 
@@ -197,7 +197,7 @@ def model_circles(model: BoardModel) -> Tuple[Circle, ...]:
             axis = np.linalg.svd(p - centre)[2][2]
             out.append(Circle(centre, axis, float(r.mean())))
     out.sort(key=lambda c: -c.radius_m)
-    return tuple(out[:CIRCLES])
+    return tuple(out[:MAX_CIRCLES])
 
 
 def _ring_from(ends: Array, start: int) -> List[int]:
@@ -229,7 +229,7 @@ def _ring_from(ends: Array, start: int) -> List[int]:
 def circle_poses(
     ellipses: Tuple[EllipseFit, ...], circles: Tuple[Circle, ...], camera: CameraIntrinsics
 ) -> Tuple[Array, Array]:
-    """Return poses q (N, 4), t (N, 3) of every ellipse matched with every circle, at ``ROLLS`` angles about its axis.
+    """Return poses q (N, 4), t (N, 3) of every ellipse matched with every circle, at ``N_ROLLS`` angles about its axis.
 
     A circle determines its axis up to a mirror image and its sense, and leaves the roll undetermined.
 
@@ -244,8 +244,8 @@ def circle_poses(
         for normal, centre in circle_views(rays):
             for c in circles:
                 for sign in (1.0, -1.0):
-                    base = _turn_to(sign * c.axis, normal)
-                    angle = np.arange(ROLLS) * (2 * np.pi / ROLLS)
+                    base = _rotation_between(sign * c.axis, normal)
+                    angle = np.arange(N_ROLLS) * (2 * np.pi / N_ROLLS)
                     q = quat.normalise(quat.multiply(quat.from_rotvec(angle[:, None] * normal), base))
                     q_out.append(q)
                     t_out.append(centre * c.radius_m - np.einsum("nij,j->ni", quat.matrix(q), c.centre_m))
@@ -298,7 +298,7 @@ def _unit_section(Q: Array, normal: Array) -> Array:
     return np.asarray(c / np.sqrt(max(r2, 1e-18)))
 
 
-def _turn_to(a: Array, b: Array) -> Array:
+def _rotation_between(a: Array, b: Array) -> Array:
     """Return the quaternion of the shortest rotation from unit vector ``a`` to ``b``."""
     v, w = np.cross(a, b), 1.0 + float(a @ b)
     if w < 1e-9:

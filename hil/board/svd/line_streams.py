@@ -30,7 +30,7 @@ SH_LENGTH, SH_GAP = 0.05, 0.01
 BLUR_PX = 1.5
 
 # Largest number of lines after merging.
-LINES = 40
+MAX_LINES = 40
 
 # Margin of the line search around the region, share of its diagonal: lines that leave the region keep their true ends.
 SEARCH_MARGIN = 0.25
@@ -70,7 +70,7 @@ class Streams:
     merged: Dict[str, Array] = field(default_factory=dict)
 
 
-def thinned(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
+def thin(mask: Array, magnitude: Array, gx: Array, gy: Array) -> Array:
     """Return the pixels of a mask that are local maxima across the larger gradient component: one-pixel-wide edges."""
     h, w = magnitude.shape
     out = np.zeros(mask.shape, bool)
@@ -90,7 +90,7 @@ def sobel_edges(image: Array, threshold: Optional[float] = None) -> Array:
     """Return thinned Sobel edges with a squared magnitude above ``threshold``, default `sobel_threshold`."""
     gx, gy = _sobel(image)
     b = gx * gx + gy * gy
-    return thinned(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
+    return thin(b > (4.0 * float(b.mean()) if threshold is None else threshold), b, gx, gy)
 
 
 def sobel_threshold(image: Array) -> float:
@@ -111,7 +111,7 @@ def wge_edges(image: Array, strong: Array) -> Array:
     """Return the thinned edges left by weak gradient elimination: Hough would find many lines in a wide band."""
     blurred = cv2.GaussianBlur(image, (0, 0), BLUR_PX)
     gx, gy = prewitt(blurred)
-    return thinned(strong, gx * gx + gy * gy, gx, gy)
+    return thin(strong, gx * gx + gy * gy, gx, gy)
 
 
 def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
@@ -129,7 +129,7 @@ def hough(mask: Array, min_length_px: float, max_gap_px: float) -> Array:
     return np.zeros((0, 4)) if lines is None else np.asarray(lines, float).reshape(-1, 4)
 
 
-def drop_specks(mask: Array, smallest: int) -> Array:
+def remove_specks(mask: Array, smallest: int) -> Array:
     """Return the mask without connected components smaller than ``smallest`` pixels."""
     rows, columns = (np.flatnonzero(mask.any(axis=k)) for k in (1, 0))
     if not len(rows):
@@ -146,7 +146,7 @@ def drop_specks(mask: Array, smallest: int) -> Array:
     return out
 
 
-def stretched(image: Array) -> Optional[Array]:
+def stretch_contrast(image: Array) -> Optional[Array]:
     """Return an image stretched to uint8, with the brightest half per cent clipped; None if it is constant."""
     low, high = float(image.min()), float(np.percentile(image[::2, ::2], 99.5))
     return np.clip((image - low) * (255.0 / (high - low)), 0, 255).astype(np.uint8) if high > low else None
@@ -154,7 +154,7 @@ def stretched(image: Array) -> Optional[Array]:
 
 def lsd_lines(image: Array, shortest_px: float) -> Array:
     """Return sub-pixel segments (N, 4) of OpenCV's line segment detector; none if OpenCV was built without it."""
-    scaled = stretched(image)
+    scaled = stretch_contrast(image)
     if scaled is None:
         return np.zeros((0, 4))
     try:
@@ -208,7 +208,7 @@ def find_streams(
     crop = np.ascontiguousarray(image[rows, cols])
     sobel = sobel_edges(crop, sobel_threshold(image))
     if config.least_component:
-        sobel = drop_specks(sobel, int(max(4, config.least_component * diagonal)))
+        sobel = remove_specks(sobel, int(max(4, config.least_component * diagonal)))
     streams: Dict[str, Array] = {}
     if "wge" in config.streams:
         edges = wge_edges(crop, wge.strong[rows, cols])
@@ -217,13 +217,13 @@ def find_streams(
         streams["sh"] = hough(sobel, SH_LENGTH * diagonal, SH_GAP * diagonal) + shift
     if "lsd" in config.streams:
         streams["lsd"] = lsd_lines(cv2.GaussianBlur(crop, (0, 0), 1.0), 0.04 * diagonal) + shift
-    grown = grown_region(region, _together(streams), config.roi_growth, image.shape)
+    grown = grown_region(region, _concatenate(streams), config.roi_growth, image.shape)
     streams = {name: lines[_inside(lines, grown)] for name, lines in streams.items()}
     merged = {
-        name: merge_segments(s, diagonal, keep=LINES) if name in config.merge_each or name == "lsd" else s
+        name: merge_segments(s, diagonal, keep=MAX_LINES) if name in config.merge_each or name == "lsd" else s
         for name, s in streams.items()
     }
-    lines = merge_segments(_together(merged), diagonal, keep=LINES)
+    lines = merge_segments(_concatenate(merged), diagonal, keep=MAX_LINES)
     corners = np.zeros((0, 2))
     if "harris" in config.streams:
         rows, cols = crop_of(region, image)
@@ -235,7 +235,7 @@ def find_streams(
     return Streams(lines, streams, corners, ellipses, sobel, grown, own)
 
 
-def _together(found: Dict[str, Array]) -> Array:
+def _concatenate(found: Dict[str, Array]) -> Array:
     return np.concatenate([np.zeros((0, 4)), *found.values()])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 Array = np.ndarray
 
 # Largest number of groups of each kind kept per image.
-LARGEST = {
+MAX_GROUPS = {
     "closed_tetrad": 12,
     "open_tetrad": 12,
     "open_triad": 20,
@@ -203,15 +203,15 @@ def image_point_groups(segments: Array, diagonal_px: float) -> PointGroups:
     ]
     by_kind = {
         "closed_tetrad": _unique(chains.points[chains.closed]),
-        "open_tetrad": _broken(chains, lines, 0.25 * diagonal_px),
+        "open_tetrad": _open_tetrads(chains, lines, 0.25 * diagonal_px),
         "open_triad": chains.points[~chains.closed],
         "proximity_pair": np.array(pairs).reshape(-1, 3, 2),
-        "parallel_pair": np.array([run_alike(lines.ends[i], lines.ends[j]) for i, j in parallel]).reshape(
-            -1, 4, 2
-        ),
+        "parallel_pair": np.array(
+            [same_direction(lines.ends[i], lines.ends[j]) for i, j in parallel]
+        ).reshape(-1, 4, 2),
         "antenna": np.array([_axis(lines.ends[i], lines.ends[j]) for i, j in rods]).reshape(-1, 2, 2),
     }
-    return PointGroups({kind: _largest(points, LARGEST[kind]) for kind, points in by_kind.items()})
+    return PointGroups({kind: _largest(points, MAX_GROUPS[kind]) for kind, points in by_kind.items()})
 
 
 def _largest(points: Array, keep: int) -> Array:
@@ -231,7 +231,7 @@ def _unique(quads: Array) -> Array:
     return np.array(out).reshape(-1, 4, 2)
 
 
-def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
+def _open_tetrads(chains: Chains, lines: Lines, gap_px: float) -> Array:
     """Return open tetrads: a triad whose far end meets a fourth line that runs back towards the other far end."""
     out: List[Array] = []
     for points, closed in zip(chains.points, chains.closed):  # noqa: B905 - Python 3.9 has no strict=
@@ -246,13 +246,13 @@ def _broken(chains: Chains, lines: Lines, gap_px: float) -> Array:
     return np.array(out).reshape(-1, 5, 2)
 
 
-def run_alike(a: Array, b: Array) -> Array:
+def same_direction(a: Array, b: Array) -> Array:
     """Return both ends of two lines, with the second reversed if it runs against the first."""
     return np.concatenate([a, b if (a[1] - a[0]) @ (b[1] - b[0]) > 0 else b[::-1]])
 
 
 def _axis(a: Array, b: Array) -> Array:
-    both = run_alike(a, b)
+    both = same_direction(a, b)
     return 0.5 * (both[:2] + both[2:])
 
 

@@ -46,7 +46,7 @@ MIN_INLIERS, ERROR_RATIO = 0.5, 1.15
 MIN_CORNERS = 7
 
 # Distance from the image border within which line ends are ignored, because the border cuts lines [px].
-BORDER_PX = 2.5
+MIN_BORDER_PX = 2.5
 
 # Number of poses compared for distinctness, and their least differences [rad, share of the range].
 RANKED_POSES, DISTINCT_RAD, DISTINCT_SHARE = 400, 0.05, 0.02
@@ -214,7 +214,7 @@ def image_corners(groups: PointGroups, streams: Streams, shape: Tuple[int, ...])
     parts = [groups.of("proximity_pair")[:, 1], streams.lines.reshape(-1, 2), streams.corners]
     points = np.concatenate([np.zeros((0, 2)), *parts])
     last = np.array([shape[1] - 1.0, shape[0] - 1.0])
-    points = points[((points >= BORDER_PX) & (points <= last - BORDER_PX)).all(axis=1)]
+    points = points[((points >= MIN_BORDER_PX) & (points <= last - MIN_BORDER_PX)).all(axis=1)]
     same = np.abs(points[:, None] - points[None]).max(axis=2) <= 2.0
     isolated = np.zeros(len(points), bool)
     for k in range(len(points)):

@@ -120,8 +120,8 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
     a12, a13, a23 = (((x[:, i] - x[:, j]) ** 2).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     b12, b13, b23 = (-2.0 * (y[:, i] * y[:, j]).sum(axis=1) for i, j in ((0, 1), (0, 2), (1, 2)))
     none = np.zeros(len(x))
-    first = _form(a23, a23 * b12 / 2, none, a23 - a12, -a12 * b23 / 2, -a12)
-    second = _form(a23, none, a23 * b13 / 2, -a13, -a13 * b23 / 2, a23 - a13)
+    first = _symmetric(a23, a23 * b12 / 2, none, a23 - a12, -a12 * b23 / 2, -a12)
+    second = _symmetric(a23, none, a23 * b13 / 2, -a13, -a13 * b23 / 2, a23 - a13)
     g = _pencil_root(first, second)
     depths, valid = [], []
     for normal in _planes(first - g[:, None, None] * second):
@@ -148,7 +148,7 @@ def _depths(x: Array, y: Array) -> Tuple[Array, Array]:
     return s[ok], of[ok]
 
 
-def _form(xx: Array, xy: Array, xz: Array, yy: Array, yz: Array, zz: Array) -> Array:
+def _symmetric(xx: Array, xy: Array, xz: Array, yy: Array, yz: Array, zz: Array) -> Array:
     """Return symmetric matrices (N, 3, 3) from their six entries (N,)."""
     return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(-1, 3, 3)
 

@@ -25,7 +25,7 @@ Array = np.ndarray
 MIN_LENGTH = 0.25
 
 # Number of poses compared at once, limited by the processor's cache.
-BATCH = 250
+BATCH_POSES = 250
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +173,8 @@ def reprojection(
     """
     error, inliers = np.zeros(len(q)), np.zeros(len(q))
     to = np.ascontiguousarray(image.points.T, np.float32)
-    for low in range(0, len(q), BATCH):
-        part = slice(low, low + BATCH)
+    for low in range(0, len(q), BATCH_POSES):
+        part = slice(low, low + BATCH_POSES)
         R = quat.matrix(q[part])
         visible = visible_corners(corners, R, t[part])
         pixels = camera.pixels(np.einsum("bij,cj->bci", R, corners.points_m) + t[part, None])
@@ -197,7 +197,7 @@ def reprojection(
     return error, inliers
 
 
-def _mutual(way: Array, nearest: Array, seen: Array) -> Array:
+def _mutual_nearest(way: Array, nearest: Array, seen: Array) -> Array:
     """Return a mask (B, C) of visible model corners that are mutual nearest neighbours with an image corner.
 
     An image corner matches one corner of the craft; others that crowd around it would bias the pose.
@@ -235,7 +235,7 @@ def refine_on_corners(
         d, nearest = image.lookup(pixels)
         gate = image.cap_px * (1.0 if k < 4 else 0.5)
         r = image.points[nearest] - pixels
-        w = (_mutual(r, nearest, visible) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
+        w = (_mutual_nearest(r, nearest, visible) & (d < gate)) / (1 + (d / (0.3 * image.cap_px)) ** 2)
         # d(pixel)/d(point) of the pinhole; the lens changes it by less than the gate
         gu = np.stack([camera.fx_px / z, np.zeros_like(z), -camera.fx_px * P[..., 0] / z**2], axis=-1)
         gv = np.stack([np.zeros_like(z), camera.fy_px / z, -camera.fy_px * P[..., 1] / z**2], axis=-1)

@@ -11,7 +11,7 @@ from typing import List, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.target_model import BoardModel
-from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, run_alike
+from flyaround.hil.board.svd.perceptual_groups import Chains, PointGroups, same_direction
 
 Array = np.ndarray
 
@@ -124,7 +124,7 @@ def _model_parallel(ends: Array, most: int = 120) -> Array:
                 continue
             s = np.sort((ends[j] - ends[i, 0]) @ d)
             if min(s[1], length[i]) - max(s[0], 0.0) > 0.4 * length[j]:
-                out.append(run_alike(ends[i], ends[j]))
+                out.append(same_direction(ends[i], ends[j]))
     pairs = np.array(out[:most]).reshape(-1, 4, 3)
     swapped = pairs[:, [2, 3, 0, 1]]
     both = np.concatenate([pairs, swapped])

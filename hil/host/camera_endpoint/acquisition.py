@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from flyaround.hil.host.camera_endpoint.gvsp import Block, ReadoutRegion, StreamFormat, pixels_of
-from flyaround.hil.host.camera_endpoint.messages import FrameTaken, FrameWanted, PictureOutcome
+from flyaround.hil.host.camera_endpoint.messages import ImageRequest, ImageResult, PictureOutcome
 from flyaround.hil.host.camera_endpoint.registers import CONTINUOUS, SINGLE_FRAME, TICKS_PER_S, Place
 from flyaround.hil.host.frame_record import FrameRecord, FrameTimes
 
@@ -56,7 +56,7 @@ class Acquisition:
         self._frames_left: int | None = None
         self._number = self._block_id = self._sent = self._request_id = 0
         self._due: _Due | None = None
-        self._exposed: FrameTaken | None = None
+        self._exposed: ImageResult | None = None
 
     # --- commands of the controller ---------------------------------------------------------
 
@@ -149,7 +149,7 @@ class Acquisition:
             registers.pixel_format,
         )
         self._tell(
-            FrameWanted(
+            ImageRequest(
                 request_id=self._request_id,
                 number=self._number,
                 t_s=now_s - self._started_s,
@@ -159,12 +159,12 @@ class Acquisition:
         )
         self._number += 1
 
-    def take(self, taken: FrameTaken) -> None:
+    def take(self, result: ImageResult) -> None:
         """Store a rendered image until its exposure is over. Reject one of a stopped acquisition."""
-        if self._due is None or taken.request_id != self._due.request_id:
-            self._tell_unsent(taken)
+        if self._due is None or result.request_id != self._due.request_id:
+            self._tell_unsent(result)
         else:
-            self._exposed = taken
+            self._exposed = result
 
     @property
     def read_out_s(self) -> float | None:
@@ -182,11 +182,11 @@ class Acquisition:
         if not self._send(picture, due, to):
             self._tell_unsent(picture)
 
-    def _tell_unsent(self, taken: FrameTaken) -> None:
+    def _tell_unsent(self, result: ImageResult) -> None:
         if self.answers is not None:
-            self._tell(PictureOutcome(taken.request_id, None))
+            self._tell(PictureOutcome(result.request_id, None))
 
-    def _send(self, taken: FrameTaken, due: _Due, to: tuple[str, int] | None) -> bool:
+    def _send(self, result: ImageResult, due: _Due, to: tuple[str, int] | None) -> bool:
         """Start sending an image; return False if there is no receiver."""
         registers = self._registers
         if self._frames_left is not None:
@@ -200,7 +200,7 @@ class Acquisition:
             timestamp_ns=due.timestamp_ns,
             pixel_format=due.pixel_format,
             region=due.region,
-            data=pixels_of(taken.image, self._registers.terms.bits, due.region, due.pixel_format),
+            data=pixels_of(result.image, self._registers.terms.bits, due.region, due.pixel_format),
             packet_bytes=registers[Place.STREAM_PACKET_BYTES] & 0xFFFF,
         )
         delay_s = registers[Place.STREAM_PACKET_DELAY] / TICKS_PER_S

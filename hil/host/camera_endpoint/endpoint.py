@@ -20,7 +20,7 @@ from flyaround.hil.host.camera_endpoint.gvcp import GvcpCommand, GvcpRequest, Re
 from flyaround.hil.host.camera_endpoint.interface import open_socket
 from flyaround.hil.host.camera_endpoint.messages import (
     CameraFailed,
-    FrameTaken,
+    ImageResult,
     Note,
     Opened,
     PictureOutcome,
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 
 MAX_COMMANDS = 64
 """Largest number of commands processed per socket before packets are sent again."""
-MAX_STRANGERS = 16
+MAX_REPORTED_ADDRESSES = 16
 """Largest number of unlisted addresses that are reported."""
-REPEATED_S = 1.0
+REPEAT_WINDOW_S = 1.0
 """Time within which a repeated command is acknowledged again but not executed again [s]."""
 IDLE_S = 0.5
-LAST_WORDS_S = 1.5
+RELEASE_TIMEOUT_S = 1.5
 """Time for a board to release control after the goodbye [s]."""
 
 
@@ -133,7 +133,7 @@ class CameraEndpoint:
         self._acquisition.stop()
         answers, self._answers = self._answers, None
         if answers is not None and answers.close():
-            until_s = time.monotonic() + LAST_WORDS_S
+            until_s = time.monotonic() + RELEASE_TIMEOUT_S
             while self._controller is not None and time.monotonic() < until_s:
                 self.step()
         self.close()
@@ -160,7 +160,7 @@ class CameraEndpoint:
             message = self._pipe.recv()
             if isinstance(message, Stop):
                 return False
-            if isinstance(message, FrameTaken):
+            if isinstance(message, ImageResult):
                 self._acquisition.take(message)
         if self._answers is not None:
             self._answers.step(ready)
@@ -217,7 +217,7 @@ class CameraEndpoint:
         if (
             self._last is not None
             and self._last[1:3] == (peer, datagram)
-            and now - self._last[0] < REPEATED_S
+            and now - self._last[0] < REPEAT_WINDOW_S
         ):
             return self._last[3] or None
         try:
@@ -335,7 +335,7 @@ class CameraEndpoint:
         self._note(sentence)
 
     def _note_stranger(self, address: str) -> None:
-        if address not in self._strangers and len(self._strangers) < MAX_STRANGERS:
+        if address not in self._strangers and len(self._strangers) < MAX_REPORTED_ADDRESSES:
             self._strangers.add(address)
             self._note(f"{address} is not an allowed controller: ignored")
 

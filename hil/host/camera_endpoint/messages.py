@@ -76,7 +76,7 @@ class Note:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameWanted:
+class ImageRequest:
     """Request for an image that is due.
 
     Parameters
@@ -101,7 +101,7 @@ class FrameWanted:
 
 
 @dataclass(frozen=True)
-class FrameTaken:
+class ImageResult:
     """Image: digital numbers (H, W) of the whole detector."""
 
     request_id: int

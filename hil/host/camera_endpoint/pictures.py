@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from flyaround.hil.host.camera_endpoint.messages import FrameWanted
+    from flyaround.hil.host.camera_endpoint.messages import ImageRequest
     from flyaround.simulator.loop import FrameProducer
     from flyaround.simulator.scenario.plan import Plan
     from flyaround.simulator.scene.state import SceneState
@@ -50,11 +50,11 @@ class TakenPicture:
 class Pictures(Protocol):
     """Source of images for the endpoint."""
 
-    def take(self, wanted: FrameWanted) -> TakenPicture | None:
+    def take(self, request: ImageRequest) -> TakenPicture | None:
         """Return the requested image; None if it is lost."""
 
 
-class DrawnPictures:
+class RenderedPictures:
     """Images rendered when due, from the flight's state at that time. The flight restarts when it ends.
 
     Parameters
@@ -77,10 +77,10 @@ class DrawnPictures:
                 self._producer.submit(FrameRequest(scene=scene, labels=False))
                 self._producer.result()
 
-    def take(self, wanted: FrameWanted) -> TakenPicture | None:
+    def take(self, request: ImageRequest) -> TakenPicture | None:
         """Render with the exposure and gain set by the controller."""
-        t_s = wanted.t_s % self._plan.scenario.duration_s
-        scene = exposed_as(self._plan.scene_of(self._plan.flight.state(t_s), wanted.number), wanted)
+        t_s = request.t_s % self._plan.scenario.duration_s
+        scene = with_exposure(self._plan.scene_of(self._plan.flight.state(t_s), request.number), request)
         try:
             self._producer.submit(FrameRequest(scene=scene, labels=False))
             return TakenPicture(self._producer.result(), scene)
@@ -120,23 +120,23 @@ class LoopedPictures:
         self._full, self._black_dn = 2**bits - 1, black_dn
         self._table: tuple[float, Image] | None = None
 
-    def take(self, wanted: FrameWanted) -> TakenPicture:
+    def take(self, request: ImageRequest) -> TakenPicture:
         """Return the next image, scaled to the controller's exposure and gain."""
-        k = wanted.number % len(self._images)
+        k = request.number % len(self._images)
         scene = self._scenes[k] if self._scenes else None
         image = self._images[k]
-        factor = wanted.exposure_s / self._exposure_s * 10 ** (wanted.gain_db / 20)
+        factor = request.exposure_s / self._exposure_s * 10 ** (request.gain_db / 20)
         if abs(factor - 1) < 1e-5:  # exposures are transmitted in single precision
             return TakenPicture(image, scene)
         if self._table is None or self._table[0] != factor:
             light = (np.arange(self._full + 1) - self._black_dn) * factor + self._black_dn
             self._table = (factor, np.clip(np.rint(light), 0, self._full).astype(image.dtype))
-        return TakenPicture(self._table[1][image], None if scene is None else exposed_as(scene, wanted))
+        return TakenPicture(self._table[1][image], None if scene is None else with_exposure(scene, request))
 
 
-def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
+def with_exposure(scene: SceneState, request: ImageRequest) -> SceneState:
     """Return a scene with a controller's exposure and gain, which amplifies signal and noise before the converter."""
-    gain = 10 ** (wanted.gain_db / 20)
+    gain = 10 ** (request.gain_db / 20)
     sensor = scene.sensor
     if sensor.detector is not None:
         detector = replace(sensor.detector, gain_e_per_dn=sensor.detector.gain_e_per_dn / gain)
@@ -147,7 +147,7 @@ def exposed_as(scene: SceneState, wanted: FrameWanted) -> SceneState:
             full_scale_j_m2_sr=sensor.full_scale_j_m2_sr / gain,
             gaussian_variance=sensor.gaussian_variance * gain**2,
         )
-    return replace(scene, sensor=sensor, exposure_s=wanted.exposure_s)
+    return replace(scene, sensor=sensor, exposure_s=request.exposure_s)
 
 
 def check_one_channel(plan: Plan) -> None:
@@ -170,15 +170,15 @@ def check_one_channel(plan: Plan) -> None:
         )
 
 
-def image_alone(frame: Frame) -> Image:
+def pixels_only(frame: Frame) -> Image:
     """Return the pixels of a frame."""
     return frame.image
 
 
-def loop_of(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
+def render_loop(plan: Plan, *, device_index: int | None = None) -> LoopedPictures:
     """Render the plan's frames once for looping, all with the exposure of the first one."""
     first = plan.scene(0)
-    with open_frames(image_alone, processes=1, device_index=device_index, first=first) as producer:
+    with open_frames(pixels_only, processes=1, device_index=device_index, first=first) as producer:
         images = list(run_frames(plan, producer, labels=False))
     detector = first.sensor.detector
     return LoopedPictures(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from flyaround.hil.host.camera_endpoint.endpoint import serve_endpoint
 from flyaround.hil.host.camera_endpoint.messages import (
     CameraFailed,
-    FrameTaken,
-    FrameWanted,
+    ImageRequest,
+    ImageResult,
     Note,
     Opened,
     PictureOutcome,
@@ -31,10 +31,10 @@ WARNING = (
     "It cannot authenticate: the protocol has no password, nothing is encrypted, and an address can be forged."
     " Use it on a private network."
 )
-START_S = 60.0
-LOOK_S = 0.2
-END_S = 3.0
-_ENDED = "the camera endpoint's process ended unexpectedly; run again with -v"
+START_TIMEOUT_S = 60.0
+POLL_S = 0.2
+STOP_TIMEOUT_S = 3.0
+_PROCESS_ENDED = "the camera endpoint's process ended unexpectedly; run again with -v"
 
 
 def run_camera(
@@ -74,13 +74,13 @@ def run_camera(
     process.start()
     theirs.close()
     try:
-        if not pipe.poll(START_S):
+        if not pipe.poll(START_TIMEOUT_S):
             raise UserError("the camera endpoint's process did not start; run again with -v")
         while stopped is None or not stopped():
-            if not pipe.poll(LOOK_S):
+            if not pipe.poll(POLL_S):
                 continue
             message = pipe.recv()
-            if isinstance(message, FrameWanted):
+            if isinstance(message, ImageRequest):
                 _draw(pictures, message, pipe, ledger)
             elif isinstance(message, PictureOutcome):
                 if ledger is not None:
@@ -92,33 +92,33 @@ def run_camera(
             elif isinstance(message, CameraFailed):
                 raise UserError(message.sentence)
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        raise UserError(_ENDED) from None
+        raise UserError(_PROCESS_ENDED) from None
     finally:
         with contextlib.suppress(OSError, EOFError):
             _stop(pipe, ledger)
         pipe.close()
-        process.join(END_S)
+        process.join(STOP_TIMEOUT_S)
         if process.is_alive():
             process.kill()
             process.join()
         process.close()
 
 
-def _draw(pictures: Pictures, wanted: FrameWanted, pipe: Connection, ledger: CameraLedger | None) -> None:
+def _draw(pictures: Pictures, request: ImageRequest, pipe: Connection, ledger: CameraLedger | None) -> None:
     """Pass an image to the endpoint. A render process that dies is restarted."""
     start_s = time.monotonic()
-    picture = pictures.take(wanted)
+    picture = pictures.take(request)
     while picture is None:
-        picture = pictures.take(wanted)
+        picture = pictures.take(request)
     if ledger is not None and picture.scene is not None:
-        ledger.drawn(wanted.request_id, picture.scene, 1e3 * (time.monotonic() - start_s))
-    pipe.send(FrameTaken(wanted.request_id, picture.image))
+        ledger.drawn(request.request_id, picture.scene, 1e3 * (time.monotonic() - start_s))
+    pipe.send(ImageResult(request.request_id, picture.image))
 
 
 def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:
     """Stop the endpoint, and collect its last outcomes."""
     pipe.send(Stop())
-    while pipe.poll(END_S):
+    while pipe.poll(STOP_TIMEOUT_S):
         message = pipe.recv()
         if isinstance(message, PictureOutcome) and ledger is not None:
             ledger.came_to(message.request_id, message.record)

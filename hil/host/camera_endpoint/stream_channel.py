@@ -20,8 +20,8 @@ MAX_BURSTS = 4
 """Largest number of consecutive bursts for catching up, before commands are processed again."""
 MAX_GAP_S = 1e-4
 SHARE_OF_INTERVAL = 0.5
-KEPT_BYTES = 64 << 20
-KEPT_BLOCKS = 8
+MAX_KEPT_BYTES = 64 << 20
+MAX_KEPT_BLOCKS = 8
 MAX_RESENT = 2048
 """Largest number of packets resent per request."""
 RESENT_PER_PACKET = 2
@@ -95,7 +95,8 @@ class StreamChannel:
         self._gap_s, self._due_s = gap_s, now_s
         self._kept[block.block_id] = block
         while len(self._kept) > 1 and (
-            len(self._kept) > KEPT_BLOCKS or sum(len(b.data) for b in self._kept.values()) > KEPT_BYTES
+            len(self._kept) > MAX_KEPT_BLOCKS
+            or sum(len(b.data) for b in self._kept.values()) > MAX_KEPT_BYTES
         ):
             self._kept.popitem(last=False)
         self._resent = {block_id: n for block_id, n in self._resent.items() if block_id in self._kept}

@@ -48,7 +48,7 @@ def with_camera_faults(frames: Iterable[Frame], faults: Faults) -> Iterator[Fram
             if isinstance(fault, FrozenPicture):
                 changed: Pixels | None = frozen.setdefault(k, image if before is None else before)
             else:
-                changed = _changed(image, fault, (faults.seed, k), frame.number, white)
+                changed = _apply_fault(image, fault, (faults.seed, k), frame.number, white)
             if changed is not None:
                 image = changed
                 hit.append(fault.name)
@@ -101,7 +101,7 @@ class HeldExposure:
         return self.track.exposure_s(t_s)
 
 
-def _changed(
+def _apply_fault(
     image: Pixels, fault: CameraFault, key: tuple[int, int], number: int, white: int
 ) -> Pixels | None:
     """Return the image with one fault applied; None if the fault is inactive or does not affect pixels."""
@@ -111,10 +111,10 @@ def _changed(
     if isinstance(fault, StuckPixels):
         where = camera.random((height, width)) < fault.share
         levels = camera.integers(0, white, (height, width), endpoint=True).astype(image.dtype)
-        return _where(image, where, levels)
+        return _replace_pixels(image, where, levels)
     if isinstance(fault, DeadPixels):
         where = camera.random((height, width)) < fault.share
-        return _where(image, where, np.zeros((height, width), image.dtype))
+        return _replace_pixels(image, where, np.zeros((height, width), image.dtype))
     if isinstance(fault, RowLoss):
         if frame.random() >= fault.chance:
             return None
@@ -144,7 +144,7 @@ def _changed(
     return None
 
 
-def _where(image: Pixels, where: NDArray[np.bool_], levels: Pixels) -> Pixels:
+def _replace_pixels(image: Pixels, where: NDArray[np.bool_], levels: Pixels) -> Pixels:
     if image.ndim > where.ndim:
         where, levels = where[..., None], levels[..., None]
     return np.where(where, levels, image).astype(image.dtype)

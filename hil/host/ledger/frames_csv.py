@@ -43,7 +43,7 @@ _DELAYS = ("handover_error_ms", "staleness_ms")
 _ANSWERS = ("late", "deadline_met")
 _ANSWER_CELLS = {None: "", False: "0", True: "1"}
 # Columns that older ledgers may lack
-LATER_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS, "time_fault")
+OPTIONAL_COLUMNS = ("faults", *_TIMES, *_DELAYS, *_ANSWERS, "time_fault")
 COLUMNS = (
     "frame_id",
     "epoch_utc",
@@ -55,7 +55,7 @@ COLUMNS = (
     "stages_ms",
     *_ERRORS,
     *(column for columns in _VECTORS.values() for column in columns),
-    *LATER_COLUMNS,
+    *OPTIONAL_COLUMNS,
 )
 
 
@@ -168,7 +168,7 @@ def read_ledger(folder: Path) -> list[FrameRecord]:
     line = 0
     try:
         reader = csv.DictReader(io.StringIO(data[: data.rfind(b"\n") + 1].decode()))
-        needed = COLUMNS[: -len(LATER_COLUMNS)]
+        needed = COLUMNS[: -len(OPTIONAL_COLUMNS)]
         missing = [name for name in needed if name not in (reader.fieldnames or [])]
         if missing:
             raise UserError(f"{path} has no column {missing[0]!r}: it was not written by this version's host")

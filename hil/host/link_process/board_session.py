@@ -64,13 +64,13 @@ ENCODINGS: dict[str, tuple[Encoding, ...]] = {
 SYNC_BURST = 8
 SYNC_EVERY_NS = 250_000_000
 # Advance of a clock request [ns]: before a frame the line is free, and the request waits behind nothing
-SYNC_EARLY_NS = 200_000_000
+SYNC_ADVANCE_NS = 200_000_000
 # Delay before a silent board is asked for its newest frame, and interval of repetitions [ns]
-ASK_AFTER_NS, ASK_AGAIN_NS = 20_000_000, 100_000_000
+ASK_DELAY_NS, ASK_INTERVAL_NS = 20_000_000, 100_000_000
 # Number of stored round trips, for more than an hour, and largest plausible one [ns]
 MAX_TRIPS, MAX_TRIP_NS = 20_000, 10**12
 # A board answers clock requests once its estimator is ready; frames are sent after this time-out at the latest [ns]
-SYNC_PATIENCE_NS = 60_000_000_000
+SYNC_TIMEOUT_NS = 60_000_000_000
 # Longest time of receiving from a busy board before frames, loggers and the run are served [ns]
 DRAIN_NS = 20_000_000
 # Largest number of logged protocol violations in a run; the summary counts all
@@ -223,7 +223,7 @@ class BoardSession:
             self._in_flight.lose("the board restarted")
             link.session_id = int.from_bytes(os.urandom(8), "little") or 1
             self._clock, self._beats = ClockFilter(), False
-            self.next_sync_ns = now_ns() + SYNC_PATIENCE_NS
+            self.next_sync_ns = now_ns() + SYNC_TIMEOUT_NS
             self.counts = msgspec.structs.replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
         link.transport.be_patient(self._config.silence_s)
@@ -329,9 +329,9 @@ class BoardSession:
         sent_ns = self._in_flight.last_sent_ns
         if sent_ns is None:
             return
-        due_ns = sent_ns + ASK_AFTER_NS
+        due_ns = sent_ns + ASK_DELAY_NS
         if self._asked_ns >= due_ns:
-            due_ns = self._asked_ns + ASK_AGAIN_NS
+            due_ns = self._asked_ns + ASK_INTERVAL_NS
         self.next_sync_ns = min(self.next_sync_ns, due_ns)
 
     def sync_before_frame(self) -> None:
@@ -342,7 +342,7 @@ class BoardSession:
         LinkClosed
             If the line is closed.
         """
-        if self.link is not None and self._up is None and now_ns() >= self.next_sync_ns - SYNC_EARLY_NS:
+        if self.link is not None and self._up is None and now_ns() >= self.next_sync_ns - SYNC_ADVANCE_NS:
             self._ask(self.link)
 
     def sync_clock(self) -> None:

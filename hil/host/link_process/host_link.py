@@ -53,7 +53,7 @@ QUICK_TIMEOUT_S = 2.0
 # Time for a board to prepare its estimator after HELLO [s], slightly more than the link process allows
 READY_TIMEOUT_S = 65.0
 
-ENDED = "the link process ended unexpectedly: the log so far is intact; run again with -v"
+PROCESS_ENDED = "the link process ended unexpectedly: the log so far is intact; run again with -v"
 
 
 def choose_pixel_format(bits: int, channels: tuple[int, ...], wish: PixelFormatName) -> PixelFormat:
@@ -177,7 +177,7 @@ class HostLink:
                 timeout_s = 0.0
         except (EOFError, OSError) as error:
             self.closed = True
-            raise UserError(ENDED) from error
+            raise UserError(PROCESS_ENDED) from error
 
     def results(self) -> list[FrameRecord]:
         """Return the outcomes since the last call."""
@@ -213,7 +213,7 @@ class HostLink:
             self._pipe.send(message)
         except OSError as error:
             self.closed = True
-            raise UserError(ENDED) from error
+            raise UserError(PROCESS_ENDED) from error
 
     def _kill(self) -> None:
         ended, self.closed = self.closed, True

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from flyaround.hil.link.packets.messages import PoseMessage
 
 # End of sending of a frame that is still being sent
-NEVER_NS = 1 << 62
+NOT_SENT_NS = 1 << 62
 # Number of frames for which it is stored whether they were sent and answered
-MAX_REMEMBERED = 100_000
+MAX_HISTORY = 100_000
 
 
 @dataclass
@@ -69,9 +69,9 @@ class FramesInFlight:
         flight = FrameInFlight(record, at_ns + int(self._timeout_s * 1e9))
         self._flying[record.frame_id] = flight
         self._history[record.frame_id] = False
-        if len(self._history) > MAX_REMEMBERED:
+        if len(self._history) > MAX_HISTORY:
             del self._history[next(iter(self._history))]
-        self._held[record.frame_id] = NEVER_NS
+        self._held[record.frame_id] = NOT_SENT_NS
         return flight
 
     def sent(self, flight: FrameInFlight, at_ns: int) -> None:

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
     from flyaround.hil.link.transports.base import Transport
 
-HELLO_WAIT_NS = 10_000_000_000
+HELLO_TIMEOUT_NS = 10_000_000_000
 # Largest number of pending connections; beyond it the oldest is closed, because a board sends HELLO immediately
 MAX_PENDING = 8
 # Number of other packets than HELLO after which a connection is closed
-MAX_OTHERS = 64
+MAX_OTHER_PACKETS = 64
 
 
 class PendingLinks:
@@ -55,7 +55,7 @@ class PendingLinks:
                 ErrorCode.BUSY,
                 "it sent no HELLO while others connected: send HELLO at once",
             )
-        self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_WAIT_NS))
+        self._links.append((Link(transport, accepts=HOST_BEFORE_HELLO), now_ns() + HELLO_TIMEOUT_NS))
 
     def hear(self, ready: Collection[Any]) -> tuple[Link, Hello] | None:
         """Return the first of the ``ready`` connections that sends HELLO, with the message. It is no longer pending."""
@@ -78,7 +78,7 @@ class PendingLinks:
         self._links = []
 
     def _hello(self, link: Link) -> Hello | None:
-        for _ in range(MAX_OTHERS):
+        for _ in range(MAX_OTHER_PACKETS):
             try:
                 message = link.recv(0.0)
             except VersionMismatch as error:

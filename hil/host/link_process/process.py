@@ -196,7 +196,7 @@ class LinkServer:
                 return
             while now_ns() < due_ns:
                 pass
-            job = _handed_over(self._waiting.popleft(), now_ns())
+            job = _with_hand_over(self._waiting.popleft(), now_ns())
             if self._board.link is None or self._board.ack is None:
                 self._drop(job, "disconnected", "no board was connected")
                 continue
@@ -248,7 +248,7 @@ class LinkServer:
         assert self._slots is not None  # noqa: S101 - frames follow the terms
         start = now_ns()
         if job.record.times.handed_over_ns is None:
-            job = _handed_over(job, start)
+            job = _with_hand_over(job, start)
         record = job.record
         flight = self._in_flight.start(record, start)
         try:
@@ -350,7 +350,7 @@ class LinkServer:
             self._pipe.send(Closed(self._board.counts))
 
 
-def _handed_over(job: FrameJob, at_ns: int) -> FrameJob:
+def _with_hand_over(job: FrameJob, at_ns: int) -> FrameJob:
     return replace(job, record=job.record.at(handed_over_ns=at_ns))
 
 
@@ -370,11 +370,11 @@ def main() -> None:
             pipe.send(Failed(str(error)))
         return
     if config.mode == "realtime":
-        _keep_time()
+        _raise_priority()
     server.run()
 
 
-def _keep_time() -> None:
+def _raise_priority() -> None:
     """Raise the priority above computing processes, if permitted, because frames must be sent on time."""
     if hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(OSError):

@@ -16,7 +16,7 @@ HEAD = struct.Struct("<Q")  # length of a record, after its opcode
 END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + MAGIC
 
 
-def end_cut_mcap(path: Path) -> None:
+def repair_mcap(path: Path) -> None:
     """End a file after its last complete record that leaves room for the end. Files without records are unchanged.
 
     Raises

@@ -12,7 +12,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from flyaround.hil.host.frame_record import DURATIONS
-from flyaround.hil.host.recording.cut_mcap import end_cut_mcap
+from flyaround.hil.host.recording.cut_mcap import repair_mcap
 from flyaround.simulator.dataset.formats.ros_messages import (
     DEFINITIONS,
     TARGET_FRAME,
@@ -51,16 +51,16 @@ def frame_timing(row: FrameRecord) -> dict[str, Any]:
         "frame_id": row.frame_id,
         "outcome": row.outcome,
         "reason": row.reason,
-        "confidence": _or_nan(row.confidence),
-        **{name: _or_nan(value) for name, value in durations.items()},
+        "confidence": _nan_if_none(row.confidence),
+        **{name: _nan_if_none(value) for name, value in durations.items()},
         "stage_names": list(row.stages_ms),
         "stage_ms": [float(ms) for ms in row.stages_ms.values()],
-        "position_error_m": _or_nan(row.E_T_m),
-        "attitude_error_deg": _or_nan(row.E_R_deg),
+        "position_error_m": _nan_if_none(row.E_T_m),
+        "attitude_error_deg": _nan_if_none(row.E_R_deg),
     }
 
 
-def _or_nan(value: float | None) -> float:
+def _nan_if_none(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
@@ -77,7 +77,7 @@ TOPICS = {
 """Topics with their message types."""
 
 
-class _FileToWrite:
+class _TolerantFile:
     """New file that never raises while it is written: it keeps the first error and discards all later data.
 
     The MCAP writer of foxglove-sdk cannot handle a full disk, and needs consistent positions from ``seek``.
@@ -163,13 +163,13 @@ class RosLog:
                 topic, schema=schema, message_encoding="cdr", context=context
             )
         self._path, self._file, self._server = path, None, None
-        self._data: _FileToWrite | None = None
+        self._data: _TolerantFile | None = None
         self._failure = ""
         try:
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 options = foxglove.mcap.MCAPWriteOptions(profile="ros2")
-                self._data = _FileToWrite(path)
+                self._data = _TolerantFile(path)
                 self._file = foxglove.open_mcap(self._data, context=context, writer_options=options)
             if live is not None:
                 host, port = live
@@ -226,7 +226,7 @@ class RosLog:
         if data.error is None or self._path is None:
             return ""
         with contextlib.suppress(OSError):
-            end_cut_mcap(self._path)
+            repair_mcap(self._path)
         self._failure = (
             f"{self._path} cannot be written ({data.error.strerror}); it ends there and is readable: free some space,"
             " or record elsewhere"

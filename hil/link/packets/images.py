@@ -63,7 +63,7 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
     LinkError
         If the images have an invalid size, do not match the camera, or cannot be decoded here.
     """
-    size = _described(terms)
+    size = _describe(terms)
     total = array_bytes(terms.width_px, terms.height_px, terms.pixel_format)
     if total == 0 or not 1 <= terms.bits <= terms.pixel_format.depth_bits:
         raise LinkError(
@@ -84,7 +84,7 @@ def check_terms(terms: HelloAck, encodings: int, pixel_formats: int = format_mas
         raise LinkError(f"images are sent as {terms.pixel_format.name}, which this board did not offer")
 
 
-def _described(what: Union[FrameHeader, HelloAck]) -> str:
+def _describe(what: Union[FrameHeader, HelloAck]) -> str:
     return f"{what.width_px} x {what.height_px} px of {what.bits} bits as {what.pixel_format.name}"
 
 
@@ -97,7 +97,7 @@ def check_header(header: FrameHeader, terms: HelloAck) -> None:
         If its size, depth, pixel format, encoding or number of chunks differs, or more bytes are announced than its
         pixels need.
     """
-    described, expected = _described(header), _described(terms)
+    described, expected = _describe(header), _describe(terms)
     if described != expected:
         raise ProtocolMistake(
             f"frame {header.frame_id} has {described}, agreed were {expected}", header.frame_id
@@ -147,7 +147,7 @@ def decode_image(data: Union[bytes, bytearray], header: FrameHeader) -> Image:
     """
     width, height, pixel_format = header.width_px, header.height_px, header.pixel_format
     if array_bytes(width, height, pixel_format) > MAX_FRAME_BYTES:
-        raise PacketError(f"frame {header.frame_id}: an image of {_described(header)} is refused")
+        raise PacketError(f"frame {header.frame_id}: an image of {_describe(header)} is refused")
     if header.encoding == Encoding.PNG:
         dtype = np.dtype(np.uint16 if pixel_format.in_words else np.uint8)
         try:

@@ -84,13 +84,13 @@ def decode(data: Bytes, width_px: int, height_px: int, dtype: np.dtype, channels
     except zlib.error as error:
         raise PacketError(f"a PNG is damaged: {error}") from error
     rows = np.frombuffer(flat, np.uint8).reshape(height_px, -1)
-    out = _unfiltered(rows[:, 0], rows[:, 1:], step)
+    out = _unfilter(rows[:, 0], rows[:, 1:], step)
     wide = ">u2" if dtype.itemsize == 2 else "u1"
     shape = (height_px, width_px) if channels == 1 else (height_px, width_px, channels)
     return out.view(wide).reshape(shape).astype(dtype)
 
 
-def _unfiltered(filters: np.ndarray, rows: np.ndarray, step: int) -> np.ndarray:
+def _unfilter(filters: np.ndarray, rows: np.ndarray, step: int) -> np.ndarray:
     if np.any(filters > _UP):
         raise PacketError(f"a PNG has a row with filter {int(filters.max())}: write it with None, Sub or Up")
     lanes = rows.reshape(rows.shape[0], -1, step)

@@ -21,7 +21,7 @@ BITS_PER_BYTE = 10
 PIECE_S = 0.01
 # Longest duration of a chunk [s]: only complete packets show the other side that this one is alive
 CHUNK_S, MIN_CHUNK_BYTES = 0.25, 64
-CATCH_UP_S = 0.1
+MAX_CATCH_UP_S = 0.1
 
 
 class SerialTransport(StreamTransport):
@@ -78,7 +78,7 @@ class SerialTransport(StreamTransport):
                     time.sleep(wait_s)
                 self._port.write(part)
                 self._free_s = (
-                    max(self._free_s, time.monotonic() - CATCH_UP_S) + len(part) / self._bytes_per_s
+                    max(self._free_s, time.monotonic() - MAX_CATCH_UP_S) + len(part) / self._bytes_per_s
                 )
         except (OSError, TypeError) as error:  # pyserial raises TypeError when closed by another thread
             raise LinkClosed(f"{self.name} cannot be written ({error}): is it still plugged in?") from error

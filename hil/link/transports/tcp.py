@@ -18,7 +18,7 @@ from flyaround.hil.link.transports.base import StreamTransport
 SEND_STALL_S = 1.5
 # Time-out for a peer whose system acknowledges nothing, as with a cut cable (TCP_USER_TIMEOUT) [ms]
 UNACKNOWLEDGED_MS = 1500
-LONGEST_S = 86_400.0  # upper bound of a user's time-out [s]
+MAX_TIMEOUT_S = 86_400.0  # upper bound of a user's time-out [s]
 # Time-out for one packet [s]; a slower peer would only block the sender
 SEND_PACKET_S = 60.0
 # Keep-alive probes: an idle peer whose machine vanished is detected after about half a minute
@@ -66,7 +66,7 @@ class TcpTransport(StreamTransport):
 
     def be_patient(self, silence_s: float) -> None:
         """Set the silence after which a peer is considered lost, if longer than the default."""
-        silence_s = min(silence_s, LONGEST_S)
+        silence_s = min(silence_s, MAX_TIMEOUT_S)
         self._send_stall_s = max(self._send_stall_s, silence_s)
         self._send_packet_s = max(self._send_packet_s, silence_s)
         if hasattr(socket, "TCP_USER_TIMEOUT"):  # not available on macOS

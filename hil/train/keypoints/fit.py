@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch.nn import functional
 
-from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, REACH, STEP
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BIN_WIDTH, BINS, HALF_RANGE
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from flyaround.hil.train.keypoints.samples import Batch
 
 # Standard deviation of a keypoint's target distribution [bins], and the weights of the presence and size losses.
-WIDTH_BINS, PRESENCE, SIZE = 1.6, 0.3, 1.0
+TARGET_SIGMA_BINS, PRESENCE_WEIGHT, SIZE_WEIGHT = 1.6, 0.3, 1.0
 
 # Peak learning rate, weight decay, warm-up steps, and largest gradient norm.
-RATE, DECAY, WARM_UP, LARGEST_GRADIENT = 2e-3, 0.02, 300, 5.0
+LEARNING_RATE, WEIGHT_DECAY, WARM_UP_STEPS, MAX_GRADIENT = 2e-3, 0.02, 300, 5.0
 
 # Decay of the exponential moving average of the weights, per step.
-KEEP = 0.998
+AVERAGE_DECAY = 0.998
 
 
-def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
+def target_distributions(points: Tensor) -> tuple[Tensor, Tensor]:
     """Return the target distributions (B, K, 2, BINS), and a mask (B, K, 2) that is 1 for keypoints within the bins.
 
     Parameters
@@ -39,10 +39,10 @@ def wanted(points: Tensor) -> tuple[Tensor, Tensor]:
     points : (B, K, 2) tensor
         Keypoints relative to the centre of the input [half sides].
     """
-    centres = (torch.arange(BINS) + 0.5) * STEP - REACH
-    off = (points[..., None] - centres) / (WIDTH_BINS * STEP)
+    centres = (torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
+    off = (points[..., None] - centres) / (TARGET_SIGMA_BINS * BIN_WIDTH)
     shape = torch.exp(-0.5 * off * off)
-    return shape / shape.sum(-1, keepdim=True).clamp_min(1e-6), (points.abs() < REACH).float()
+    return shape / shape.sum(-1, keepdim=True).clamp_min(1e-6), (points.abs() < HALF_RANGE).float()
 
 
 def loss(outputs: tuple[Tensor, Tensor], batch: Batch) -> tuple[Tensor, Tensor]:
@@ -57,10 +57,10 @@ def loss(outputs: tuple[Tensor, Tensor], batch: Batch) -> tuple[Tensor, Tensor]:
     """
     logits, whole = (x.float() for x in outputs)
     present, size = torch.from_numpy(batch.present), torch.from_numpy(batch.log_size)
-    shape, within = wanted(torch.from_numpy(batch.points))
+    shape, within = target_distributions(torch.from_numpy(batch.points))
     weight = within * present[:, None, None]
     entropy = -(shape * functional.log_softmax(logits, -1)).sum(-1)
     keypoints = (entropy * weight).sum() / weight.sum().clamp_min(1.0)
     presence = functional.binary_cross_entropy_with_logits(whole[:, 0], present)
     off = functional.smooth_l1_loss(whole[:, 1], size, reduction="none", beta=0.1)
-    return keypoints, keypoints + PRESENCE * presence + SIZE * (off * present).mean()
+    return keypoints, keypoints + PRESENCE_WEIGHT * presence + SIZE_WEIGHT * (off * present).mean()

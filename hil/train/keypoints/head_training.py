@@ -17,14 +17,19 @@ import torch
 from flyaround.hil.board.hybrid.propose.keypoints.head import SHAPES, KeypointHead
 from flyaround.hil.board.hybrid.propose.keypoints.network import trunk_bytes, trunk_sha256
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_PX
-from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, REACH, STEP, keypoints_m
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import (
+    BIN_WIDTH,
+    BINS,
+    HALF_RANGE,
+    keypoints_m,
+)
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.hil.train.fitting import Budget
 from flyaround.hil.train.keypoints import fit
 from flyaround.hil.train.keypoints.network import Head
-from flyaround.hil.train.keypoints.samples import Batch, LitViews, halved, sample
+from flyaround.hil.train.keypoints.samples import Batch, LitViews, image_pyramid, sample
 from flyaround.hil.train.keypoints.trunk_file import from_onnx
-from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of
+from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_views
 from flyaround.simulator.errors import UserError
 from flyaround.simulator.runtime.files import write_atomic
 from flyaround.simulator.targets.library import load_target
@@ -43,10 +48,10 @@ if TYPE_CHECKING:
     Report = Callable[[float, str], None]
 
 # Batch size; number of held-out views; steps between checkpoints and reports.
-BATCH, KEPT_BACK, CHECKPOINT = 64, 100, 200
+BATCH, HELD_OUT_VIEWS, CHECKPOINT_STEPS = 64, 100, 200
 
 # Least distance between distinct keypoints [radii], and least number of distinct keypoints.
-DISTINCT_RADII, LEAST_DISTINCT = 0.05, 6
+DISTINCT_RADII, MIN_DISTINCT = 0.05, 6
 
 
 class HeadReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -132,11 +137,11 @@ def train_head(
     _check_keypoints(target, points)
     partial = output.with_name(f"{output.name}.partial")
     drawing = Drawing(partial / "views", (name,), views, seed)
-    draw_all(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views rendered"))
+    render_views(drawing, workers, lambda done, of: report(0.3 * done / of, f"{done} of {of} views rendered"))
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     trunk = from_onnx(trunk_bytes()).requires_grad_(requires_grad=False)
-    training = _HeadTraining(trunk, load_views(drawing, points), halved(earths_of(drawing)), seed)
+    training = _HeadTraining(trunk, load_views(drawing, points), image_pyramid(earths_of(drawing)), seed)
     state = partial / "head.pt"
     steps = training.run(budget, workers, state, lambda d, text: report(0.3 + 0.7 * d, text))
     kept = training.judged()
@@ -167,15 +172,15 @@ def load_views(drawing: Drawing, points: FloatArray) -> LitViews:
 
 def arrays_of(weights: dict[str, Tensor]) -> dict[str, Float32Array]:
     """Return the weights of a `Head` under the names of the head's file."""
-    return {key: weights[_of_file(key)].float().numpy() for key in SHAPES if key != "keypoints_m"}
+    return {key: weights[_parameter_name(key)].float().numpy() for key in SHAPES if key != "keypoints_m"}
 
 
 def state_of(head: KeypointHead) -> dict[str, Tensor]:
     """Return the weights of a head's file under the names of a `Head`."""
-    return {_of_file(key): torch.from_numpy(array.copy()) for key, array in head.weights.items()}
+    return {_parameter_name(key): torch.from_numpy(array.copy()) for key, array in head.weights.items()}
 
 
-def _of_file(key: str) -> str:
+def _parameter_name(key: str) -> str:
     """Return the PyTorch parameter name of an array in a head's file."""
     return key.replace("_bias", ".bias") if "bias" in key else f"{key}.weight"
 
@@ -193,9 +198,9 @@ def _check_keypoints(target: Target, points: FloatArray) -> None:
         if all(np.linalg.norm(p - other) > DISTINCT_RADII for other in distinct):
             distinct.append(p)
     spread = np.linalg.svd(np.array(distinct) - np.mean(distinct, axis=0), compute_uv=False)
-    if len(distinct) < LEAST_DISTINCT or spread[1] < DISTINCT_RADII:
+    if len(distinct) < MIN_DISTINCT or spread[1] < DISTINCT_RADII:
         raise UserError(
-            f"target {target.name!r} has {len(distinct)} distinct keypoints; training needs {LEAST_DISTINCT} that are "
+            f"target {target.name!r} has {len(distinct)} distinct keypoints; training needs {MIN_DISTINCT} that are "
             "not collinear: add keypoints or edges to its file"
         )
 
@@ -207,8 +212,10 @@ class _HeadTraining:
         self._trunk = trunk.to(memory_format=torch.channels_last)
         self._views, self._earths, self._seed = views, earths, seed
         self._head = Head()
-        self._kept_back = min(KEPT_BACK, len(views.lit) // 5)
-        self._adam = torch.optim.AdamW(self._head.parameters(), lr=fit.RATE, weight_decay=fit.DECAY)
+        self._kept_back = min(HELD_OUT_VIEWS, len(views.lit) // 5)
+        self._adam = torch.optim.AdamW(
+            self._head.parameters(), lr=fit.LEARNING_RATE, weight_decay=fit.WEIGHT_DECAY
+        )
         self.mean = {k: v.clone() for k, v in self._head.state_dict().items()}
         self._steps, self._spent_s = 0, 0.0
 
@@ -224,7 +231,7 @@ class _HeadTraining:
                 ahead.append(pool.submit(self._batch, self._steps + 2 * workers))
                 loss = self._step(batch, done)
                 self._steps += 1
-                if self._steps % CHECKPOINT == 0:
+                if self._steps % CHECKPOINT_STEPS == 0:
                     self._spent_s = time.monotonic() - began
                     self._save(state)
                     left = (1 - done) / max(done, 1e-9) * self._spent_s / 60
@@ -235,7 +242,7 @@ class _HeadTraining:
         """Return the median keypoint error [px], the share below 10 px, and the share of targets detected."""
         self._head.load_state_dict(self.mean)
         rng = np.random.default_rng([self._seed, 2])
-        centres = ((torch.arange(BINS) + 0.5) * STEP - REACH).numpy()
+        centres = ((torch.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE).numpy()
         errors, noticed = [], []
         for first in range(0, self._kept_back, BATCH):
             which = np.arange(first, min(first + BATCH, self._kept_back))
@@ -257,7 +264,11 @@ class _HeadTraining:
         return sample(self._views, self._earths, which, rng)
 
     def _step(self, batch: Batch, done: float) -> float:
-        rate = fit.RATE * min(1.0, (self._steps + 1) / fit.WARM_UP) * (0.5 + 0.5 * np.cos(np.pi * done))
+        rate = (
+            fit.LEARNING_RATE
+            * min(1.0, (self._steps + 1) / fit.WARM_UP_STEPS)
+            * (0.5 + 0.5 * np.cos(np.pi * done))
+        )
         for group in self._adam.param_groups:
             group["lr"] = float(rate) + 1e-5
         inputs = torch.from_numpy(batch.inputs).float().contiguous(memory_format=torch.channels_last)
@@ -268,9 +279,9 @@ class _HeadTraining:
         keypoints, whole = fit.loss(outputs, batch)
         self._adam.zero_grad()
         whole.backward()
-        torch.nn.utils.clip_grad_norm_(self._head.parameters(), fit.LARGEST_GRADIENT)
+        torch.nn.utils.clip_grad_norm_(self._head.parameters(), fit.MAX_GRADIENT)
         self._adam.step()
-        keep = min(fit.KEEP, self._steps / (self._steps + 20))
+        keep = min(fit.AVERAGE_DECAY, self._steps / (self._steps + 20))
         with torch.no_grad():
             for key, value in self._head.state_dict().items():
                 self.mean[key].lerp_(value, 1 - keep)

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
-from flyaround.hil.train.keypoints.views import FILLED, LABELS, SUNS, VIEW_PX, focal_length_px
+from flyaround.hil.train.keypoints.views import FILL_SHARE, MAX_LABEL, SUNS, VIEW_PX, focal_length_px
 from flyaround.simulator.world.frames.rotation import matrix_from_quat
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 LAB_EARTH_SHARE, EMPTY_SHARE = 0.4, 0.08
 
 # Range of the log size: logarithm of the target's size over the size that the crop assumes.
-SIZES = (-1.1, 0.7)
+LOG_SIZES = (-1.1, 0.7)
 
 # Pixels of the SPEED camera per input pixel, times range over radius.
 REDUCED = 65.0
@@ -40,19 +40,26 @@ REDUCED = 65.0
 FRAME_PX = (1920.0, 1200.0)
 
 # Log exposure error: standard deviation, and largest value of the outliers.
-EXPOSED, ASTRAY = 0.4, 2 * float(np.log(2.0))
+EXPOSURE_SIGMA, MAX_EXPOSURE_ERROR = 0.4, 2 * float(np.log(2.0))
 
 # Range of the logarithm of the measured noise over the true one.
-MISMEASURED = (-0.1, 0.5)
+NOISE_LOG_ERROR = (-0.1, 0.5)
 
 # Shares of laboratory samples: with another texture, bars and cables, deformed, stray light, occluded, JPEG.
-TEXTURED, CABLED, BENT, STRAY, OCCLUDED, COMPRESSED = 0.3, 0.3, 0.3, 0.25, 0.2, 0.2
+TEXTURE_SHARE, CABLE_SHARE, DEFORMED_SHARE, STRAY_LIGHT_SHARE, OCCLUDED_SHARE, JPEG_SHARE = (
+    0.3,
+    0.3,
+    0.3,
+    0.25,
+    0.2,
+    0.2,
+)
 
 # Standard deviation of the deformation [px], and its correlation length [px].
-BENT_PX, BENT_OVER_PX = 1.2, 20.0
+DEFORMATION_PX, DEFORMATION_SCALE_PX = 1.2, 20.0
 
 # Largest signal that is kept [full scale].
-MOST = 12.0
+MAX_SIGNAL = 12.0
 
 _Y, _X = (np.mgrid[:VIEW_PX, :VIEW_PX] / (0.5 * VIEW_PX) - 1.0).astype(np.float32)
 _V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.float32)
@@ -146,7 +153,7 @@ class Batch:
     log_size: Float32Array
 
 
-def halved(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
+def image_pyramid(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, ...]:
     """Return an image pyramid of the backgrounds: each level has half the size of the previous one."""
     out = [np.asarray(earths, np.float32)]
     for _ in range(levels - 1):
@@ -176,7 +183,7 @@ def sample(
     size = len(which)
     off = np.array(mix.off)[rng.choice(len(mix.off), size, p=mix.off_share)]
     box = rng.normal(0, 1, (size, 3)) * off[:, [0, 0, 1]]
-    box[:, 2] = np.clip(box[:, 2], *SIZES)
+    box[:, 2] = np.clip(box[:, 2], *LOG_SIZES)
     present = rng.random(size) >= EMPTY_SHARE
     empty = np.flatnonzero(~present)
     box[empty, :2] = rng.uniform(1.0, 2.2, (len(empty), 2)) * rng.choice([-1, 1], (len(empty), 2))
@@ -189,17 +196,17 @@ def sample(
     points = np.empty((size, len(views.keypoints), 2), np.float32)
     for i, k in enumerate(which):
         M = _affine(turn[i], box[i])
-        signal = _in_orbit(views, k, rng) if orbit[i] else _in_laboratory(views, k, rng)
-        picture, cover = _warped(signal, views.cover[k], M, float(np.exp(box[i, 2])))
+        signal = _orbit_signal(views, k, rng) if orbit[i] else _laboratory_signal(views, k, rng)
+        picture, cover = _warp(signal, views.cover[k], M, float(np.exp(box[i, 2])))
         make = _orbit_picture if orbit[i] else _laboratory_picture
         picture = make(picture, cover, earths, reduced[i], bool(present[i]), noise[i], rng, mix)
         picture += rng.standard_normal(picture.shape, np.float32) * fine[i]
-        if not orbit[i] and rng.random() < COMPRESSED:
-            picture = _compressed(picture, rng)
-        pictures[i] = _framed(picture, reduced[i], box[i], rng)
-        points[i] = _seen_at(views, k) @ M[:, :2].T + M[:, 2]
+        if not orbit[i] and rng.random() < JPEG_SHARE:
+            picture = _compress(picture, rng)
+        pictures[i] = _replicate_border(picture, reduced[i], box[i], rng)
+        points[i] = _keypoint_pixels(views, k) @ M[:, :2].T + M[:, 2]
     points = (points - 0.5 * (INPUT_PX - 1)) / (0.5 * INPUT_PX)
-    inputs = channels(pictures, fine * np.exp(rng.uniform(*MISMEASURED, size)).astype(np.float32))
+    inputs = channels(pictures, fine * np.exp(rng.uniform(*NOISE_LOG_ERROR, size)).astype(np.float32))
     return Batch(
         inputs.astype(np.float16),
         points.astype(np.float32),
@@ -208,7 +215,7 @@ def sample(
     )
 
 
-def _seen_at(views: LitViews, k: int) -> FloatArray:
+def _keypoint_pixels(views: LitViews, k: int) -> FloatArray:
     """Return the pixels (K, 2) of the keypoints in a view."""
     p = views.keypoints @ matrix_from_quat(views.q_wxyz[k]).T
     away = views.range_in_radii[k]
@@ -218,24 +225,24 @@ def _seen_at(views: LitViews, k: int) -> FloatArray:
 
 def _affine(turn: float, box: FloatArray) -> FloatArray:
     """Return the affine map (2, 3) from a view's pixels to the input's."""
-    scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (FILLED * VIEW_PX)
+    scale = INPUT_FILL * INPUT_PX * np.exp(box[2]) / (FILL_SHARE * VIEW_PX)
     c, s = scale * np.cos(turn), scale * np.sin(turn)
     middle, to = 0.5 * (VIEW_PX - 1), 0.5 * (INPUT_PX - 1) + 0.5 * INPUT_PX * box[:2]
     return np.array([[c, -s, to[0] - (c - s) * middle], [s, c, to[1] - (c + s) * middle]])
 
 
-def _warped(
+def _warp(
     signal: Float32Array, cover: ByteArray, M: FloatArray, size: float
 ) -> tuple[Float32Array, Float32Array]:
-    scale = INPUT_FILL * INPUT_PX * size / (FILLED * VIEW_PX)
-    both = np.dstack([np.minimum(signal, np.float32(MOST)), cover.astype(np.float32) / np.float32(255)])
+    scale = INPUT_FILL * INPUT_PX * size / (FILL_SHARE * VIEW_PX)
+    both = np.dstack([np.minimum(signal, np.float32(MAX_SIGNAL)), cover.astype(np.float32) / np.float32(255)])
     blur = 0.5 * float(np.sqrt(max(1 / scale**2 - 0.5, 0.05)))
     soft = cv2.GaussianBlur(both, (0, 0), blur)
     out = cv2.warpAffine(soft, M, (INPUT_PX, INPUT_PX), flags=cv2.INTER_LINEAR)
     return np.ascontiguousarray(out[..., 0]), np.ascontiguousarray(out[..., 1])
 
 
-def _mixed(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
+def _mix_lights(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
     """Return the target's signal under a mixture of its lights."""
     out = np.zeros((VIEW_PX, VIEW_PX), np.float32)
     for j in np.flatnonzero(weights):
@@ -246,27 +253,29 @@ def _mixed(views: LitViews, k: int, weights: FloatArray) -> Float32Array:
     return out
 
 
-def _in_orbit(views: LitViews, k: int, rng: Generator) -> Float32Array:
+def _orbit_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     """Return the target in sunlight with some Earthshine."""
     lights = views.lit.shape[1]
     weights = np.full(lights, rng.uniform(0.0, 0.02))
     weights[rng.integers(min(lights, SUNS))] = 1.0
-    return _mixed(views, k, weights)
+    return _mix_lights(views, k, weights)
 
 
-def _in_laboratory(views: LitViews, k: int, rng: Generator) -> Float32Array:
+def _laboratory_signal(views: LitViews, k: int, rng: Generator) -> Float32Array:
     """Return the target under several lamps, with other surfaces than in the model, a random share saturated."""
     lights = views.lit.shape[1]
     weights = np.exp(rng.normal(0, 1.5, lights)) * (rng.random(lights) < rng.choice([0.3, 0.6, 1.0]))
     if not weights.any():
         weights[rng.integers(lights)] = 1.0
-    signal = _mixed(views, k, weights)
+    signal = _mix_lights(views, k, weights)
     # other surface brightnesses and specular reflections of a lamp; each surface with its own fall-off
     spread, tilt = rng.uniform(0.05, 0.7), rng.uniform(0.0, 1.2)
-    log_gain = rng.normal(0, spread, LABELS)
-    mirror = rng.random(LABELS) < 0.06
+    log_gain = rng.normal(0, spread, MAX_LABEL)
+    mirror = rng.random(MAX_LABEL) < 0.06
     log_gain[mirror] += rng.uniform(0.5, 3.0, int(mirror.sum()))
-    a, b = (rng.normal(0, tilt, LABELS).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2))
+    a, b = (
+        rng.normal(0, tilt, MAX_LABEL).astype(np.float32) + np.float32(rng.normal(0, 0.5)) for _ in range(2)
+    )
     label = views.label[k]
     field = log_gain.astype(np.float32)[label] + a[label] * _X + b[label] * _Y
     # ambient light: shadows are not quite black, equal for all surfaces
@@ -292,8 +301,12 @@ def _orbit_picture(
     mix: Mix,
 ) -> Float32Array:
     astray = rng.random() < mix.astray
-    gain = np.float32(np.exp(rng.uniform(-ASTRAY, ASTRAY) if astray else rng.normal(0, EXPOSED)))
-    picture = _shadowed(signal, rng) * gain
+    gain = np.float32(
+        np.exp(
+            rng.uniform(-MAX_EXPOSURE_ERROR, MAX_EXPOSURE_ERROR) if astray else rng.normal(0, EXPOSURE_SIGMA)
+        )
+    )
+    picture = _add_shadow(signal, rng) * gain
     if not present or rng.random() < mix.earth:
         earth = _window(earths, reduced / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
@@ -312,13 +325,13 @@ def _laboratory_picture(
     rng: Generator,
     _mix: Mix,
 ) -> Float32Array:
-    picture = np.minimum(_shadowed(signal, rng), np.float32(MOST))
-    if rng.random() < TEXTURED:
+    picture = np.minimum(_add_shadow(signal, rng), np.float32(MAX_SIGNAL))
+    if rng.random() < TEXTURE_SHARE:
         texture = _window(earths, reduced / 4 * rng.uniform(0.25, 1.0), rng)
         texture = (texture - texture.mean()) / max(float(texture.std()), 1e-3)
         strength = np.float32(rng.uniform(0.1, 0.7))
         picture = picture * np.exp(strength * np.clip(texture, -2.5, 2.5) * cover)
-    if rng.random() < CABLED:
+    if rng.random() < CABLE_SHARE:
         _draw_cables(picture, rng)
     if not present or rng.random() < LAB_EARTH_SHARE:
         behind = _window(earths, reduced / 4 * rng.uniform(0.5, 2.0), rng)
@@ -326,13 +339,13 @@ def _laboratory_picture(
         picture = picture + (1 - cover) * behind
     for _ in range(rng.integers(4) if rng.random() < 0.4 else 0):
         cv2.circle(picture, rng.integers(INPUT_PX, size=2).tolist(), 1, float(rng.uniform(0.1, 0.8)), -1)
-    if rng.random() < OCCLUDED:
+    if rng.random() < OCCLUDED_SHARE:
         # an occluding object of any brightness
         x, y = rng.integers(INPUT_PX, size=2)
         w, h = rng.integers(8, 48, size=2)
         picture[y : y + h, x : x + w] = rng.choice([0.0, rng.uniform(0, 1.2)])
-    if rng.random() < BENT:
-        picture = _bent(picture, rng)
+    if rng.random() < DEFORMED_SHARE:
+        picture = _deform(picture, rng)
     if rng.random() < 0.6:
         small = cv2.resize(picture, (INPUT_PX // 4, INPUT_PX // 4), interpolation=cv2.INTER_AREA)
         glow = cv2.GaussianBlur(small, (0, 0), float(rng.uniform(0.8, 4.5)))
@@ -341,7 +354,7 @@ def _laboratory_picture(
     if rng.random() < 0.5:
         picture = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(0.4, 1.8)))
     picture = np.clip(picture, 0.0, 1.0) ** np.float32(np.exp(rng.normal(0, 0.2)))
-    if rng.random() < STRAY:
+    if rng.random() < STRAY_LIGHT_SHARE:
         a = rng.uniform(0, 2 * np.pi)
         ramp = np.clip(0.5 + 0.5 * (np.float32(np.cos(a)) * _U + np.float32(np.sin(a)) * _V), 0, 1)
         picture = picture + np.float32(rng.uniform(0.0, 0.2)) * ramp ** np.float32(rng.uniform(0.5, 4.0))
@@ -349,7 +362,7 @@ def _laboratory_picture(
     return np.minimum(picture + np.float32(max(rng.normal(0, 0.03), 0.0)), np.float32(1.0))
 
 
-def _compressed(picture: Float32Array, rng: Generator) -> Float32Array:
+def _compress(picture: Float32Array, rng: Generator) -> Float32Array:
     """Return the image after JPEG compression."""
     eight = np.clip(np.rint(255 * picture), 0, 255).astype(np.uint8)
     _, coded = cv2.imencode(".jpg", eight, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(40, 96))])
@@ -368,20 +381,22 @@ def _draw_cables(picture: Float32Array, rng: Generator) -> None:
         cv2.line(picture, a, b, bright, int(rng.integers(1, 4)), cv2.LINE_AA)
 
 
-def _bent(picture: Float32Array, rng: Generator) -> Float32Array:
+def _deform(picture: Float32Array, rng: Generator) -> Float32Array:
     """Return the image with a smooth random deformation."""
     coarse = INPUT_PX // 8
     at = np.mgrid[:INPUT_PX, :INPUT_PX][::-1].astype(np.float32)
     for k in range(2):
         smooth = cv2.GaussianBlur(
-            rng.standard_normal((coarse, coarse), np.float32), (0, 0), BENT_OVER_PX * coarse / INPUT_PX
+            rng.standard_normal((coarse, coarse), np.float32),
+            (0, 0),
+            DEFORMATION_SCALE_PX * coarse / INPUT_PX,
         )
         wide = cv2.resize(smooth, (INPUT_PX, INPUT_PX), interpolation=cv2.INTER_CUBIC)
-        at[k] += wide * np.float32(BENT_PX / max(float(smooth.std()), 1e-6))
+        at[k] += wide * np.float32(DEFORMATION_PX / max(float(smooth.std()), 1e-6))
     return np.asarray(cv2.remap(picture, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _shadowed(signal: Float32Array, rng: Generator) -> Float32Array:
+def _add_shadow(signal: Float32Array, rng: Generator) -> Float32Array:
     """Return the signal, sometimes with a straight shadow edge over a part of it."""
     if rng.random() > 0.08:
         return signal
@@ -403,7 +418,7 @@ def _window(earths: Sequence[Float32Array], reduced: float, rng: Generator) -> F
     return np.asarray(part.T if rng.random() < 0.5 else part)
 
 
-def _framed(picture: Float32Array, reduced: float, box: FloatArray, rng: Generator) -> Float32Array:
+def _replicate_border(picture: Float32Array, reduced: float, box: FloatArray, rng: Generator) -> Float32Array:
     """Return the image with its border replicated where the crop extends beyond the frame, as on the board.
 
     The bounding sphere is placed randomly in the frame, or near its centre if it is larger.

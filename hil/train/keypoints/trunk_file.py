@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 OPERATORS_VERSION = 11
 
 
-def folded(trunk: Trunk) -> Trunk:
+def fold(trunk: Trunk) -> Trunk:
     """Return the trunk with every batch normalisation folded into the preceding convolution."""
     trunk = trunk.eval()
-    trunk.body = _folded(trunk.body)
+    trunk.body = _fold_layers(trunk.body)
     return trunk
 
 
@@ -49,7 +49,7 @@ def to_onnx(trunk: Trunk) -> bytes:
 
 def from_onnx(data: bytes) -> Trunk:
     """Return the folded trunk of an ONNX file written by ``to_onnx``, in single precision."""
-    trunk = folded(Trunk())
+    trunk = fold(Trunk())
     weights = {
         w.name: torch.from_numpy(numpy_helper.to_array(w).copy()).float()
         for w in onnx.load_from_string(data).graph.initializer
@@ -58,7 +58,7 @@ def from_onnx(data: bytes) -> Trunk:
     return trunk
 
 
-def unfolded(trunk: Trunk, inputs: Tensor) -> Trunk:
+def unfold(trunk: Trunk, inputs: Tensor) -> Trunk:
     """Return a trainable trunk, with batch normalisation, whose outputs equal those of a folded one.
 
     Parameters
@@ -96,13 +96,13 @@ def _restore(folded_layers: Iterable[nn.Module], layers: list[nn.Module], x: Ten
     return x
 
 
-def _folded(layers: Iterable[nn.Module]) -> nn.Sequential:
+def _fold_layers(layers: Iterable[nn.Module]) -> nn.Sequential:
     out: list[nn.Module] = []
     for layer in layers:
         if isinstance(layer, nn.BatchNorm2d) and isinstance(out[-1], nn.Conv2d):
             out[-1] = fuse_conv_bn_eval(out[-1], layer)
             continue
         if isinstance(getattr(layer, "body", None), nn.Sequential):
-            layer.body = _folded(layer.body)
+            layer.body = _fold_layers(layer.body)
         out.append(layer)
     return nn.Sequential(*out)

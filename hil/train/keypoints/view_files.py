@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 # Number of views per chunk, and of backgrounds.
-CHUNK, EARTHS = 25, 80
+CHUNK_VIEWS, N_BACKGROUNDS = 25, 80
 
 ARRAYS = {
     "lit": ("u1", (LIGHTS, VIEW_PX, VIEW_PX)),
@@ -57,7 +57,7 @@ class Drawing:
     seed: int
 
 
-def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None]) -> None:
+def render_views(drawing: Drawing, workers: int, progress: Callable[[int, int], None]) -> None:
     """Render the missing chunks.
 
     Parameters
@@ -75,18 +75,18 @@ def draw_all(drawing: Drawing, workers: int, progress: Callable[[int, int], None
         If the disk is full, a process is killed, or the folder holds other views.
     """
     try:
-        _begin(drawing)
-        chunks = [k for k in range(-1, -(-drawing.views // CHUNK)) if not _mark(drawing, k).exists()]
-        done = drawing.views - CHUNK * len([k for k in chunks if k >= 0])
+        _create_arrays(drawing)
+        chunks = [k for k in range(-1, -(-drawing.views // CHUNK_VIEWS)) if not _marker(drawing, k).exists()]
+        done = drawing.views - CHUNK_VIEWS * len([k for k in chunks if k >= 0])
         for k in run_tasks(_draw_chunk, chunks, workers, start=_start, arguments=(drawing,)):
-            write_atomic(_mark(drawing, k), b"")
-            done += CHUNK if k >= 0 else 0
+            write_atomic(_marker(drawing, k), b"")
+            done += CHUNK_VIEWS if k >= 0 else 0
             progress(min(done, drawing.views), drawing.views)
     except OSError as error:
         raise write_error(drawing.folder, error) from error
 
 
-def _begin(drawing: Drawing) -> None:
+def _create_arrays(drawing: Drawing) -> None:
     """Create the arrays, or check that those of an interrupted run belong to the same views."""
     plan = [
         list(drawing.paints),
@@ -117,27 +117,27 @@ def earths_of(drawing: Drawing) -> Float32Array:
     return np.asarray(np.load(drawing.folder / "earths.npy"), np.float32)
 
 
-def _mark(drawing: Drawing, chunk: int) -> Path:
+def _marker(drawing: Drawing, chunk: int) -> Path:
     return drawing.folder / f"drawn-{chunk}"
 
 
 # Renderer and targets of a render process, made at its start.
-_at_work: list[tuple[Drawing, Renderer, Sequence[Target]]] = []
+_worker_state: list[tuple[Drawing, Renderer, Sequence[Target]]] = []
 
 
 def _start(drawing: Drawing) -> None:
-    _at_work.append((drawing, Renderer(), [load_target(name) for name in drawing.paints]))
+    _worker_state.append((drawing, Renderer(), [load_target(name) for name in drawing.paints]))
 
 
 def _draw_chunk(chunk: int) -> int:
     """Render one chunk of views; number -1 stands for the backgrounds."""
-    drawing, renderer, paints = _at_work[0]
+    drawing, renderer, paints = _worker_state[0]
     if chunk < 0:
-        earths = draw_earths(renderer, paints[0], EARTHS, drawing.seed)
+        earths = draw_earths(renderer, paints[0], N_BACKGROUNDS, drawing.seed)
         np.save(drawing.folder / "earths.npy", earths.astype(np.float16))
         return chunk
     out = {name: np.load(drawing.folder / f"{name}.npy", mmap_mode="r+") for name in ARRAYS}
-    first, last = chunk * CHUNK, min((chunk + 1) * CHUNK, drawing.views)
+    first, last = chunk * CHUNK_VIEWS, min((chunk + 1) * CHUNK_VIEWS, drawing.views)
     for k, view in enumerate(draw_views(renderer, paints, last, drawing.seed, first), first):
         out["lit"][k], out["scale"][k], out["cover"][k], out["label"][k] = (
             view.lit,

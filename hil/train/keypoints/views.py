@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from flyaround.simulator.targets.model import Target
 
 # Side of a view [px], and share of it that the bounding sphere fills.
-VIEW_PX, FILLED = 160, 0.97
+VIEW_PX, FILL_SHARE = 160, 0.97
 
 # Number of lights, the first ``SUNS`` of them the Sun, and their largest angle from the camera's direction [rad].
-LIGHTS, SUNS, FARTHEST_RAD = 6, 3, float(np.radians(125.0))
+LIGHTS, SUNS, MAX_LIGHT_ANGLE_RAD = 6, 3, float(np.radians(125.0))
 
 # Area lights: side of a box and of a lamp, and distance from the target [radii]; half angle of a lamp [deg].
 BOX_RADII, LAMP_RADII, AWAY_RADII, LAMP_DEG = (0.4, 2.3), (0.1, 0.33), (1.3, 5.2), (12.0, 40.0)
@@ -52,13 +52,13 @@ SUN_M, SUN_W_M2 = 1.5e11, 1361.0
 RANGE_RADII = (2.7, 25.0)
 
 # Environment with nothing but the target.
-CRAFT_ALONE = Environment(earth=False, stars=False, sun=False, moon=False, planets=False, sea_ice=False)
+CRAFT_ONLY = Environment(earth=False, stars=False, sun=False, moon=False, planets=False, sea_ice=False)
 
 # Size of a background: the SPEED camera's image at a quarter of its resolution [px].
 EARTH_PX = (480, 300)
 
 # Largest surface label.
-LABELS = 256
+MAX_LABEL = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,8 @@ class View:
 
 
 def focal_length_px(range_in_radii: FloatArray | float, side_px: int = VIEW_PX) -> FloatArray:
-    """Return the focal length with which the bounding sphere fills ``FILLED`` of the view's side [px]."""
-    return np.asarray(0.5 * FILLED * side_px * np.sqrt(np.asarray(range_in_radii) ** 2 - 1.0))
+    """Return the focal length with which the bounding sphere fills ``FILL_SHARE`` of the view's side [px]."""
+    return np.asarray(0.5 * FILL_SHARE * side_px * np.sqrt(np.asarray(range_in_radii) ** 2 - 1.0))
 
 
 def draw_views(
@@ -118,7 +118,7 @@ def draw_views(
         rng = np.random.default_rng([seed, k])
         which = k % len(paints)
         distance = float(np.exp(rng.uniform(*np.log(RANGE_RADII))))
-        scene = _narrow(plans[which].scene(k), model.centre_m, model.radius_m, distance)
+        scene = _narrow_camera(plans[which].scene(k), model.centre_m, model.radius_m, distance)
         yield _draw(renderer, scene, paints[which], model.radius_m, distance, rng)
 
 
@@ -148,7 +148,9 @@ def _plan(target: Target, n: int, seed: int, name: str) -> RecipePlan:
     return RecipePlan(recipe=named, target=target, camera=camera, n_frames=n, seed=seed)
 
 
-def _narrow(scene: SceneState, centre_m: FloatArray, radius_m: float, range_in_radii: float) -> SceneState:
+def _narrow_camera(
+    scene: SceneState, centre_m: FloatArray, radius_m: float, range_in_radii: float
+) -> SceneState:
     """Return the scene in a camera that points at the target's centre and is filled by its bounding sphere."""
     f = float(focal_length_px(range_in_radii))
     middle = 0.5 * (VIEW_PX - 1)
@@ -159,7 +161,7 @@ def _narrow(scene: SceneState, centre_m: FloatArray, radius_m: float, range_in_r
         scene,
         camera=camera,
         sensor=sensor_preset("ideal"),
-        environment=CRAFT_ALONE,
+        environment=CRAFT_ONLY,
         quality="draft",
         t_camera_from_target_m=vec3(t),
     )
@@ -181,28 +183,32 @@ def _draw(
     there = np.isfinite(seen.depth_m)
     for j, direction in enumerate(_directions(rng)):
         lamp = j == LIGHTS - 1
-        near = _by_sun(scene, direction) if j < SUNS else _by_lamp(scene, direction, radius_m, rng, lamp=lamp)
+        near = (
+            _lit_by_sun(scene, direction)
+            if j < SUNS
+            else _lit_by_lamp(scene, direction, radius_m, rng, lamp=lamp)
+        )
         signal = (
             np.asarray(expose_scene(near, integrate(renderer, near, target).radiance), np.float32) * there
         )
         top = max(float(signal.max()), 1e-6)
         # square roots, because eight bits must resolve dark parts as well
         lit[j], scale[j] = np.rint(255 * np.sqrt(np.maximum(signal / top, 0))), top
-    label = _surface_labels(seen.parts, seen.normals) % LABELS
+    label = _surface_labels(seen.parts, seen.normals) % MAX_LABEL
     q = np.asarray(quat_from_matrix(matrix_from_quat(scene.q_camera_from_target_wxyz)), float)
     return View(
         lit, scale, np.where(there, 255, 0).astype(np.uint8), label.astype(np.uint8), q, range_in_radii
     )
 
 
-def _by_sun(scene: SceneState, direction: FloatArray) -> SceneState:
+def _lit_by_sun(scene: SceneState, direction: FloatArray) -> SceneState:
     """Return the scene lit only by the Sun from a direction in the camera frame."""
     R = matrix_from_quat(scene.q_camera_from_eci_wxyz)
     sun = np.asarray(scene.r_target_eci_m) + SUN_M * (R.T @ direction)
     return replace(scene, r_sun_eci_m=vec3(sun), sun_visible_fraction=1.0)
 
 
-def _by_lamp(
+def _lit_by_lamp(
     scene: SceneState, direction: FloatArray, radius_m: float, rng: np.random.Generator, *, lamp: bool
 ) -> SceneState:
     """Return the scene lit only by an area light in a direction of the camera frame, seen from the target."""
@@ -222,8 +228,8 @@ def _by_lamp(
 
 
 def _directions(rng: np.random.Generator) -> FloatArray:
-    """Return unit vectors (LIGHTS, 3) towards the lights, camera axes, uniform within ``FARTHEST_RAD``."""
-    cosine = rng.uniform(np.cos(FARTHEST_RAD), 1.0, LIGHTS)
+    """Return unit vectors (LIGHTS, 3) towards the lights, camera axes, uniform within ``MAX_LIGHT_ANGLE_RAD``."""
+    cosine = rng.uniform(np.cos(MAX_LIGHT_ANGLE_RAD), 1.0, LIGHTS)
     turn = rng.uniform(0, 2 * np.pi, LIGHTS)
     sine = np.sqrt(1 - cosine**2)
     return np.stack([sine * np.cos(turn), sine * np.sin(turn), -cosine], axis=1)

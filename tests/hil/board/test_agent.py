@@ -132,7 +132,7 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
         second.link.close("the run is over")
         thread.join(PATIENCE_S)
     assert result == ["stopped"]
-    assert max(pauses) <= agent_module.LAST_PAUSE_S * 1.25
+    assert max(pauses) <= agent_module.MAX_BACKOFF_S * 1.25
     assert max(pauses[2:6]) > 4 * min(pauses)
     assert "went away without a goodbye" in sentences[0]
     # the same reason again and again is said once

@@ -13,7 +13,7 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.method_names import METHODS
 from flyaround.hil.board.methods import check_method_name
 from flyaround.hil.campaign.definitions import read_campaign
-from flyaround.hil.evaluate.result_rows import rows_there
+from flyaround.hil.evaluate.result_rows import existing_rows
 from flyaround.runs.document import read_run
 from flyaround.runs.estimation import EstimateRun, EvaluateRun
 
@@ -70,7 +70,7 @@ def test_rows_of_an_evaluation_with_the_former_name_are_rows_of_the_present_one(
     path = tmp_path / "rows.jsonl"
     path.write_bytes((V01 / "report" / "rows.jsonl").read_bytes())
     with caplog.at_level(logging.WARNING):
-        rows = rows_there(path)
+        rows = existing_rows(path)
     assert rows
     assert {r.method for r in rows} == {"hybrid"}
     assert len(warnings_of(caplog, path)) == 1

@@ -11,7 +11,7 @@ from flyaround.hil.board.errors import BoardModelError
 from flyaround.hil.board.estimation import BoardModel
 from flyaround.hil.board.estimation.occluding_contours import Outlines
 from flyaround.hil.board_model.contours import outlines_of
-from flyaround.hil.board_model.write import packed, write_board_model
+from flyaround.hil.board_model.write import pack_contours, write_board_model
 from flyaround.simulator.targets.library import load_target
 from tools.craft.assemble import Piece, assemble
 from tools.craft.mass import MassElement
@@ -28,7 +28,7 @@ def body(mesh):
 
 
 def read(target, views=60):
-    return Outlines.from_dict(msgspec.to_builtins(packed(outlines_of(target, views))))
+    return Outlines.from_dict(msgspec.to_builtins(pack_contours(outlines_of(target, views))))
 
 
 def slid(outlines, view, lean_rad, range_m):
@@ -128,7 +128,7 @@ def test_board_file_carries_outlines_and_an_old_one_does_not(tmp_path):
     [({"data": "AAAA"}, "unpacked"), ({"views": 7}, "bytes instead of"), ({"step_m": None}, "bad field")],
 )
 def test_damaged_outlines_are_named(change, message):
-    record = msgspec.to_builtins(packed(outlines_of(body(box((-1, -1, -1), (1, 1, 1))), 4, 16)))
+    record = msgspec.to_builtins(pack_contours(outlines_of(body(box((-1, -1, -1), (1, 1, 1))), 4, 16)))
     edge = {"name": "e", "a_m": [0, 0, 0], "b_m": [1, 0, 0]}
     data = {
         "schema": "flyaround.board_model",

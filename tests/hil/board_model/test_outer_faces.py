@@ -11,7 +11,7 @@ from tests.harness.boxes import closed_box
 def few(monkeypatch):
     """As if boards could draw few triangles; a cover fine enough for boxes."""
     monkeypatch.setattr(faces, "MAX_TRIANGLES", 40)
-    monkeypatch.setattr(faces, "PITCH", 0.02)
+    monkeypatch.setattr(faces, "SAMPLE_SPACING", 0.02)
 
 
 BODY = closed_box("body", (-1, -1, -1), (1, 1, 1), "cloth")
@@ -23,7 +23,7 @@ INSIDE = closed_box("inside", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), "gold")
 
 
 def shown(monkeypatch, most_seen):
-    monkeypatch.setattr(faces, "MAX_SEEN", most_seen)
+    monkeypatch.setattr(faces, "MAX_VISIBLE", most_seen)
     return faces.outer_triangles([[BODY], [BODY, BLANKET, INSIDE, STRIPE, DISH]])
 
 

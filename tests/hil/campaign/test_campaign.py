@@ -19,7 +19,7 @@ from flyaround.hil.campaign.case_run import RunResult
 from flyaround.hil.campaign.definitions import read_campaign
 from flyaround.hil.campaign.junit import junit_xml
 from flyaround.hil.campaign.quantities import QUANTITIES
-from flyaround.hil.campaign.verdicts import RunVerdict, Verdict, judge, worst
+from flyaround.hil.campaign.verdicts import RunVerdict, Verdict, judge, worst_verdict
 from flyaround.simulator.errors import UserError
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "campaign.toml"
@@ -239,9 +239,9 @@ def test_margins(tmp_path, comparison, value, passed, margin):
 def test_the_worst_run_has_no_value_or_failed_or_came_nearest(tmp_path):
     one = requirement(tmp_path)[0].requirement[0]
     far, near, out, none = (Verdict.of(one, value) for value in (0.01, 0.19, 0.3, None))
-    assert worst([far, near]) is near
-    assert worst([far, out, near]) is out
-    assert worst([out, none, far]) is none
+    assert worst_verdict([far, near]) is near
+    assert worst_verdict([far, out, near]) is out
+    assert worst_verdict([out, none, far]) is none
 
 
 def test_a_run_that_the_board_left_has_failed_unless_that_is_required(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drawn_craft import CAMERA, Craft
 
-from flyaround.hil.evaluate.failure_tiles import BEYOND, ESTIMATED, HEIGHT, WIDTH, failure_tile
+from flyaround.hil.evaluate.failure_tiles import ESTIMATE_COLOUR, HEIGHT, OUTSIDE_LEVEL, WIDTH, failure_tile
 
 Q = (1.0, 0.0, 0.0, 0.0)
 
@@ -17,7 +17,7 @@ def tile(estimated_m, box):
 @pytest.mark.parametrize(("x_m", "side"), [(3.0, 1), (-3.0, -1)])
 def test_an_arrow_shows_where_an_estimate_beyond_the_tile_lies(x_m, side):
     x, y = 0.5 * CAMERA.width_px, 0.5 * CAMERA.height_px
-    orange = np.all(tile((x_m, 0.0, 4.0), (x - 20, y - 15, x + 20, y + 15)) == ESTIMATED, axis=-1)
+    orange = np.all(tile((x_m, 0.0, 4.0), (x - 20, y - 15, x + 20, y + 15)) == ESTIMATE_COLOUR, axis=-1)
     _, columns = np.nonzero(orange)
     assert len(columns) > 50
     assert np.all(side * (columns - WIDTH / 2) > 0.6 * WIDTH / 2)
@@ -26,4 +26,4 @@ def test_an_arrow_shows_where_an_estimate_beyond_the_tile_lies(x_m, side):
 def test_beyond_the_picture_is_grey_and_no_space():
     # the target's box round the picture's upper left corner
     corner = tile((0.0, 0.0, 4.0), (-30.0, -20.0, 30.0, 20.0))
-    assert np.all(corner[: HEIGHT // 2 - 20, : WIDTH // 2 - 20] == BEYOND)
+    assert np.all(corner[: HEIGHT // 2 - 20, : WIDTH // 2 - 20] == OUTSIDE_LEVEL)

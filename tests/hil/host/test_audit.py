@@ -71,12 +71,12 @@ def test_a_row_that_is_changed_is_found(run):
     found = audit_pictures([*rows[:2], later, *rows[3:]], pictures_of(run / "kept"))
     assert not found.passed
     assert found.agree == N - 1
-    assert found.wrong == ["998.png says frame 2 and -0.001 ms from its time in the ledger"]
+    assert found.wrong == ["998.png has the code of frame 2, -0.001 ms from its time in the ledger"]
     # a frame that the ledger does not know, and one that nobody has a picture of
     pictures = {name: image for name, image in pictures_of(run / "kept") if name != "997.png"}
     found = audit_pictures(rows[1:], [*pictures.items(), ("again", pictures["999.png"])])
     assert (found.missing, found.twice) == ([3], ["again"])
-    assert found.wrong == ["1000.png says frame 0, of which the ledger knows nothing"]
+    assert found.wrong == ["1000.png has the code of frame 0, which is not in the ledger"]
     assert not found.passed
 
 

@@ -224,10 +224,10 @@ def test_connections_that_say_nothing_are_few_and_closed_in_time():
         for _ in range(MAX_PENDING):
             client()
         assert "while others connected: send HELLO at once" in oldest.recv(5.0).text
-        assert start < links.first_deadline_ns - pending.HELLO_WAIT_NS <= now_ns()
+        assert start < links.first_deadline_ns - pending.HELLO_TIMEOUT_NS <= now_ns()
         links.expire(links.first_deadline_ns - 1)
         assert len(links) == MAX_PENDING
-        links.expire(now_ns() + pending.HELLO_WAIT_NS)
+        links.expire(now_ns() + pending.HELLO_TIMEOUT_NS)
         assert (len(links), len(gone)) == (0, MAX_PENDING + 1)
         assert gone[1] == "it sent nothing that the link protocol knows"
         assert links.first_deadline_ns is None

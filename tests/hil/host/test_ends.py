@@ -15,7 +15,7 @@ from hil_processes import PATIENCE_S, host_process, outcomes, started, wait_unti
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.link_process.ipc import LinkConfig
-from flyaround.hil.host.run import RunConfig, run_host, signals_held
+from flyaround.hil.host.run import RunConfig, deferred_signals, run_host
 from flyaround.simulator.errors import UserError
 
 
@@ -177,7 +177,7 @@ def test_signals_wait_until_the_books_are_closed():
     done = []
 
     def close_books(error=None):
-        with signals_held():
+        with deferred_signals():
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.01)
             done.append("closed")

@@ -13,7 +13,7 @@ from small_disk import small_disk as small_file_system
 
 from flyaround.hil.host.ledger.frames_csv import read_ledger
 from flyaround.hil.host.ledger.summary import LedgerSummary
-from flyaround.hil.host.recording.cut_mcap import MAGIC, end_cut_mcap
+from flyaround.hil.host.recording.cut_mcap import MAGIC, repair_mcap
 from flyaround.hil.host.recording.ros_log import RosLog
 from flyaround.hil.host.recording.space_packets import SpacePacketSink
 from flyaround.hil.host.report import write_report
@@ -73,7 +73,7 @@ def test_a_recording_of_which_nothing_is_whole_is_left_alone(tmp_path):
     path = tmp_path / "cut.mcap"
     for data in (b"", MAGIC, MAGIC + b"\x01", MAGIC + b"\x06" + bytes(8 + 40), b"no such file" * 9):
         path.write_bytes(data)
-        end_cut_mcap(path)
+        repair_mcap(path)
         assert path.read_bytes() == data
 
 

@@ -46,7 +46,7 @@ from flyaround.hil.link.packets.messages import (
     decode_message,
 )
 from flyaround.hil.link.packets.packet import Packet, PacketType
-from flyaround.hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_LEFT_OUT, Link, greet_host
+from flyaround.hil.link.session import HOST_BEFORE_HELLO, HOST_IN_SESSION, MAX_IGNORED, Link, greet_host
 from flyaround.hil.link.transports.tcp import TcpListener, TcpTransport
 
 DEEP = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
@@ -155,10 +155,10 @@ def test_terms_in_the_middle_of_a_session_change_nothing():
 def test_a_flood_of_what_does_not_belong_comes_back_to_the_caller():
     """Two floods that never leave a receiver without bytes: garbage, and packets of another session."""
     a, b = virtual_pair()
-    for k in range(MAX_LEFT_OUT + 10):
+    for k in range(MAX_IGNORED + 10):
         a.send_packet(Packet(PacketType.BYE, Bye("x").encode(), 77, k))
     link = Link(b, 5)
-    a.send_packet(Packet(PacketType.BYE, Bye("end").encode(), 5, MAX_LEFT_OUT + 10))
+    a.send_packet(Packet(PacketType.BYE, Bye("end").encode(), 5, MAX_IGNORED + 10))
     assert link.recv(0.0) is None
     assert link.gave_way  # there may be more
     # and there is; nothing of it was damaged on the line
@@ -166,7 +166,7 @@ def test_a_flood_of_what_does_not_belong_comes_back_to_the_caller():
     assert not link.gave_way
     assert link.recv(0.0) is None
     assert not link.gave_way
-    assert (link.stats.corrupt, link.stats.stale) == (0, MAX_LEFT_OUT + 10)
+    assert (link.stats.corrupt, link.stats.stale) == (0, MAX_IGNORED + 10)
 
     class Endless:
         name, chunk_bytes = "endless", 1

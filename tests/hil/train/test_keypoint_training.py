@@ -25,9 +25,9 @@ pytest.importorskip("onnx", reason="the extra 'train'")
 from flyaround.hil.train.fitting import Budget  # noqa: E402 - needs PyTorch
 from flyaround.hil.train.keypoints import fit, head_training  # noqa: E402
 from flyaround.hil.train.keypoints.head_training import train_head  # noqa: E402
-from flyaround.hil.train.keypoints.samples import HARD, halved, sample  # noqa: E402
-from flyaround.hil.train.keypoints.trunk_file import folded, from_onnx, to_onnx, unfolded  # noqa: E402
-from flyaround.hil.train.keypoints.view_files import Drawing, draw_all, earths_of  # noqa: E402
+from flyaround.hil.train.keypoints.samples import HARD, image_pyramid, sample  # noqa: E402
+from flyaround.hil.train.keypoints.trunk_file import fold, from_onnx, to_onnx, unfold  # noqa: E402
+from flyaround.hil.train.keypoints.view_files import Drawing, earths_of, render_views  # noqa: E402
 
 CRAFT = "cubesat-1u"
 
@@ -35,7 +35,7 @@ CRAFT = "cubesat-1u"
 @pytest.fixture(scope="module")
 def drawing(tmp_path_factory: pytest.TempPathFactory) -> Drawing:
     made = Drawing(tmp_path_factory.mktemp("views"), (CRAFT,), 30, 5)
-    draw_all(made, 1, lambda _done, _of: None)
+    render_views(made, 1, lambda _done, _of: None)
     return made
 
 
@@ -44,7 +44,7 @@ def test_keypoints_lie_where_the_craft_is(drawing: Drawing) -> None:
     points = (head_training.keypoints_m(model) - model.centre_m) / model.radius_m
     views = head_training.load_views(drawing, points)
     rng = np.random.default_rng(1)
-    batch = sample(views, halved(earths_of(drawing)), np.arange(20), rng, HARD)
+    batch = sample(views, image_pyramid(earths_of(drawing)), np.arange(20), rng, HARD)
     assert batch.inputs.shape == (20, 2, INPUT_PX, INPUT_PX)
     assert np.isfinite(batch.inputs).all()
     # views turned by chance: the spread of a craft's keypoints stays within its sphere
@@ -55,11 +55,11 @@ def test_keypoints_lie_where_the_craft_is(drawing: Drawing) -> None:
 
 def test_the_wanted_distribution_has_its_mean_at_the_keypoint() -> None:
     points = torch.tensor([[[0.1, -0.6]]])
-    shape, within = fit.wanted(points)
+    shape, within = fit.target_distributions(points)
     centres = (torch.arange(shape.shape[-1]) + 0.5) * fit.STEP - fit.REACH
     assert (shape * centres).sum(-1)[0, 0].tolist() == pytest.approx([0.1, -0.6], abs=1e-3)
     assert within.all()
-    _, beyond = fit.wanted(torch.tensor([[[2.0, 0.0]]]))
+    _, beyond = fit.target_distributions(torch.tensor([[[2.0, 0.0]]]))
     assert beyond[0, 0].tolist() == [0.0, 1.0]
 
 
@@ -68,10 +68,10 @@ def test_a_trunk_with_restored_normalisations_is_the_same_function() -> None:
     shipped = from_onnx(trunk_bytes())
     seen, other = torch.rand(2, 4, 2, INPUT_PX, INPUT_PX, generator=torch.Generator().manual_seed(1))
     wanted = shipped(other).detach()
-    restored = unfolded(shipped, seen)
+    restored = unfold(shipped, seen)
     assert torch.allclose(restored(other), wanted, atol=1e-3 * float(wanted.abs().max()))
     # and it is written as it was read, to half precision
-    again = from_onnx(to_onnx(folded(restored)))
+    again = from_onnx(to_onnx(fold(restored)))
     assert torch.allclose(again(other), wanted, atol=2e-2 * float(wanted.abs().max()))
 
 
@@ -85,7 +85,7 @@ def test_a_head_keeps_its_weights_between_file_and_training() -> None:
 def test_a_head_is_trained_stopped_and_goes_on_with_the_same_weights(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(head_training, "CHECKPOINT", 2)
+    monkeypatch.setattr(head_training, "CHECKPOINT_STEPS", 2)
     given = {"views": 30, "budget": Budget(steps=6), "seed": 3, "workers": 1}
     report = train_head(CRAFT, tmp_path / "whole.npz", **given)
     assert report.steps == 6
@@ -124,7 +124,7 @@ def test_a_craft_with_too_few_keypoints_is_refused(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_stopped_run_of_other_views_or_a_damaged_state_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(head_training, "CHECKPOINT", 1)
+    monkeypatch.setattr(head_training, "CHECKPOINT_STEPS", 1)
 
     def stop(done, text):
         if text.startswith("1 steps"):

@@ -10,7 +10,7 @@ from flyaround.hil.board.net.network_camera import NetworkCamera
 from flyaround.hil.board.net.network_file import HeldOutErrors, NetworkFile
 from flyaround.hil.board.net.residual_network import ARCHITECTURES
 from flyaround.hil.evaluate.mean_predictor import mean_predictor
-from flyaround.hil.train.pictures import FINER, LabelledPictures, TrainingSet, labelled, sample
+from flyaround.hil.train.pictures import OVERSAMPLING, LabelledPictures, TrainingSet, sample, with_labels
 from flyaround.simulator.errors import UserError
 
 SMALL = NetworkCamera(64, 40, 100.0)
@@ -18,7 +18,7 @@ SMALL = NetworkCamera(64, 40, 100.0)
 
 def spots(n, rng):
     """Pictures of three lights of a craft at random poses, and where a pinhole has them."""
-    fine = SMALL.enlarged(FINER)
+    fine = SMALL.enlarged(OVERSAMPLING)
     lights = np.array([[0.5, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, -0.4]])
     q = quat.normalise(rng.normal(size=(n, 4)))
     z = rng.uniform(3.0, 6.0, n)
@@ -57,7 +57,7 @@ def test_a_turned_sample_shows_its_lights_where_its_labels_put_them():
 def test_labels_carry_the_poses_of_the_pictures():
     rng = np.random.default_rng(1)
     pictures, _ = spots(5, rng)
-    same = labelled(np.stack(pictures.signal), pictures.camera, pictures.q_wxyz, pictures.t_m)
+    same = with_labels(np.stack(pictures.signal), pictures.camera, pictures.q_wxyz, pictures.t_m)
     for q, seen, t in zip(pictures.q_wxyz, same.q_wxyz, pictures.t_m, strict=True):
         back = quat.multiply(quat.from_matrix(swing(t / np.linalg.norm(t))), seen)
         assert quat.angle_rad(quat.normalise(back)[None], q)[0] < 1e-6

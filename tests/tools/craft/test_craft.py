@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from flyaround.hil.board_model.write import labels_alone
+from flyaround.hil.board_model.write import record_without_faces
 from flyaround.simulator.targets.library import built_in_targets, load_target
 from flyaround.simulator.targets.model import DETAILS
 
@@ -311,4 +311,4 @@ def test_keypoints_are_not_swallowed_by_occluders(craft):
 
 def test_board_file_is_small(craft):
     # read by a small board at start: a tenth of a second at most
-    assert len(msgspec.json.encode(labels_alone(craft))) < 200_000
+    assert len(msgspec.json.encode(record_without_faces(craft))) < 200_000

@@ -15,7 +15,7 @@ from flyaround.hil.board.hybrid.model.visibility import hidden, occluders
 Array = np.ndarray
 
 # Number of points along an edge that are tested for occlusion.
-STEPS = 24
+EDGE_STEPS = 24
 
 
 def draw_wireframe(
@@ -33,7 +33,7 @@ def draw_wireframe(
     R, t = quat.matrix(quat.normalise(np.asarray(q_wxyz, float))), np.asarray(t_m, float)
     C = -R.T @ t
     occ = occluders(model)
-    s = np.linspace(0, 1, STEPS)[:, None]
+    s = np.linspace(0, 1, EDGE_STEPS)[:, None]
     for e in model.wireframe:
         along = e.a_m + s * (e.b_m - e.a_m)
         if len(e.normals) and not ((C - along) @ e.normals.T > 0).any():
@@ -43,11 +43,11 @@ def draw_wireframe(
         across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
         for r in (-e.radius_m, e.radius_m) if e.radius_m > 0 else (0.0,):
             X = along + r * across
-            visible = ~hidden(occ, C, X, np.full(STEPS, 0.006 + 1.5 * e.radius_m))
+            visible = ~hidden(occ, C, X, np.full(EDGE_STEPS, 0.006 + 1.5 * e.radius_m))
             P = X @ R.T + t
             visible &= P[:, 2] > 0.1
             uv = np.clip(((camera.pixels(P) - corner) + 0.5) * scale - 0.5, -30000, 30000)
-            for k in range(STEPS - 1):
+            for k in range(EDGE_STEPS - 1):
                 if visible[k] and visible[k + 1]:
                     a, b = (np.rint(p * 16).astype(int).tolist() for p in (uv[k], uv[k + 1]))
                     cv2.line(canvas, a, b, colour, weight, cv2.LINE_AA, 4)

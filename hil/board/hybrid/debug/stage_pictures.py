@@ -14,7 +14,7 @@ from flyaround.hil.board.estimation.record import Trace
 from flyaround.hil.board.estimation.result import PoseResult
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.debug.overlay import draw_segments, draw_wireframe, grey, label
-from flyaround.hil.board.hybrid.debug.synthetic_views import drawn_picture, learned_proposal_picture
+from flyaround.hil.board.hybrid.debug.synthetic_views import learned_proposal_picture, synthetic_view_picture
 from flyaround.hil.board.hybrid.image.noise import noise_sigma
 from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
@@ -104,7 +104,7 @@ def stage_pictures(
         )
     drawn = trace.get("drawn")
     if drawn is not None:
-        out["drawn"] = drawn_picture(drawn, (WIDTH, HEIGHT))
+        out["drawn"] = synthetic_view_picture(drawn, (WIDTH, HEIGHT))
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     if q is not None and t is not None:
         canvas = back.copy()
@@ -123,12 +123,12 @@ def _gradients(image: Array, top: float, wge: WeakGradientElimination) -> Dict[s
     """Return pictures of weak gradient elimination: gradient, histogram, strong gradients, filtered image."""
     out: Dict[str, Array] = {}
     strong = wge.strong.astype(np.uint8)
-    out["gradient"] = _whole(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
+    out["gradient"] = _whole_frame(grey(np.sqrt(wge.magnitude), 1.0), "image gradient (square root)")
     out["histogram"] = histogram(wge)
-    out["thresholded"] = _whole(grey(strong, 1.0), "thresholded gradient")
+    out["thresholded"] = _whole_frame(grey(strong, 1.0), "thresholded gradient")
     keep = cv2.dilate(strong, np.ones((5, 5), np.uint8))
     keep = cv2.resize(keep, image.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    out["filtered"] = _whole(grey(np.where(keep > 0, image, 0), top), "filtered image")
+    out["filtered"] = _whole_frame(grey(np.where(keep > 0, image, 0), top), "filtered image")
     return out
 
 
@@ -140,7 +140,7 @@ def _regions(image: Array, top: float, regions: Any, grown: Any) -> Array:  # no
         cv2.rectangle(canvas, a, b, GREEN if k == 0 else ORANGE, 4 if k == 0 else 2)
     if grown is not None:
         cv2.rectangle(canvas, (int(grown.x0), int(grown.y0)), (int(grown.x1), int(grown.y1)), BLUE, 2)
-    return _whole(canvas, "regions of interest")
+    return _whole_frame(canvas, "regions of interest")
 
 
 def _group_picture(groups: Dict[str, Array], back: Array, corner: Array, scale: float) -> Array:
@@ -238,7 +238,7 @@ def camera_in_map(model: BoardModel, camera: CameraIntrinsics, q: Any, t: Any) -
     return canvas
 
 
-def _whole(picture: Array, text: str) -> Array:
+def _whole_frame(picture: Array, text: str) -> Array:
     """Return a picture of the whole image, scaled to fit."""
     h, w = picture.shape[:2]
     scale = min(WIDTH / w, HEIGHT / h)

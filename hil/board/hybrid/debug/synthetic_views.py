@@ -21,7 +21,7 @@ Array = np.ndarray
 ORANGE = (0, 159, 230)
 
 # Range of the residual pictures [standard deviations of the noise].
-SIGMAS = 8.0
+MAX_RESIDUAL_SIGMA = 8.0
 
 
 def learned_proposal_picture(
@@ -68,30 +68,30 @@ def learned_proposal_picture(
     return _grid(tiles, 3, size)
 
 
-def drawn_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
+def synthetic_view_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
     """Return a picture (H, W, 3) of the image, the synthetic views with and without shadows, and their residuals."""
     top = max(float(np.percentile(drawn.picture, 99.8)), 1.0)
     best = drawn.plain if drawn.shadowed is None else drawn.shadowed
     named = [
         (grey(drawn.picture, top), "the picture"),
         (grey(drawn.plain, top), "rendered, no shadows"),
-        (_left(drawn.picture - drawn.plain, drawn.noise), "residual, no shadows"),
+        (_residual_colours(drawn.picture - drawn.plain, drawn.noise), "residual, no shadows"),
     ]
     if drawn.shadowed is not None:
         named.insert(2, (grey(best, top), "rendered, with shadows"))
-        named.append((_left(drawn.picture - best, drawn.noise), "residual, with shadows"))
+        named.append((_residual_colours(drawn.picture - best, drawn.noise), "residual, with shadows"))
         named.insert(3, (_compass(drawn.sun, named[0][0].shape), "the Sun, seen from the camera"))
     tiles = []
     for picture, text in named:
-        tile = _fitted(picture, size[0] // 3, size[1] // 2)
+        tile = _fit(picture, size[0] // 3, size[1] // 2)
         label(tile, text)
         tiles.append(tile)
     return _grid(tiles, 3, size)
 
 
-def _left(residual: Array, noise: float) -> Array:
+def _residual_colours(residual: Array, noise: float) -> Array:
     """Return residuals in colour: red where the image is brighter than the view, blue where it is darker."""
-    r = np.clip(residual / max(SIGMAS * noise, 1e-9), -1, 1)
+    r = np.clip(residual / max(MAX_RESIDUAL_SIGMA * noise, 1e-9), -1, 1)
     white = np.full((*r.shape, 3), 255.0)
     white[..., 0] -= 255 * np.clip(r, 0, 1)
     white[..., 1] -= 255 * np.abs(r)
@@ -110,7 +110,7 @@ def _compass(sun: Optional[Array], shape: Tuple[int, ...]) -> Array:
     return grey(np.where(inside, 0.12 + 0.88 * np.clip(x * s[0] + y * s[1] + z * s[2], 0, 1), 0), 1.0)
 
 
-def _fitted(picture: Array, width: int, height: int) -> Array:
+def _fit(picture: Array, width: int, height: int) -> Array:
     scale = min(width / picture.shape[1], height / picture.shape[0])
     wh = (max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale)))
     canvas = np.zeros((height, width, 3), np.uint8)

@@ -15,7 +15,7 @@ from flyaround.hil.board.hybrid.geometry.response import Response
 Array = np.ndarray
 
 # Standard deviation of the blur that removes the craft from a textured background [share of the region's longer side].
-TEXTURE = 0.06
+BACKGROUND_BLUR = 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class ImagePatch:
     def background(self) -> Union[float, Array]:
         """Background level, or background image (h, w). Computed on first use, because most patches never need it."""
         if self.plain is None:
-            return cv2.GaussianBlur(self.gray, (0, 0), TEXTURE * max(self.gray.shape))
+            return cv2.GaussianBlur(self.gray, (0, 0), BACKGROUND_BLUR * max(self.gray.shape))
         return self.plain
 
     @cached_property

@@ -12,7 +12,7 @@ import numpy as np
 Array = np.ndarray
 
 # Half-width of the tables [standard deviations of the noise], and steps per standard deviation.
-REACH, STEPS = 4, 64
+TABLE_SIGMAS, STEPS_PER_SIGMA = 4, 64
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Response:
         if self.sigma <= 0:
             return np.minimum(x, np.float32(self.full)), None
         lift, share = tables()
-        step = np.float32(STEPS / self.sigma)
-        low = np.rint(x * step + np.float32(REACH * STEPS)).astype(np.intp)
-        high = low - round(self.full * STEPS / self.sigma)
+        step = np.float32(STEPS_PER_SIGMA / self.sigma)
+        low = np.rint(x * step + np.float32(TABLE_SIGMAS * STEPS_PER_SIGMA)).astype(np.intp)
+        high = low - round(self.full * STEPS_PER_SIGMA / self.sigma)
         mean, slope = lift.take(low, mode="clip"), share.take(low, mode="clip")
         # most images do not reach full scale, and both tables start with zero
         if int(high.max(initial=0)) > 0:
@@ -50,7 +50,7 @@ class Response:
         return mean, slope
 
     def brightness(self, mean: Array) -> Array:
-        """Return the brightness that has this mean, between ``-REACH * sigma`` and ``full``."""
+        """Return the brightness that has this mean, between ``-TABLE_SIGMAS * sigma`` and ``full``."""
         if self.sigma <= 0:
             return mean
         x, below = (self.sigma * table for table in means())
@@ -66,15 +66,15 @@ def _mean(u: float) -> float:
 
 @lru_cache(maxsize=1)
 def means() -> Tuple[Array, Array]:
-    """Return u = -1 .. REACH and the mean of max(u + n, 0) for normal noise n of unit variance."""
-    u = np.linspace(-1.0, REACH, REACH * STEPS)
+    """Return u = -1 .. TABLE_SIGMAS and the mean of max(u + n, 0) for normal noise n of unit variance."""
+    u = np.linspace(-1.0, TABLE_SIGMAS, TABLE_SIGMAS * STEPS_PER_SIGMA)
     return u, np.array([_mean(float(v)) for v in u])
 
 
 @lru_cache(maxsize=1)
 def tables() -> Tuple[Array, Array]:
-    """Return the mean of max(u + n, 0) minus max(u, 0), and its derivative by u, for u = -REACH .. REACH."""
-    u = np.linspace(-REACH, REACH, 2 * REACH * STEPS + 1)
+    """Return the mean of max(u + n, 0) minus max(u, 0), and its derivative, for |u| up to ``TABLE_SIGMAS``."""
+    u = np.linspace(-TABLE_SIGMAS, TABLE_SIGMAS, 2 * TABLE_SIGMAS * STEPS_PER_SIGMA + 1)
     lift = np.array([_mean(float(v)) - max(float(v), 0.0) for v in u], np.float32)
     share = np.array([0.5 * (1.0 + erf(float(v) / sqrt(2.0))) for v in u], np.float32)
     lift[[0, -1]], share[[0, -1]] = 0.0, (0.0, 1.0)

@@ -11,14 +11,14 @@ import numpy as np
 
 from flyaround.hil.board.hybrid.image.image_region import library_reads, region
 from flyaround.hil.board.hybrid.native.library import is_available, library
-from flyaround.hil.board.svd.line_streams import drop_specks
+from flyaround.hil.board.svd.line_streams import remove_specks
 
 Array = np.ndarray
 
-CHANNELS = 8
+ORIENTATION_BINS = 8
 
 # Probability of the craft below which an edge counts as background texture.
-LIKELY = 0.08
+MIN_CRAFT_PROBABILITY = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +125,8 @@ class EdgeField:
         theta = np.mod(np.arctan2(self.gy[y, x], self.gx[y, x]), np.pi)
         edge = np.stack([x, y], axis=-1).astype(np.float32)
         here = np.stack(np.divmod(at, self.mask.shape[1])[::-1], axis=-1).astype(np.float32)
-        for k in range(CHANNELS):
-            own, near = np.flatnonzero(channel == k), edge[_of_channel(theta, k)]
+        for k in range(ORIENTATION_BINS):
+            own, near = np.flatnonzero(channel == k), edge[_in_bin(theta, k)]
             if not len(own) or not len(near):
                 continue
             away, down = here[own, :1] - near[:, 0], here[own, 1:] - near[:, 1]
@@ -163,7 +163,7 @@ class EdgeField:
         inside = (x >= 0) & (x < w) & (y >= 0) & (y < h)
         xi = np.clip(x, 0, w - 1).astype(np.intp)
         yi = np.clip(y, 0, h - 1).astype(np.intp)
-        k = np.rint(angle * (CHANNELS / np.pi)).astype(np.intp) % CHANNELS
+        k = np.rint(angle * (ORIENTATION_BINS / np.pi)).astype(np.intp) % ORIENTATION_BINS
         return (k * h + yi) * w + xi, inside
 
 
@@ -260,8 +260,8 @@ def edge_field(
     sigma = max(noise / factor * gradient_noise(blur), 1e-6)
     mask, magnitude = thin_edges(gx, gy, sigma, low, high)
     if likely is not None:
-        mask &= _about(likely, box, image.shape, mask.shape)
-    mask = drop_specks(mask, 5)
+        mask &= _craft_mask(likely, box, image.shape, mask.shape)
+    mask = remove_specks(mask, 5)
     lit, core = np.ones(mask.shape, bool), np.zeros(mask.shape, bool)
     if background >= 0:
         # a Gaussian of b pixels averages over 4 pi b^2 of them
@@ -284,11 +284,11 @@ def edge_field(
     )
 
 
-def _about(
+def _craft_mask(
     likely: Array, box: Tuple[int, int, int, int], picture: Tuple[int, ...], field: Tuple[int, ...]
 ) -> Array:
     """Return a mask of the field's pixels that may show the craft, from a probability map of the whole image."""
-    near = cv2.dilate((likely > LIKELY).astype(np.uint8), np.ones((3, 3), np.uint8))
+    near = cv2.dilate((likely > MIN_CRAFT_PROBABILITY).astype(np.uint8), np.ones((3, 3), np.uint8))
     (H, W), (h, w) = picture[:2], likely.shape
     x = ((np.arange(field[1]) + 0.5) / field[1] * (box[2] - box[0]) + box[0]) * w / W
     y = ((np.arange(field[0]) + 0.5) / field[0] * (box[3] - box[1]) + box[1]) * h / H
@@ -296,9 +296,9 @@ def _about(
     return np.asarray(near[rows[:, None], columns[None]] > 0)
 
 
-def _of_channel(theta: Array, k: int) -> Array:
+def _in_bin(theta: Array, k: int) -> Array:
     """Return True for orientations (N,) near the ``k``-th bin."""
-    step = np.pi / CHANNELS
+    step = np.pi / ORIENTATION_BINS
     off = np.abs(np.mod(theta - k * step + np.pi / 2, np.pi) - np.pi / 2)
     return np.asarray(off < 1.2 * step)
 
@@ -309,8 +309,8 @@ def nearest_edges(mask: Array, angle: Array) -> Tuple[NearestEdges, ...]:
     at = np.flatnonzero(mask)
     theta = angle.ravel()[at]
     out = []
-    for k in range(CHANNELS):
-        near = at[_of_channel(theta, k)]
+    for k in range(ORIENTATION_BINS):
+        near = at[_in_bin(theta, k)]
         if not len(near):
             far = np.full((h, w), 1e4, np.float32)
             out.append(NearestEdges(far, np.zeros((h, w), np.int32), np.zeros((1, 2), np.float32)))

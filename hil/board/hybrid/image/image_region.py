@@ -9,14 +9,14 @@ import numpy as np
 Array = np.ndarray
 
 # Pixel types that the library reads.
-KINDS = ("uint8", "uint16", "float32")
+PIXEL_TYPES = ("uint8", "uint16", "float32")
 
 
 def library_reads(image: Array) -> bool:
     """Return True if the library can read this image in place: rows may be strided, pixels of a row contiguous."""
     return bool(
         image.ndim == 2
-        and image.dtype.name in KINDS
+        and image.dtype.name in PIXEL_TYPES
         and image.dtype.isnative
         and image.flags.aligned
         and image.size

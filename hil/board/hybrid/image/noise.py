@@ -16,25 +16,25 @@ Array = np.ndarray
 IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
 # Side of the tiles of a reduced image [px], and the share of them assumed flat in any image.
-FLAT_PX, FLATTEST = 16, 0.1
+TILE_PX, FLAT_SHARE = 16, 0.1
 
 # Mask response to zero-mean normal noise clipped at zero, as a share of that to unclipped noise.
-HALVED = 0.58
+CLIPPED_RESPONSE = 0.58
 
 # Zeros in a 3 x 3 neighbourhood from which it counts as dark; mask response there; least share of dark pixels.
-ZEROS, HALVED_AT_ZEROS, LEAST_DARK = 4, 0.512, 0.02
+MIN_ZEROS, DARK_RESPONSE, MIN_DARK_SHARE = 4, 0.512, 0.02
 
 # Least number of pixels well inside the scale.
-ENOUGH = 300
+MIN_UNCLIPPED_PIXELS = 300
 
 # Quantile that bounds the darkest part of a reduced image, and its distance below that part's mean [sigma].
-DARKEST, NOISE_LEFT = 0.01, 2.0
+DARK_QUANTILE, DARK_OFFSET_SIGMA = 0.01, 2.0
 
 # Quantile that bounds the floor of a reduced image, and largest spread of the floor [sigma]; noise alone gives 1.05.
-FLOOR, FLAT_SIGMA = 0.1, 3.0
+FLOOR_QUANTILE, MAX_FLOOR_SPREAD_SIGMA = 0.1, 3.0
 
 # Largest value for which the median is computed by counting.
-SMALL = 1 << 14
+MAX_COUNTED_VALUE = 1 << 14
 
 
 def noise_sigma(image: Array, full_scale: float) -> float:
@@ -47,12 +47,12 @@ def noise_sigma(image: Array, full_scale: float) -> float:
     step = max(1, min(image.shape) // 400)
     if min(image.shape) < 3:
         return 0.0
-    middle, inside, bright = _masked(image, step, full_scale)
+    middle, inside, bright = _mask_medians(image, step, full_scale)
     overall = middle / 6.0 * 1.4826
-    if inside > ENOUGH:
+    if inside > MIN_UNCLIPPED_PIXELS:
         overall = max(overall, bright / 6.0 * 1.4826)
     elif overall > 0:
-        overall /= HALVED
+        overall /= CLIPPED_RESPONSE
     return overall
 
 
@@ -69,13 +69,13 @@ def coarse_noise(reduced: Array, reduction: int) -> float:
     reduction : int
         Side of the averaged squares [px].
     """
-    h, w = (n // FLAT_PX * FLAT_PX for n in (reduced.shape[0] - 2, reduced.shape[1] - 2))
-    if min(h, w) < FLAT_PX:
+    h, w = (n // TILE_PX * TILE_PX for n in (reduced.shape[0] - 2, reduced.shape[1] - 2))
+    if min(h, w) < TILE_PX:
         return 0.0
     mask = np.abs(cv2.filter2D(reduced, cv2.CV_32F, IMMERKAER)[1 : h + 1, 1 : w + 1])
-    tiles = mask.reshape(h // FLAT_PX, FLAT_PX, w // FLAT_PX, FLAT_PX).transpose(0, 2, 1, 3)
-    middles = np.median(tiles.reshape(-1, FLAT_PX * FLAT_PX), axis=1)
-    return float(np.quantile(middles, FLATTEST)) / 6.0 * 1.4826 * reduction
+    tiles = mask.reshape(h // TILE_PX, TILE_PX, w // TILE_PX, TILE_PX).transpose(0, 2, 1, 3)
+    middles = np.median(tiles.reshape(-1, TILE_PX * TILE_PX), axis=1)
+    return float(np.quantile(middles, FLAT_SHARE)) / 6.0 * 1.4826 * reduction
 
 
 def black_level(reduced: Array, noise: float) -> float:
@@ -88,7 +88,7 @@ def black_level(reduced: Array, noise: float) -> float:
     noise : float
         Standard deviation of its noise.
     """
-    return float(np.quantile(reduced, DARKEST)) + NOISE_LEFT * noise
+    return float(np.quantile(reduced, DARK_QUANTILE)) + DARK_OFFSET_SIGMA * noise
 
 
 def has_flat_floor(reduced: Array, noise: float) -> bool:
@@ -101,11 +101,11 @@ def has_flat_floor(reduced: Array, noise: float) -> bool:
     noise : float
         Standard deviation of its noise.
     """
-    low, high = np.quantile(reduced, (DARKEST, FLOOR))
-    return bool(high - low < FLAT_SIGMA * noise)
+    low, high = np.quantile(reduced, (DARK_QUANTILE, FLOOR_QUANTILE))
+    return bool(high - low < MAX_FLOOR_SPREAD_SIGMA * noise)
 
 
-def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
+def _mask_medians(image: Array, step: int, full_scale: float) -> Tuple[float, int, float]:
     """Return the median mask response, the number of pixels well inside the scale, and the median over those."""
     if image.dtype == np.uint8 and is_available() and library_reads(image):
         out = np.zeros(3)
@@ -114,8 +114,8 @@ def _masked(image: Array, step: int, full_scale: float) -> Tuple[float, int, flo
         return float(out[0]), int(out[1]), float(out[2])
     # same result without the native library
     rows = [image[y : y + 3] for y in range(0, image.shape[0] - 2, 3 * step)]
-    a = _wider(np.stack(rows))
-    absolute = _mask(a)
+    a = _widen(np.stack(rows))
+    absolute = _mask_response(a)
     total = a[:, 0] + a[:, 1] + a[:, 2]
     total = total[:, :-2] + total[:, 1:-1] + total[:, 2:]
     overall = whole_median(absolute)
@@ -137,22 +137,22 @@ def clipped_noise(image: Array) -> float:
     a = np.stack(rows)
     black = (a == 0).view(np.uint8)
     zeros = black[:, 0] + black[:, 1] + black[:, 2]
-    dark = zeros[:, :-2] + zeros[:, 1:-1] + zeros[:, 2:] >= ZEROS
-    if float(dark.mean()) < LEAST_DARK:
+    dark = zeros[:, :-2] + zeros[:, 1:-1] + zeros[:, 2:] >= MIN_ZEROS
+    if float(dark.mean()) < MIN_DARK_SHARE:
         return 0.0
-    lap = _mask(_wider(a))[dark].astype(np.float32) / 6.0
+    lap = _mask_response(_widen(a))[dark].astype(np.float32) / 6.0
     # for integers, the mean of the middle fifth is finer than the median
     n = len(lap)
     middle = np.partition(lap, (2 * n // 5, 3 * n // 5))[2 * n // 5 : 3 * n // 5 + 1]
-    return float(middle.mean()) * 1.4826 / HALVED_AT_ZEROS
+    return float(middle.mean()) * 1.4826 / DARK_RESPONSE
 
 
-def _wider(a: Array) -> Array:
+def _widen(a: Array) -> Array:
     """Return integers wide enough for the mask; its division is postponed."""
     return a.astype(np.int16 if a.dtype == np.uint8 else np.int32)
 
 
-def _mask(a: Array) -> Array:
+def _mask_response(a: Array) -> Array:
     """Return the absolute mask response (K, W - 2) over strips (K, 3, W); white noise gives six sigma rms."""
     col = a[:, 0] - 2 * a[:, 1] + a[:, 2]
     return np.abs(col[:, :-2] - 2 * col[:, 1:-1] + col[:, 2:])
@@ -160,7 +160,7 @@ def _mask(a: Array) -> Array:
 
 def whole_median(values: Array) -> float:
     """Return the median of non-negative integers; small ones are counted, which is five times faster than sorting."""
-    if int(values.max()) > SMALL:
+    if int(values.max()) > MAX_COUNTED_VALUE:
         return float(np.median(values))
     below = np.cumsum(np.bincount(values.ravel()))
     low, high = np.searchsorted(below, [(values.size - 1) // 2, values.size // 2], side="right")

@@ -22,10 +22,10 @@ Array = np.ndarray
 OPTICS_PX, LOCAL_PX = 1.0, 8.0
 
 # Number of the largest groups that are checked for saturation.
-SATURATED = 4
+MAX_SATURATED_GROUPS = 4
 
 # Candidates for a saturated face's brightness above full scale [full scales].
-OVER = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
+EXCESS_CANDIDATES = np.array([0.0, 0.15, 0.35, 0.6, 1.0, 1.6, 2.4, 3.5])
 
 
 def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = None) -> Shading:
@@ -43,13 +43,13 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
         True for rendered pixels in the shadow of another face.
     """
     h, w = patch.gray.shape
-    group, level, picture, centre, area, core, empty, ground = _shaded(faces, seen, patch, dark)
+    group, level, picture, centre, area, core, empty, ground = _shade_groups(faces, seen, patch, dark)
     bright = (area >= 60) & (level > 0.97 * patch.full)
     # saturated faces are rare
-    for k in 1 + np.argsort(-area[1:], kind="stable")[:SATURATED] if bright[1:].any() else ():
+    for k in 1 + np.argsort(-area[1:], kind="stable")[:MAX_SATURATED_GROUPS] if bright[1:].any() else ():
         if bright[k]:
             part = cv2.resize((group == k).astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
-            over = _overexposed(picture, part, patch)
+            over = _saturated_excess(picture, part, patch)
             level[k] += over
             picture = picture + np.float32(over) * part
     behind = None
@@ -84,7 +84,7 @@ def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float)
     return out, picture
 
 
-def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
+def _shade_groups(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
     """Return the groups of the rendered pixels, their levels, and the synthetic view.
 
     Returns
@@ -128,7 +128,7 @@ def _shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array])
     return group, level[:n], picture, centre, area[:n], core, share, ground
 
 
-def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
+def _saturated_excess(picture: Array, part: Array, patch: ImagePatch) -> float:
     """Return a saturated face's excess over full scale, estimated from the blur that it spreads over its border."""
     optics = OPTICS_PX / patch.factor
     base, own = blurred(picture, optics), blurred(part, optics)
@@ -138,6 +138,6 @@ def _overexposed(picture: Array, part: Array, patch: ImagePatch) -> float:
     base, own, gray = base[ring], own[ring], patch.gray[ring]
     costs = [
         float(np.abs(patch.response.of(base + np.float32(over) * own)[0] - gray).sum())
-        for over in OVER * patch.full
+        for over in EXCESS_CANDIDATES * patch.full
     ]
-    return float(OVER[int(np.argmin(costs))] * patch.full)
+    return float(EXCESS_CANDIDATES[int(np.argmin(costs))] * patch.full)

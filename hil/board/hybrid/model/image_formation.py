@@ -14,20 +14,20 @@ from flyaround.hil.board.hybrid.geometry.response import Response
 from flyaround.hil.board.hybrid.native.interface import STRUCTURES, Structure
 
 # Largest radius of a blur kernel in the library [px].
-WIDEST = 64
+MAX_RADIUS_PX = 64
 
 # Standard deviation below which a blur is skipped [px].
-LEAST_BLUR_PX = 0.2
+MIN_BLUR_SIGMA_PX = 0.2
 
 
 def blur_reach(sigma_px: float) -> int:
     """Return the radius of OpenCV's Gaussian kernel for float images [px]."""
-    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > LEAST_BLUR_PX else 0
+    return (int(np.rint(8 * sigma_px + 1)) | 1) // 2 if sigma_px > MIN_BLUR_SIGMA_PX else 0
 
 
 @functools.lru_cache(maxsize=256)
 def gaussian(sigma_px: float) -> Structure:
-    """Return OpenCV's Gaussian kernel; one of radius 0 below ``LEAST_BLUR_PX``.
+    """Return OpenCV's Gaussian kernel; one of radius 0 below ``MIN_BLUR_SIGMA_PX``.
 
     Raises
     ------
@@ -35,8 +35,8 @@ def gaussian(sigma_px: float) -> Structure:
         If the radius exceeds the library's limit.
     """
     r = blur_reach(sigma_px)
-    if r > WIDEST:
-        raise ValueError(f"the library blurs by {WIDEST} px at most, not {r}")
+    if r > MAX_RADIUS_PX:
+        raise ValueError(f"the library blurs by {MAX_RADIUS_PX} px at most, not {r}")
     taps = cv2.getGaussianKernel(2 * r + 1, sigma_px, cv2.CV_32F) if r else np.ones(1, np.float32)
     return STRUCTURES["gaussian"](taps=np.ascontiguousarray(taps, np.float32), reach=r)
 
@@ -46,7 +46,7 @@ def response_tables(curve: Response) -> Structure:
     """Return the camera response with its tables as a structure."""
     lift, share = (np.ascontiguousarray(a, np.float32) for a in response.tables())
     x, below = (np.ascontiguousarray(curve.sigma * a, np.float64) for a in response.means())
-    end = round(curve.full * response.STEPS / curve.sigma) if curve.sigma > 0 else 0
+    end = round(curve.full * response.STEPS_PER_SIGMA / curve.sigma) if curve.sigma > 0 else 0
     return STRUCTURES["response"](
         sigma=float(curve.sigma),
         full=float(curve.full),

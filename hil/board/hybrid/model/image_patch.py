@@ -18,11 +18,11 @@ Array = np.ndarray
 Box = Tuple[int, int, int, int]
 
 # Rendered pixels per patch pixel, in each direction.
-FINE = 2
+OVERSAMPLING = 2
 
 # Model error of the synthetic view as a share of full scale. It bounds the noise from below; without it, bright images
 # would reject every pose.
-UNDRAWN = 0.02
+MODEL_ERROR_SHARE = 0.02
 
 
 def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: int) -> ImagePatch:
@@ -42,7 +42,7 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     if target.camera.distorted:
         # one box is often cut at two sizes
         if frame.straight is None or frame.straight[0] != box:
-            frame.straight = (box, straightened(frame.image, target.camera, box))
+            frame.straight = (box, undistort(frame.image, target.camera, box))
         gray, factor = shrink(frame.straight[1], 0, 0, box[2] - box[0], box[3] - box[1], longest_px)
         whole = box[2:]
     else:
@@ -53,14 +53,14 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
     h, w = gray.shape
     wide, high = (min(b, n) - a for a, b, n in zip(box[:2], box[2:], whole))  # noqa: B905 - Python 3.9 has no strict=
     across = wide / w
-    sigma = max(frame.noise, UNDRAWN * full) / factor
+    sigma = max(frame.noise, MODEL_ERROR_SHARE * full) / factor
     return ImagePatch(
         gray,
         sigma,
         float(box[0]),
         float(box[1]),
         across,
-        FINE,
+        OVERSAMPLING,
         full,
         plain,
         high / h / across,
@@ -69,18 +69,18 @@ def cut_patch(target: PreparedTarget, frame: Observation, box: Box, longest_px: 
 
 
 # Distortion is smooth, so it is evaluated at every eighth pixel and interpolated; margin around the box [px].
-EVERY_PX, ROUND_PX = 8, 16
+DISTORTION_STEP_PX, DISTORTION_MARGIN_PX = 8, 16
 
 
-def straightened(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
+def undistort(image: Array, camera: CameraIntrinsics, box: Box) -> Array:
     """Return the region (h, w) of the pinhole camera's image; black outside the original image."""
     w, h = box[2] - box[0], box[3] - box[1]
-    x = box[0] + (np.arange(-EVERY_PX, w + ROUND_PX, EVERY_PX) - camera.cx_px)
-    y = box[1] + (np.arange(-EVERY_PX, h + ROUND_PX, EVERY_PX) - camera.cy_px)
+    x = box[0] + (np.arange(-DISTORTION_STEP_PX, w + DISTORTION_MARGIN_PX, DISTORTION_STEP_PX) - camera.cx_px)
+    y = box[1] + (np.arange(-DISTORTION_STEP_PX, h + DISTORTION_MARGIN_PX, DISTORTION_STEP_PX) - camera.cy_px)
     u, v = np.meshgrid(x / camera.fx_px, y / camera.fy_px)
     bent_u, bent_v = camera.distort(u, v)
     at = np.stack([bent_u * camera.fx_px + camera.cx_px, bent_v * camera.fy_px + camera.cy_px], axis=-1)
-    between = np.array([[1 / EVERY_PX, 0.0, 1.0], [0.0, 1 / EVERY_PX, 1.0]])
+    between = np.array([[1 / DISTORTION_STEP_PX, 0.0, 1.0], [0.0, 1 / DISTORTION_STEP_PX, 1.0]])
     how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     col, row = cv2.split(cv2.warpAffine(at.astype(np.float32), between, (w, h), flags=how))
     return np.asarray(cv2.remap(image, col, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))

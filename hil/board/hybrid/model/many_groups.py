@@ -15,18 +15,18 @@ import numpy as np
 from flyaround.hil.board.estimation.faces import Faces
 from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.geometry.shading import Shading
-from flyaround.hil.board.hybrid.model.image_formation import LEAST_BLUR_PX, blur_reach
+from flyaround.hil.board.hybrid.model.image_formation import MIN_BLUR_SIGMA_PX, blur_reach
 
 Array = np.ndarray
 
 # Largest number of groups that fits a byte.
-LABELS = 255
+MAX_BYTE_LABEL = 255
 
 # Weight of pixels beside a border in the brightness of their face.
-BESIDE = 0.05
+BORDER_WEIGHT = 0.05
 
 # Least share of a pixel that counts when brightness is fitted together with the pose.
-LITTLE = 2e-4
+MIN_COVERAGE = 2e-4
 
 
 def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) -> Tuple[Array, ...]:
@@ -43,7 +43,7 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) 
     n = faces.groups + 1
     group = np.take(faces.labels, seen, mode="clip")
     if dark is not None:
-        group, n = _divided(group, dark, n)
+        group, n = _renumber_groups(group, dark, n)
     g = group.reshape(h, f, w, f)
     centre = np.ascontiguousarray(g[:, f // 2, :, f // 2])
     solid = (g[:, 0, :, 0] == centre) & (g[:, -1, :, -1] == centre)
@@ -93,7 +93,7 @@ def look_up(table: Array, labels: Array) -> Array:
     return np.asarray(cv2.LUT(labels, whole))
 
 
-def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
+def _renumber_groups(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
     """Return the visible groups renumbered, lit ones before shadowed ones, and their number.
 
     Invisible groups are not numbered, so that a byte usually suffices, which compares fastest.
@@ -103,7 +103,7 @@ def _divided(group: Array, dark: Array, n: int) -> Tuple[Array, int]:
         lit = np.flatnonzero(cv2.calcHist([group], [0], 1 - shadow, [256], [0, 256]))
         shaded = np.flatnonzero(cv2.calcHist([group], [0], shadow, [256], [0, 256]))
         lit = lit[lit > 0]
-        if 1 + len(lit) + len(shaded) <= LABELS:
+        if 1 + len(lit) + len(shaded) <= MAX_BYTE_LABEL:
             to = np.zeros((2, 256), np.uint8)
             to[0, lit] = 1 + np.arange(len(lit))
             to[1, shaded] = 1 + len(lit) + np.arange(len(shaded))
@@ -130,7 +130,7 @@ def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int)
     first = np.cumsum(number) - number
     value = patch.gray.ravel().take(where).astype(float)
     inner = core.ravel().take(where)
-    trust = inner + BESIDE * solid.ravel().take(where) + 1e-3
+    trust = inner + BORDER_WEIGHT * solid.ravel().take(where) + 1e-3
     weight, mean = trust, np.zeros(len(some))
     for last in (False, False, True):
         total = np.maximum(np.add.reduceat(weight, first), 1e-9)
@@ -159,7 +159,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
     rows : (N,) array
         Flat indices of the pixels, ascending.
     out : (R, N) array
-        Float32 zeros, R > ``most``; receives the shares above ``LITTLE``.
+        Float32 zeros, R > ``most``; receives the shares above ``MIN_COVERAGE``.
 
     Returns
     -------
@@ -196,7 +196,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
         # exact in integers: the mean of 0 and f^2 over f x f pixels is a whole number
         share = cv2.resize(mask * np.uint8(f * f), (right - left, bottom - top), interpolation=cv2.INTER_AREA)
         own = plane[top:bottom, left:right]
-        if blur_px > LEAST_BLUR_PX:
+        if blur_px > MIN_BLUR_SIGMA_PX:
             cv2.GaussianBlur(share.astype(np.float32), (0, 0), blur_px, dst=own)
         else:
             own[:] = share
@@ -204,7 +204,7 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
         own[:] = 0.0
     share = out[: len(chosen)]
     share *= np.float32(1.0 / (f * f))
-    share[share <= LITTLE] = 0.0
+    share[share <= MIN_COVERAGE] = 0.0
     return len(chosen)
 
 
@@ -305,5 +305,5 @@ def _borders(centre: Array) -> Array:
 
 
 def blurred(image: Array, sigma: float) -> Array:
-    """Return an image (h, w) or (h, w, channels) after a Gaussian blur, unchanged below ``LEAST_BLUR_PX``."""
-    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > LEAST_BLUR_PX else image
+    """Return an image (h, w) or (h, w, channels) after a Gaussian blur, unchanged below ``MIN_BLUR_SIGMA_PX``."""
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > MIN_BLUR_SIGMA_PX else image

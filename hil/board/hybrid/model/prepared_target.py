@@ -8,7 +8,7 @@ from typing import Optional, Tuple
 import numpy as np
 
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
-from flyaround.hil.board.estimation.faces import ROUND_STEPS, Faces
+from flyaround.hil.board.estimation.faces import CURVED_NORMAL_STEPS, Faces
 from flyaround.hil.board.estimation.target_model import BoardModel
 from flyaround.hil.board.hybrid.geometry.native_faces import NativeFaces
 from flyaround.hil.board.hybrid.geometry.wireframe import EdgeSamples, OccludingTriangles
@@ -73,7 +73,7 @@ class PreparedTarget:
             tables = tuple(with_outlines(view, model.outlines, model.centre_m) for view in tables)
         suns = None if model.faces is None else ShadowMapTable.of(model.faces)
         if model.faces is not None and curved:
-            model = replace(model, faces=model.faces.grouped(ROUND_STEPS))
+            model = replace(model, faces=model.faces.grouped(CURVED_NORMAL_STEPS))
         centre = model.centre_m
         return PreparedTarget(model, camera, samples, spacing, occ, tables, centre, radius, suns, curved)
 

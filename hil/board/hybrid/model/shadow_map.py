@@ -26,20 +26,20 @@ Array = np.ndarray
 MAP_PX = 256
 
 # Least number of pixels on the target for a search of the Sun direction.
-LEAST_POINTS = 40
+MIN_PIXELS = 40
 
 # Number of candidate Sun directions, side of their shadow maps [px], and number of image pixels compared.
-DIRECTIONS, TABLE_PX, PIXELS = 240, 80, 700
+N_DIRECTIONS, TABLE_PX, MAX_PIXELS = 240, 80, 700
 
 # Least cosine between Sun and camera directions: a Sun behind the target lights no visible face.
-BEHIND = -0.6
+MIN_SUN_COSINE = -0.6
 
 AXES = np.eye(3)
 
-NO_MEMORY = "out of memory while rendering shadow maps"
+OUT_OF_MEMORY = "out of memory while rendering shadow maps"
 
 # Largest cosine between two proposed Sun directions.
-APART = float(np.cos(np.radians(15.0)))
+MAX_SUN_COSINE = float(np.cos(np.radians(15.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class ShadowMap:
         e1 = cross(s, AXES[int(np.argmin(np.abs(s)))])
         e1 = e1 / length(e1)
         axes = np.stack([e1, cross(s, e1)])
-        return ShadowMap(s, axes, *_seen_from_the_sun(faces, s, axes, n))
+        return ShadowMap(s, axes, *_render_from_sun(faces, s, axes, n))
 
     def shadows(
         self, faces: Faces, seen: Array, patch: ImagePatch, camera: CameraIntrinsics, R: Array, t: Array
@@ -119,7 +119,7 @@ class ShadowMap:
         R, t, dark = contiguous(R, "float64", (3, 3)), contiguous(t, "float64", (3,)), np.zeros((h, w), bool)
         view = pinhole_view(camera, patch)
         if library().fly_shadows(native_faces(faces), self.native, view, R, t, seen, h, w, dark):
-            raise MemoryError(NO_MEMORY)
+            raise MemoryError(OUT_OF_MEMORY)
         return dark
 
 
@@ -166,7 +166,7 @@ class ShadowMapTable:
         object.__setattr__(self, "native", native)
 
     @staticmethod
-    def of(faces: Faces, number: int = DIRECTIONS) -> ShadowMapTable:
+    def of(faces: Faces, number: int = N_DIRECTIONS) -> ShadowMapTable:
         """Render the maps of ``number`` directions on a Fibonacci lattice."""
         directions = sphere_directions(number)
         suns = [ShadowMap.of(faces, d, TABLE_PX) for d in directions]
@@ -187,7 +187,7 @@ class ShadowMapTable:
         R: Array,
         t: Array,
         number: int = 1,
-        pixels: int = PIXELS,
+        pixels: int = MAX_PIXELS,
     ) -> List[int]:
         """Return the Sun directions whose shadows explain the image best, best first.
 
@@ -214,13 +214,13 @@ class ShadowMapTable:
             Largest number of image pixels compared.
         """
         side = self.directions @ (-R.T @ t) / length(t)
-        some = np.flatnonzero(side > BEHIND)
+        some = np.flatnonzero(side > MIN_SUN_COSINE)
         costs = self._costs(faces, shading, patch, camera, R, t, some, pixels)
         if costs is None:
             return []
         out: List[int] = []
         for k in some[np.argsort(costs)].tolist():
-            if all(self.directions[k] @ self.directions[better] < APART for better in out):
+            if all(self.directions[k] @ self.directions[better] < MAX_SUN_COSINE for better in out):
                 out.append(k)
             if len(out) >= number:
                 break
@@ -266,8 +266,8 @@ class ShadowMapTable:
             native_faces(faces), self.native, picture, view, R, t, float(dim), pixels, some, len(some), out
         )
         if points < 0:
-            raise MemoryError(NO_MEMORY)
-        return out if points >= LEAST_POINTS else None
+            raise MemoryError(OUT_OF_MEMORY)
+        return out if points >= MIN_PIXELS else None
 
     def sunlight(self, faces: Faces, k: int, n: int) -> ShadowMap:
         """Return the map of direction ``k``, ``n`` pixels wide, cached for all images."""
@@ -278,12 +278,12 @@ class ShadowMapTable:
         return self.painted[k, n]
 
 
-def _seen_from_the_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
+def _render_from_sun(faces: Faces, s: Array, axes: Array, n: int) -> Tuple[Array, float, Array, Array]:
     """Return origin, pitch, heights (n, n) and faces + 1 (n, n) of the map along a direction (3,) with axes (2, 3)."""
     order, frame = order_faces(faces, s * 1e6), np.vstack([axes, s])
     p, at, height = np.empty((len(order), 4, 2)), np.empty(3), np.empty((n, n), np.float32)
     library().fly_shadow_map_polygons(native_faces(faces), order, len(order), frame, n, p, at)
     seen = fill_faces(p, order, (n, n), 0.5)
     if library().fly_shadow_map_heights(native_faces(faces), frame, at, seen, n, height):
-        raise MemoryError(NO_MEMORY)
+        raise MemoryError(OUT_OF_MEMORY)
     return at[:2].copy(), float(at[2]), height, seen

@@ -21,17 +21,17 @@ Array = np.ndarray
 
 # Number of view directions, 9 deg apart, and of in-plane rotations, 10 deg apart: within the convergence range of edge
 # alignment (docs/lab/2026-11-estimator.md).
-VIEWS, TURNS = 500, 36
+N_VIEWS, N_ROLLS = 500, 36
 
 # Samples of a template and of a view, few enough for thousands of poses at once.
 SHAPE_SAMPLES, TRACK_SAMPLES = 40, 120
 
 # A target is curved if at least this share of its outline has a radius of curvature of at least the second value [radii
 # of the target].
-ROUND, GENTLE = 0.08, 0.1
+MIN_CURVED_SHARE, MIN_CURVATURE_RADIUS = 0.08, 0.1
 
 # Share of a curved target's template on the occluding contour.
-SHARE = 0.5
+CONTOUR_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class ViewTable:
         Template: projections at unit distance, times range [m].
     shape_angle : (V, N) array
         Orientation of the template's normals.
-    box : (V, TURNS, 4) array
+    box : (V, N_ROLLS, 4) array
         Bounding box of the view after each in-plane rotation [m].
     distance_m : float
         Range of the views [m].
@@ -83,7 +83,7 @@ def look_at(direction: Array) -> Array:
 
 
 def build_views(
-    model: BoardModel, samples: EdgeSamples, occ: OccludingTriangles, distance_m: float, views: int = VIEWS
+    model: BoardModel, samples: EdgeSamples, occ: OccludingTriangles, distance_m: float, views: int = N_VIEWS
 ) -> ViewTable:
     """Compute the table of ``views`` directions at ``distance_m``."""
     rng = np.random.default_rng(0)
@@ -95,8 +95,8 @@ def build_views(
     weight = np.zeros((views, TRACK_SAMPLES), np.float32)
     xy = np.zeros((views, SHAPE_SAMPLES, 2), np.float32)
     angle = np.zeros((views, SHAPE_SAMPLES), np.float32)
-    box = np.zeros((views, TURNS, 4), np.float32)
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    box = np.zeros((views, N_ROLLS, 4), np.float32)
+    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
     c, s = np.cos(turns), np.sin(turns)
     for v in range(views):
         C = centre + distance_m * directions[v]
@@ -133,25 +133,25 @@ def is_round(model: BoardModel) -> bool:
     """Return True if much of the target's outline lies on curved surfaces, where the wireframe has no edges."""
     if model.outlines is None:
         return False
-    return float(np.mean(curved(model))) > ROUND
+    return float(np.mean(curved(model))) > MIN_CURVED_SHARE
 
 
 def curved(model: BoardModel) -> Array:
     """Return True for contour points (V, N) on surfaces of large radius of curvature."""
     assert model.outlines is not None  # noqa: S101 - guaranteed by the caller
-    return np.asarray(model.outlines.radius_m > GENTLE * model.radius_m)
+    return np.asarray(model.outlines.radius_m > MIN_CURVATURE_RADIUS * model.radius_m)
 
 
 def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> ViewTable:
     """Return the table with half of each template on the occluding contour, and boxes that include it."""
     rng = np.random.default_rng(0)
     xy, angle, box = table.shape_xy.copy(), table.shape_angle.copy(), table.box.copy()
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
     c, s = np.cos(turns), np.sin(turns)
-    taken = int(SHARE * SHAPE_SAMPLES)
+    taken = int(CONTOUR_SHARE * SHAPE_SAMPLES)
     for v, direction in enumerate(table.directions):
         C = centre_m + table.distance_m * direction
-        p, a = _seen(outlines, table.R_camera_from_target[v], C, table.distance_m)
+        p, a = _visible_contour(outlines, table.R_camera_from_target[v], C, table.distance_m)
         px = p[:, :1] * c - p[:, 1:] * s
         py = p[:, :1] * s + p[:, 1:] * c
         low = np.stack([px.min(axis=0), py.min(axis=0)], axis=-1)
@@ -165,7 +165,7 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
     return replace(table, shape_xy=xy, shape_angle=angle, box=box)
 
 
-def _seen(outlines: Outlines, R: Array, C_m: Array, distance_m: float) -> Tuple[Array, Array]:
+def _visible_contour(outlines: Outlines, R: Array, C_m: Array, distance_m: float) -> Tuple[Array, Array]:
     """Return the contour (N, 2) seen from ``C_m`` at unit distance, times range [m], and the angles of its normals."""
     points, normals = outlines.seen_from(int(outlines.nearest(C_m[None])[0]), C_m)
     P, n = (points - C_m) @ R.T, normals @ R.T

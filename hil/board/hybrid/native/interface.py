@@ -36,7 +36,7 @@ ELEMENTS = {
 # Built once, because comparing a dtype with a name builds one each time.
 DTYPES = {kind: np.dtype(kind) for kinds in ELEMENTS.values() for kind in kinds}
 
-_FIRST: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+_first_element: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 def contiguous(a: Array, kind: str, shape: Optional[Tuple[int, ...]] = None) -> Array:
@@ -65,7 +65,7 @@ def address(a: Array) -> int:
     """Return the address of an array's first element; the caller keeps the array alive."""
     try:
         # five times faster than ``__array_interface__``
-        return ctypes.addressof(_FIRST(a))
+        return ctypes.addressof(_first_element(a))
     except (TypeError, ValueError):
         # read-only or empty array
         return int(a.__array_interface__["data"][0])

@@ -30,7 +30,7 @@ SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("macos", ".dylib"), "win32": ("
 # Names of the same processor on different systems.
 PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}
 
-CURE = (
+REMEDY = (
     "install the wheel of this platform, or run `python hatch_build.py` in a checkout; "
     "svd-2018 and svd-thesis (--method) need no library"
 )
@@ -44,7 +44,7 @@ def library() -> ctypes.CDLL:
     KernelError
         If no library can be used; the message is one sentence.
     """
-    loaded, text = _loaded()
+    loaded, text = _load_best()
     if loaded is None:
         raise KernelError(text)
     return loaded
@@ -52,17 +52,17 @@ def library() -> ctypes.CDLL:
 
 def is_available() -> bool:
     """Return True if a library can be used."""
-    return _loaded()[0] is not None
+    return _load_best()[0] is not None
 
 
 def describe_library() -> str:
     """Return ``native`` and the loaded file in brackets, or ``none`` and the reason."""
-    loaded, text = _loaded()
+    loaded, text = _load_best()
     return f"native ({text})" if loaded is not None else f"none ({text})"
 
 
 @functools.lru_cache(maxsize=None)
-def _loaded() -> Tuple[Optional[ctypes.CDLL], str]:
+def _load_best() -> Tuple[Optional[ctypes.CDLL], str]:
     """Return the library and its name, or None and the reason."""
     try:
         name = choose_library()
@@ -93,7 +93,7 @@ def choose_library() -> str:
             return name
     has = ", ".join(name.rsplit(".", 1)[0] for name in there) or "none"
     raise KernelError(
-        f"the estimator has no compiled library for {system}-{machine} (available: {has}): {CURE}"
+        f"the estimator has no compiled library for {system}-{machine} (available: {has}): {REMEDY}"
     )
 
 
@@ -109,15 +109,15 @@ def load_library(name: str) -> ctypes.CDLL:
     try:
         data = where.read_bytes()
     except (OSError, KeyError) as error:
-        raise KernelError(f"the estimator's library {where} cannot be read ({error}): {CURE}") from error
+        raise KernelError(f"the estimator's library {where} cannot be read ({error}): {REMEDY}") from error
     # a truncated library may crash the process that loads it
     if hashlib.sha256(data).hexdigest() != _checksums().get(name):
-        raise KernelError(f"the estimator's library {where} is damaged or from another build: {CURE}")
+        raise KernelError(f"the estimator's library {where} is damaged or from another build: {REMEDY}")
     try:
         loaded = ctypes.CDLL(str(where)) if isinstance(where, Path) else _load_bytes(name, data)
         _declare(loaded)
     except (OSError, AttributeError) as error:
-        raise KernelError(f"the estimator's library {where} cannot be loaded ({error}): {CURE}") from error
+        raise KernelError(f"the estimator's library {where} cannot be loaded ({error}): {REMEDY}") from error
     _check(loaded, str(where))
     return loaded
 
@@ -145,7 +145,9 @@ def _check(loaded: ctypes.CDLL, where: str) -> None:
         or count != len(expected)
         or offsets.tolist() != expected
     ):
-        raise KernelError(f"the estimator's library {where} belongs to another version of Flyaround: {CURE}")
+        raise KernelError(
+            f"the estimator's library {where} belongs to another version of Flyaround: {REMEDY}"
+        )
 
 
 def _load_bytes(name: str, data: bytes) -> ctypes.CDLL:

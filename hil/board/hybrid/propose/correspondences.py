@@ -16,10 +16,10 @@ from flyaround.hil.board.svd.region_of_interest import Region
 Array = np.ndarray
 
 # Factors on the arms of an open triad, which shadow or occlusion may have shortened.
-ARM_LENGTHS = (1.0, 1.4)
+ARM_FACTORS = (1.0, 1.4)
 
 
-def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_LENGTHS) -> Array:
+def stretch_arms(chains: Chains, factors: Tuple[float, ...] = ARM_FACTORS) -> Array:
     """Return the figures (T', 4, 2), open ones also with each arm lengthened."""
     out = [chains.points]
     p = chains.points[~chains.closed]

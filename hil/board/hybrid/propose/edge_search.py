@@ -36,10 +36,10 @@ COARSE_PX, FINE_PX = 170, 360
 TEMPLATE_POSES, GROUP_POSES = 240, 160
 
 # Largest number of lines, corner radius and shortest LSD line, the latter two as shares of the region's diagonal.
-MOST_LINES, CORNER_REACH, SHORTEST = 45, 0.08, 0.04
+MAX_LINES, CORNER_REACH, MIN_LENGTH = 45, 0.08, 0.04
 
 # Least number of edge pixels of a region.
-LEAST_EDGES = 20
+MIN_EDGE_PIXELS = 20
 
 # Ranking of thousands of poses in two steps: stride through a view's samples and number of poses kept; truncation
 # distance [field px].
@@ -78,7 +78,7 @@ def region_edges(target: PreparedTarget, frame: Observation, region: Region) -> 
     )
     frame.count("edge_pixels", int(coarse.mask.sum()))
     frame.mark("edges")
-    if int(coarse.mask.sum()) < LEAST_EDGES:
+    if int(coarse.mask.sum()) < MIN_EDGE_PIXELS:
         return None
     return RegionEdges(region, coarse, fine, views_for(target, target.camera, region))
 
@@ -121,12 +121,12 @@ def group_poses(
     streams = [
         merge_segments(wge_stream(small, diagonal), diagonal),
         merge_segments(cleaned_stream(fine.mask, diagonal), diagonal),
-        lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), SHORTEST * diagonal),
+        lsd_stream(cv2.GaussianBlur(small, (0, 0), 1.0), MIN_LENGTH * diagonal),
     ]
     frame.keep("streams", dict(zip(("WGE stream", "S&H stream", "LSD stream"), streams)))  # noqa: B905 - 3.9
     frame.keep("stream_field", fine)
     frame.mark("lines")
-    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=MOST_LINES))
+    lines = Lines.of(merge_segments(np.concatenate(streams), diagonal, keep=MAX_LINES))
     frame.mark("merge")
     chains = image_triads(lines, proximity_pairs(lines, CORNER_REACH * diagonal))
     frame.keep("merged", lines)

@@ -14,7 +14,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import Learn
 FIELD_PX, FIELD_MARGIN = 200, 0.05
 
 # Least side of a region [px].
-SMALLEST_PX = 24.0
+MIN_SIDE_PX = 24.0
 
 
 def learned_hypotheses(
@@ -24,7 +24,7 @@ def learned_hypotheses(
     region = proposal.region(target.camera)
     h, w = frame.image.shape
     x0, y0, x1, y1 = region.grown(FIELD_MARGIN, w, h)
-    if min(x1 - x0, y1 - y0) < SMALLEST_PX:
+    if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
         return []
     field = edge_field(
         frame.image,

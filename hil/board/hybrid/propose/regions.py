@@ -15,7 +15,7 @@ from flyaround.hil.board.hybrid.propose.saliency import (
     shipped_weights,
     straight_segments,
 )
-from flyaround.hil.board.svd.line_streams import drop_specks
+from flyaround.hil.board.svd.line_streams import remove_specks
 from flyaround.hil.board.svd.region_of_interest import Box, Region, cdf_box, overlap
 from flyaround.hil.board.svd.weak_gradients import WeakGradientElimination
 
@@ -25,14 +25,14 @@ Array = np.ndarray
 REDUCTION = 4
 
 # Shortest segment that counts for a window [px of the reduced image].
-LONG_PX = 8.0
+MIN_SEGMENT_PX = 8.0
 
 # Edges closer than this form one group [px of the reduced image]; those of other objects are farther apart.
-APART = 31
-JOINS = (13, APART, 7)
+JOIN_PX = 31
+JOIN_SCALES_PX = (13, JOIN_PX, 7)
 
 # Least share of the edges on the target in front of empty space.
-OWN_EDGES = 0.8
+MIN_CRAFT_SHARE = 0.8
 
 
 def clusters(mask: Array, join_px: int) -> List[Tuple[int, int, int, int, int]]:
@@ -82,11 +82,11 @@ def propose_regions(
     gx, gy = gradient(small, 1.0)
     sigma = max(noise_small * gradient_noise(1.0), 1e-6)
     mask, _ = thin_edges(gx, gy, sigma, 3.0, 6.0)
-    mask = drop_specks(mask, 4)
+    mask = remove_specks(mask, 4)
     regions: List[Region] = []
     likely: Optional[Array] = None
-    grouped = {join: clusters(mask, join) for join in JOINS}
-    busy = max(float(_busy_share(mask)), _elsewhere(grouped[APART], int(mask.sum())))
+    grouped = {join: clusters(mask, join) for join in JOIN_SCALES_PX}
+    busy = max(float(_busy_share(mask)), _share_outside(grouped[JOIN_PX], int(mask.sum())))
 
     def add(x0: float, y0: float, x1: float, y1: float, source: str) -> None:
         f = REDUCTION
@@ -114,7 +114,7 @@ def propose_regions(
         weights = shipped_weights()
         if weights is not None:
             likely = saliency_map(small, noise_small, weights, segments, (gx, gy))
-            if _on_craft(mask, likely) > OWN_EDGES:
+            if _craft_share(mask, likely) > MIN_CRAFT_SHARE:
                 # a near target fills the frame with its own edges
                 return regions, 0.0, None
             for box in boxes(likely, 2):
@@ -137,7 +137,7 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
 
     A segment counts by its squared length, because coastlines and clouds break into short pieces.
     """
-    segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= LONG_PX]
+    segments = segments[np.hypot(*(segments[:, 2:] - segments[:, :2]).T) >= MIN_SEGMENT_PX]
     if not len(segments):
         return []
     h, w = small.shape
@@ -181,7 +181,7 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
     return [box for _, box in windows[: 2 * count]]
 
 
-def _on_craft(mask: Array, likely: Array) -> float:
+def _craft_share(mask: Array, likely: Array) -> float:
     """Return the share of the edges on the target according to the probability map."""
     h, w = likely.shape
     cell = cv2.resize(mask.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
@@ -189,7 +189,7 @@ def _on_craft(mask: Array, likely: Array) -> float:
     return float(cell[near].sum() / max(float(cell.sum()), 1e-9))
 
 
-def _elsewhere(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
+def _share_outside(groups: List[Tuple[int, int, int, int, int]], total: int) -> float:
     """Return the share of ``total`` edges outside the main group; 0 for a few specks."""
     if len(groups) < 2 or total < 200:
         return 0.0

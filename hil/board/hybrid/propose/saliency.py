@@ -23,13 +23,13 @@ Array = np.ndarray
 
 # Side of a cell [px of the reduced image], and scales of the measures [cells].
 CELL_PX = 2
-REACHES = (3, 7, 15, 31)
+SCALES_CELLS = (3, 7, 15, 31)
 
 # Shortest straight segment that counts [px].
 SEGMENT_PX = 5.0
 
 # Cells processed at once.
-AT_ONCE = 4096
+BLOCK_CELLS = 4096
 
 WEIGHTS = "saliency.npz"
 
@@ -102,14 +102,14 @@ def measures(
         _straightness(gx, gy, sigma, w, h),
         *_segments(straight_segments(small) if segments is None else segments, w, h),
     ]
-    out = np.empty((len(layers) * (1 + len(REACHES)) + len(REACHES), h, w), np.float32)
+    out = np.empty((len(layers) * (1 + len(SCALES_CELLS)) + len(SCALES_CELLS), h, w), np.float32)
     k = 0
     for layer in layers:
         out[k] = layer
-        for j, r in enumerate(REACHES):
+        for j, r in enumerate(SCALES_CELLS):
             cv2.blur(out[k], (r, r), dst=out[k + 1 + j])
-        k += 1 + len(REACHES)
-    for j, r in enumerate(REACHES):
+        k += 1 + len(SCALES_CELLS)
+    for j, r in enumerate(SCALES_CELLS):
         mean = out[1 + j]
         out[k + j] = np.sqrt(np.maximum(cv2.blur(layers[0] ** 2, (r, r)) - mean * mean, 0.0))
     return np.moveaxis(out, 0, -1)
@@ -178,11 +178,11 @@ def saliency_map(
     bias = (weights.first_bias - (weights.mean / weights.scale) @ weights.first).astype(np.float32)
     flat, second = np.moveaxis(m, -1, 0).reshape(n, -1), weights.second.astype(np.float32)
     z = np.empty(h * w, np.float32)
-    for k in range(0, h * w, AT_ONCE):
+    for k in range(0, h * w, BLOCK_CELLS):
         # in blocks that fit the processor's cache
-        hidden = first.T @ flat[:, k : k + AT_ONCE]
+        hidden = first.T @ flat[:, k : k + BLOCK_CELLS]
         hidden += bias[:, None]
-        z[k : k + AT_ONCE] = second @ np.maximum(hidden, 0.0, out=hidden)
+        z[k : k + BLOCK_CELLS] = second @ np.maximum(hidden, 0.0, out=hidden)
     z += weights.second_bias
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(z, -30, 30)))).reshape(h, w)
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.camera import CameraIntrinsics
-from flyaround.hil.board.hybrid.image.edge_field import CHANNELS, EdgeField
-from flyaround.hil.board.hybrid.model.view_tables import TURNS, ViewTable
+from flyaround.hil.board.hybrid.image.edge_field import ORIENTATION_BINS, EdgeField
+from flyaround.hil.board.hybrid.model.view_tables import N_ROLLS, ViewTable
 from flyaround.hil.board.svd.region_of_interest import Region
 
 Array = np.ndarray
@@ -54,7 +54,7 @@ def match_views(
     v_all, k_all = np.nonzero(ratio < 2.2)
     cap = 0.12 * max(w, h)
     cost_table = np.minimum(field.distance, cap).reshape(-1)
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
     best = []
     for scale, ax, ay in ((middle, 0.5, 0.5), (cover, 0.0, 0.0), (cover, 1.0, 1.0)):
         use = ratio[v_all, k_all] > 1.08 if ax != 0.5 else np.ones(len(v_all), bool)
@@ -93,9 +93,9 @@ def _chamfer(
     y = sn * xy[..., 0] + c * xy[..., 1] + oy.astype(np.float32)[:, None]
     xi = np.clip(x + 0.5, 0, w - 1).astype(np.int32)
     yi = np.clip(y + 0.5, 0, h - 1).astype(np.int32)
-    k = ((table.shape_angle[v] + turn.astype(np.float32)[:, None]) * (CHANNELS / np.pi) + 0.5).astype(
+    k = ((table.shape_angle[v] + turn.astype(np.float32)[:, None]) * (ORIENTATION_BINS / np.pi) + 0.5).astype(
         np.int32
-    ) % CHANNELS
+    ) % ORIENTATION_BINS
     return np.asarray(cost_table.take((k * h + yi) * w + xi).mean(axis=1))
 
 

@@ -31,7 +31,7 @@ HALF_TURNS = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
 # Number of tilts, and their angle [rad]: local minima of a nearly flat target lie 5 to 17 deg apart
 # (docs/svd_results.md).
-TILTS, TILT_RAD = 6, float(np.radians(12.0))
+N_TILTS, TILT_RAD = 6, float(np.radians(12.0))
 
 
 def neighbours(target: PreparedTarget, best: List[Hypothesis], share: float = 1.0) -> List[Hypothesis]:
@@ -66,7 +66,7 @@ def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
     across = np.cross(sight, np.eye(3)[int(np.argmin(np.abs(sight)))])
     across /= np.linalg.norm(across)
     out = []
-    for angle in 2 * np.pi * np.arange(TILTS) / TILTS:
+    for angle in 2 * np.pi * np.arange(N_TILTS) / N_TILTS:
         axis = np.cos(angle) * across + np.sin(angle) * np.cross(sight, across)
         q = quat.normalise(quat.multiply(quat.from_rotvec(TILT_RAD * axis), h.q))
         out.append(h.at(q, centre - quat.matrix(q) @ target.centre_m))
@@ -80,17 +80,17 @@ def over_its_image(
 
     A rotation about the centre of the bounding sphere displaces the silhouette if an antenna or a panel is on one side.
     """
-    middle = _middle(target, patch, held)
+    middle = _silhouette_centroid(target, patch, held)
     out = []
     for h in variants:
-        shift = middle - _middle(target, patch, h)
+        shift = middle - _silhouette_centroid(target, patch, h)
         depth = float((quat.matrix(h.q) @ target.centre_m + h.t)[2])
         across = np.array([shift[0] / target.camera.fx_px, shift[1] / target.camera.fy_px, 0.0]) * depth
         out.append(replace(h, pose=replace(h.pose, t=h.t + across)) if np.isfinite(across).all() else h)
     return out
 
 
-def _middle(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Array:
+def _silhouette_centroid(target: PreparedTarget, patch: ImagePatch, h: Hypothesis) -> Array:
     """Return the centroid (2,) of the silhouette on the patch [image px]; NaN if it is empty."""
     faces, R = faces_of(target), quat.matrix(h.q)
     faces_seen = draw_faces(faces, order_faces(faces, -R.T @ h.t), target.camera.pinhole, R, h.t, patch)

@@ -20,25 +20,25 @@ Array = np.ndarray
 
 # Covariance inflation, because neighbouring samples and successive frames share their errors: with it, the errors on
 # ``tango-flyaround`` have the median of chi-square.
-SHARED = 12.0
+COVARIANCE_INFLATION = 12.0
 
 # Edge samples per frame, and pixels averaged along an edge to either side.
-SAMPLES, ALONG = 220, 2
+MAX_SAMPLES, AVERAGED_PX = 220, 2
 
 # Edge candidates kept per profile, because the model's own edge may not be the strongest.
 CANDIDATES = 3
 
 # Half length of a profile and of the derivative kernel [px of the reduced image].
-REACH, KERNEL = 12, 2
+HALF_PROFILE_PX, HALF_KERNEL_PX = 12, 2
 
 # Additional distance at which a stronger edge is preferred, per sigma of strength [px].
-STRENGTH = 0.04
+STRENGTH_BONUS_PX = 0.04
 
 # Least strength of an edge [sigma of the noise].
-STRONG = 4.5
+MIN_STRENGTH_SIGMA = 4.5
 
 # Gauss-Newton iterations at each reduction.
-STEPS = 6
+ITERATIONS = 6
 
 # Derivative of a Gaussian of one pixel, normalised to a unit step.
 _DERIVATIVE = np.array([-0.0585, -0.2597, 0.0, 0.2597, 0.0585], np.float32) / 0.7534 * 1.0
@@ -78,7 +78,7 @@ class TrackFit:
     polarity: Array
 
 
-def evenly_chosen(visible: Array, most: int = SAMPLES) -> Array:
+def select_evenly(visible: Array, most: int = MAX_SAMPLES) -> Array:
     """Return indices of at most ``most`` of the visible samples, evenly spread."""
     idx = np.flatnonzero(visible)
     return idx if len(idx) <= most else idx[np.linspace(0, len(idx) - 1, most).astype(int)]
@@ -124,13 +124,13 @@ def track_edges(
     """
     R = quat.matrix(q)
     visible, _ = visible_samples(target.samples, target.occ, -R.T @ t)
-    idx = evenly_chosen(visible)
+    idx = select_evenly(visible)
     if len(idx) < 8:
         return None
     if empty:
         polarity = np.where(polarity == 0, outline_polarity(target.samples, R, t), polarity)
     fit: Optional[TrackFit] = None
-    factors = (max(1, int(np.ceil(reach_px / REACH))), 1)
+    factors = (max(1, int(np.ceil(reach_px / HALF_PROFILE_PX))), 1)
     for factor in dict.fromkeys(factors):
         # at the coarse scale: fewer iterations and a wider loss
         fit = _one_scale(target, image, noise, q, t, idx, factor, polarity)
@@ -182,7 +182,7 @@ def _one_scale(
     fit_q, fit_t = q, t
     H, choice = np.eye(6), np.zeros(len(idx), int)
     r, weight = np.zeros(len(idx)), np.zeros(len(idx))
-    for k in range(STEPS):
+    for k in range(ITERATIONS):
         now = project(samples, camera, quat.matrix(fit_q)[None], fit_t[None], idx[None])
         gaps = candidate - np.einsum("mi,mi->m", now.pixels[0] - at, n)[:, None]
         r, weight, choice = _weighted_residuals(gaps, strength, factor, k)
@@ -198,7 +198,7 @@ def _one_scale(
     return TrackFit(
         fit_q,
         fit_t,
-        np.linalg.pinv(H) * max(rms, 0.15) ** 2 * SHARED,
+        np.linalg.pinv(H) * max(rms, 0.15) ** 2 * COVARIANCE_INFLATION,
         float((weight > 0.2).mean()),
         float((np.isfinite(candidate).any(axis=1) & (np.abs(r) < 1.0 * factor) & (weight > 0)).mean()),
         rms,
@@ -227,7 +227,7 @@ def _edge_candidates(
     polarity : (M,) array
         Polarity of each sample's edge in earlier frames.
     """
-    crop = _crop(image, at, factor * (REACH + KERNEL + 2))
+    crop = _crop(image, at, factor * (HALF_PROFILE_PX + HALF_KERNEL_PX + 2))
     if crop is None:
         return None
     small, x0, y0 = crop
@@ -239,7 +239,7 @@ def _edge_candidates(
     # a candidate of opposite polarity belongs to another edge
     sign = np.sign(strength)
     strength = np.abs(strength) * np.where(sign * polarity[:, None] < -0.4, 0.3, 1.0)
-    return np.where(strength > STRONG, offset * factor, np.nan), strength, sign
+    return np.where(strength > MIN_STRENGTH_SIGMA, offset * factor, np.nan), strength, sign
 
 
 def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tuple[Array, Array, Array]:
@@ -257,14 +257,16 @@ def _weighted_residuals(gaps: Array, strength: Array, factor: int, k: int) -> Tu
         Index of the iteration.
     """
     # the nearest edge is preferred, unless it is faint and a clear one is little farther away
-    cost = np.where(np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH * np.minimum(strength, 40.0), 1e9)
+    cost = np.where(
+        np.isfinite(gaps), np.abs(gaps) / factor - STRENGTH_BONUS_PX * np.minimum(strength, 40.0), 1e9
+    )
     choice = cost.argmin(axis=1)
     r = gaps[np.arange(len(gaps)), choice]
     ok = np.isfinite(r)
     r = np.where(ok, r, 0.0)
     spread = max(0.4 * factor, 1.4826 * float(np.median(np.abs(r[ok]))) if ok.any() else factor)
-    gate = 0.35 * REACH * factor
-    limit = min(4.0 * spread, max(gate * (1.0 - k / STEPS) * 3.0, 3.0 * factor))
+    gate = 0.35 * HALF_PROFILE_PX * factor
+    limit = min(4.0 * spread, max(gate * (1.0 - k / ITERATIONS) * 3.0, 3.0 * factor))
     return r, ok * tukey(r, limit), choice
 
 
@@ -278,10 +280,10 @@ def _crop(image: Array, at: Array, margin: float) -> "Optional[Tuple[Array, int,
 
 
 def _profiles(image: Array, at: Array, n: Array) -> Array:
-    """Return the derivative (M, 2 REACH + 1) across the edge at each sample, averaged along the edge."""
-    k = np.arange(-(REACH + KERNEL), REACH + KERNEL + 1, dtype=np.float32)
+    """Return the derivative (M, 2 HALF_PROFILE_PX + 1) across the edge at each sample, averaged along the edge."""
+    k = np.arange(-(HALF_PROFILE_PX + HALF_KERNEL_PX), HALF_PROFILE_PX + HALF_KERNEL_PX + 1, dtype=np.float32)
     along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
-    s = np.arange(-ALONG, ALONG + 1, dtype=np.float32) * 1.2
+    s = np.arange(-AVERAGED_PX, AVERAGED_PX + 1, dtype=np.float32) * 1.2
     x = at[:, None, None, 0] + n[:, None, None, 0] * k + along[:, None, None, 0] * s[:, None]
     y = at[:, None, None, 1] + n[:, None, None, 1] * k + along[:, None, None, 1] * s[:, None]
     m, a, p = x.shape
@@ -293,7 +295,9 @@ def _profiles(image: Array, at: Array, n: Array) -> Array:
         borderMode=cv2.BORDER_REPLICATE,
     ).reshape(m, a, p)
     mean = values.mean(axis=1)
-    return sum(_DERIVATIVE[j] * mean[:, j : j + 2 * REACH + 1] for j in range(2 * KERNEL + 1))
+    return sum(
+        _DERIVATIVE[j] * mean[:, j : j + 2 * HALF_PROFILE_PX + 1] for j in range(2 * HALF_KERNEL_PX + 1)
+    )
 
 
 def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
@@ -308,7 +312,7 @@ def _peaks(profile: Array, noise: float) -> Tuple[Array, Array]:
     sub = np.where(np.abs(curve) > 1e-9, 0.5 * (a - c) / np.where(np.abs(curve) > 1e-9, curve, 1.0), 0.0)
     height = np.where(peak[rows, best - 1] > 0, b, 0.0)
     sigma = max(noise * PROFILE_NOISE, 1e-6)
-    return best - REACH + np.clip(sub, -0.5, 0.5), height / sigma * np.sign(profile[rows, best])
+    return best - HALF_PROFILE_PX + np.clip(sub, -0.5, 0.5), height / sigma * np.sign(profile[rows, best])
 
 
 def _profile_noise() -> float:

@@ -22,14 +22,14 @@ Array = np.ndarray
 Pose = Tuple[Array, Array]
 
 # Longest side of the rendering [px], and the blur of each alignment step [px].
-PICTURE_PX, BLURS = 120, (1.2, 0.6)
+PATCH_PX, BLURS_PX = 120, (1.2, 0.6)
 
 # Least score gain by which a candidate replaces the most likely pose: a rendering this small hardly resolves 5 deg.
-WORTH = 0.02
+MIN_SCORE_GAIN = 0.02
 
 # Factor on the covariance of ``photo_step``, which is calibrated for arbitrary starts; predicted poses are closer
 # (fly-arounds of Tango at 7 to 11 m).
-HELD = 0.6
+COVARIANCE_SCALE = 0.6
 
 # Side of the shadow map [px], and angle between the last Sun direction and its alternatives [rad]: in a fly-around the
 # camera turns by one or two degrees per frame.
@@ -90,28 +90,28 @@ def align_photometrically(
     shadings = [photo_draw(q, t, faces, patch, camera, painted) for q, t in poses]
     scores = [explained(shading, patch) for shading in shadings]
     first = int(np.argmax(scores))
-    if scores[first] < scores[0] + WORTH:
+    if scores[first] < scores[0] + MIN_SCORE_GAIN:
         first = 0
     drawn, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
     if painted is not None and follow_sun:
-        painted, drawn = _followed_sun(craft, patch, fit, painted, drawn)
-    for k, blur in enumerate(BLURS):
+        painted, drawn = _follow_sun(craft, patch, fit, painted, drawn)
+    for k, blur in enumerate(BLURS_PX):
         if k:
             drawn = photo_draw(fit.q, fit.t, faces, patch, camera, painted)
         step = photo_step(fit, drawn, faces, patch, camera, craft.radius_m, blur)
         if step is None:
             break
         fit = step
-    fit = replace(fit, covariance=HELD * fit.covariance)
+    fit = replace(fit, covariance=COVARIANCE_SCALE * fit.covariance)
     return PhotometricTrack(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
 
 
 def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
     """Return the patch around a pose."""
-    return replace(cut_patch(craft, frame, target_box(craft, *pose), PICTURE_PX), exact=True)
+    return replace(cut_patch(craft, frame, target_box(craft, *pose), PATCH_PX), exact=True)
 
 
-def _followed_sun(
+def _follow_sun(
     craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
 ) -> Tuple[ShadowMap, Shading]:
     """Return a Sun direction whose shadows explain the image at least as well, and the view shaded with it.

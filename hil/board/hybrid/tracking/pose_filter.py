@@ -11,10 +11,10 @@ from flyaround.hil.board.estimation import quaternion as quat
 Array = np.ndarray
 
 # Process noise, one sigma: angular [rad s-2] and linear [m s-2] acceleration.
-TURN_ACCELERATION, SHIFT_ACCELERATION = 0.01, 0.02
+ANGULAR_ACCELERATION_RAD_S2, LINEAR_ACCELERATION_M_S2 = 0.01, 0.02
 
 # Initial one-sigma errors of the rates [rad/s, m/s].
-FIRST_TURN_RATE, FIRST_SHIFT_RATE = float(np.radians(6.0)), 0.3
+INITIAL_RATE_RAD_S, INITIAL_VELOCITY_M_S = float(np.radians(6.0)), 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +56,8 @@ def first_state(q: Array, t: Array, covariance: Array) -> TrackState:
     """
     P = np.zeros((12, 12))
     P[:6, :6] = covariance
-    P[6:9, 6:9] = np.eye(3) * FIRST_TURN_RATE**2
-    P[9:, 9:] = np.eye(3) * FIRST_SHIFT_RATE**2
+    P[6:9, 6:9] = np.eye(3) * INITIAL_RATE_RAD_S**2
+    P[9:, 9:] = np.eye(3) * INITIAL_VELOCITY_M_S**2
     return TrackState(q, t, np.zeros(3), np.zeros(3), P)
 
 
@@ -77,7 +77,7 @@ def predict(state: TrackState, dt_s: float) -> TrackState:
     F[:3, 6:9] = np.eye(3) * dt_s
     F[3:6, 9:] = np.eye(3) * dt_s
     Q = np.zeros((12, 12))
-    for at, sigma in ((0, TURN_ACCELERATION), (3, SHIFT_ACCELERATION)):
+    for at, sigma in ((0, ANGULAR_ACCELERATION_RAD_S2), (3, LINEAR_ACCELERATION_M_S2)):
         a, b = slice(at, at + 3), slice(at + 6, at + 9)
         Q[a, a] = np.eye(3) * sigma**2 * dt_s**4 / 4
         Q[a, b] = Q[b, a] = np.eye(3) * sigma**2 * dt_s**3 / 2

@@ -32,40 +32,40 @@ from flyaround.hil.board.method_names import HYBRID_TRACK
 Array = np.ndarray
 
 # Default time between frames [s].
-FRAME_S = 1.0
+DEFAULT_INTERVAL_S = 1.0
 
 # Largest search range of edges, beyond which the target is initialised again, and least range [px].
-WIDEST_PX, NARROWEST_PX = 60.0, 6.0
+MAX_REACH_PX, MIN_REACH_PX = 60.0, 6.0
 # One-sigma errors of an initialisation: attitude [rad], position across and along the line of sight [share of range].
-FIRST_RAD, FIRST_ACROSS, FIRST_ALONG = float(np.radians(1.0)), 0.001, 0.006
+INITIAL_SIGMA_RAD, INITIAL_SIGMA_ACROSS, INITIAL_SIGMA_ALONG = float(np.radians(1.0)), 0.001, 0.006
 # Criteria for an accepted fit: least share of edges, least number of edges, largest RMS, least confidence.
-LEAST_FOUND, LEAST_USED, WORST_RMS_PX, LEAST_CONFIDENCE = 0.3, 25, 2.5, 0.5
+MIN_EDGE_SHARE, MIN_EDGES, MAX_RMS_PX, MIN_CONFIDENCE = 0.3, 25, 2.5, 0.5
 
 # Confidence below which, and attitude sigma above which [rad], the synthetic view is compared as well, because the
 # edges of a single visible face constrain its tilt weakly.
-SURE, OPEN_RAD = 0.9, float(np.radians(0.6))
+CONFIDENT, MAX_TILT_SIGMA_RAD = 0.9, float(np.radians(0.6))
 
 # Sigma of the predicted attitude above which it cannot detect a lock on wrong edges [rad], while the rates are
 # uncertain.
-UNFORESEEN_RAD = float(np.radians(1.8))
+MAX_PREDICTION_SIGMA_RAD = float(np.radians(1.8))
 
 # Squared Mahalanobis distance of an innovation above which the synthetic view is compared: 95 % of chi-square.
-SURPRISE = 12.6
+INNOVATION_95 = 12.6
 
 # Largest number of successive frames tracked by edges alone; the synthetic view detects their drift.
-ALONE = 5
+MAX_EDGE_ONLY_FRAMES = 5
 
 # Angle between edge fit and prediction below which these are not compared [rad]; alignments per search of the Sun.
-NEAR_RAD, FOLLOWED = float(np.radians(1.0)), 3
+AGREEMENT_RAD, SUN_SEARCH_INTERVAL = float(np.radians(1.0)), 3
 
 # Innovation gate: 99.99 % of chi-square with 6 degrees of freedom.
-GATE = 27.9
+INNOVATION_GATE = 27.9
 
 # Log-likelihood by which the keypoint network must prefer another pose for the track to be dropped.
-DISBELIEVED = 6.0
+MAX_LOG_LIKELIHOOD_DEFICIT = 6.0
 
 # Largest number of successive frames without a good fit that the filter bridges.
-COAST = 2
+MAX_COASTED_FRAMES = 2
 
 
 class TrackingEstimator(Estimator):
@@ -111,19 +111,19 @@ class TrackingEstimator(Estimator):
         t_s: Optional[float] = None,
         sun_camera: Optional[Sequence[float]] = None,
     ) -> PoseResult:
-        """Estimate the pose like ``Estimator.estimate``; ``t_s`` defaults to ``FRAME_S`` after the last frame."""
+        """Estimate the pose; by default, ``t_s`` is ``DEFAULT_INTERVAL_S`` after the last frame."""
         if t_s is not None and not np.isfinite(t_s):
             t_s = None
-        dt = FRAME_S if t_s is None or self.at_s is None else t_s - self.at_s
+        dt = DEFAULT_INTERVAL_S if t_s is None or self.at_s is None else t_s - self.at_s
         if dt <= 0:
             self.reset()
-            dt = FRAME_S
+            dt = DEFAULT_INTERVAL_S
         self.at_s = t_s if t_s is not None else (self.at_s or 0.0) + dt
         if self.state is not None:
             self.state = predict(self.state, dt)
         result = super().estimate(image, trace, t_s, sun_camera)
         self.missed += not result.accepted
-        if self.missed > COAST:
+        if self.missed > MAX_COASTED_FRAMES:
             self.state = None
         return result
 
@@ -139,27 +139,31 @@ class TrackingEstimator(Estimator):
     def _track(self, frame: Observation, state: TrackState) -> Optional[PoseResult]:
         """Return the tracked pose; None if the track is lost."""
         fit = self._by_edges(frame, state)
-        if fit is None or fit.used < LEAST_USED or fit.rms_px > WORST_RMS_PX or fit.found < LEAST_FOUND:
+        if fit is None or fit.used < MIN_EDGES or fit.rms_px > MAX_RMS_PX or fit.found < MIN_EDGE_SHARE:
             return None
         sure = track_confidence(fit)
         q, t, covariance = fit.q, fit.t, fit.covariance
         alone = self.alone + 1
-        doubt = sure < SURE or alone > ALONE or largest_sigma(covariance[:3, :3]) > OPEN_RAD
-        doubt |= largest_sigma(state.P[:3, :3]) > UNFORESEEN_RAD
-        doubt |= update(state, q, t, covariance)[1] > SURPRISE
+        doubt = (
+            sure < CONFIDENT
+            or alone > MAX_EDGE_ONLY_FRAMES
+            or largest_sigma(covariance[:3, :3]) > MAX_TILT_SIGMA_RAD
+        )
+        doubt |= largest_sigma(state.P[:3, :3]) > MAX_PREDICTION_SIGMA_RAD
+        doubt |= update(state, q, t, covariance)[1] > INNOVATION_95
         before, polarity = state, fit.polarity
         if doubt and self.craft.model.faces is not None:
             q, t, covariance = self._by_picture(frame, state, fit)
             if self._disbelieved(frame, q, t):
                 return None
             # edges that the image contradicts must not update the polarity used in the next frame
-            if distance_of(fit, q, t) > SURPRISE:
-                polarity, alone = self.polarity, ALONE
+            if squared_distance(fit, q, t) > INNOVATION_95:
+                polarity, alone = self.polarity, MAX_EDGE_ONLY_FRAMES
             else:
                 before, alone = update(state, fit.q, fit.t, fit.covariance)[0], 0
         distance = update(state, q, t, covariance)[1]
         after = update(before, q, t, covariance)[0]
-        if distance > GATE or sure < LEAST_CONFIDENCE:
+        if distance > INNOVATION_GATE or sure < MIN_CONFIDENCE:
             return None
         self.state, self.polarity, self.missed, self.alone = after, polarity, 0, alone
         frame.count("edges", fit.used)
@@ -169,7 +173,7 @@ class TrackingEstimator(Estimator):
             True, "", after.q, after.t, sure, times, counts, covariance=covariance, method=self.method
         )
 
-    def _by_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
+    def _align_on_edges(self, frame: Observation, state: TrackState) -> Optional[TrackFit]:
         """Return the predicted pose aligned on edges; None if it is too uncertain or the target too near."""
         craft, reach = self.craft, self._reach(state)
         if reach is None or state.t[2] < 1.2 * craft.radius_m:
@@ -183,7 +187,7 @@ class TrackingEstimator(Estimator):
         frame.mark("edge_alignment")
         return fit
 
-    def _by_picture(
+    def _align_photometrically(
         self, frame: Observation, state: TrackState, edges: TrackFit
     ) -> "tuple[Array, Array, Array]":
         """Return the pose aligned on the synthetic view, and its covariance.
@@ -193,10 +197,10 @@ class TrackingEstimator(Estimator):
         if self.empty:
             frame.background = float(np.median(self._strip(frame.image, state.t)))
         poses = ((state.q, state.t), (edges.q, edges.t))
-        near = quat.angle_rad(state.q, edges.q) < NEAR_RAD
+        near = quat.angle_rad(state.q, edges.q) < AGREEMENT_RAD
         self.aligned += 1
         sun = frame.sun_camera
-        follow = sun is None and self.aligned % FOLLOWED == 0
+        follow = sun is None and self.aligned % SUN_SEARCH_INTERVAL == 0
         track = align_photometrically(
             self.craft,
             frame,
@@ -209,12 +213,12 @@ class TrackingEstimator(Estimator):
         frame.mark("photometric_alignment")
         return track.fit.q, track.fit.t, track.fit.covariance
 
-    def _disbelieved(self, frame: Observation, q: Array, t: Array) -> bool:
+    def _network_disagrees(self, frame: Observation, q: Array, t: Array) -> bool:
         """Return True if the keypoint network prefers another pose."""
         learned = self.first.setup.learned
         if learned is None:
             return False
-        lost = learned.disbelief(frame.image, frame.noise, q, t) > DISBELIEVED
+        lost = learned.disbelief(frame.image, frame.noise, q, t) > MAX_LOG_LIKELIHOOD_DEFICIT
         frame.mark("keypoint_network")
         return lost
 
@@ -233,10 +237,12 @@ class TrackingEstimator(Estimator):
     def _begin(self, q: Array, t: Array, *, accepted: bool) -> None:
         """Update with an initialisation. A second one that agrees gives the rates; otherwise tracking restarts."""
         z = float(t[2])
-        covariance = np.diag([FIRST_RAD] * 3 + [FIRST_ACROSS * z] * 2 + [FIRST_ALONG * z]) ** 2
+        covariance = (
+            np.diag([INITIAL_SIGMA_RAD] * 3 + [INITIAL_SIGMA_ACROSS * z] * 2 + [INITIAL_SIGMA_ALONG * z]) ** 2
+        )
         if self.state is not None:
             after, distance = update(self.state, q, t, covariance)
-            if distance < GATE:
+            if distance < INNOVATION_GATE:
                 # a declined pose near the prediction is correct
                 self.state, self.missed = after, 0
                 return
@@ -252,7 +258,7 @@ class TrackingEstimator(Estimator):
         across = float(np.sqrt(np.trace(state.P[3:5, 3:5]) / 2))
         along = float(np.sqrt(state.P[5, 5])) * self.craft.radius_m / z
         reach = 3.0 * f / z * float(np.sqrt(turn**2 + across**2 + along**2))
-        return None if reach > WIDEST_PX else max(reach, NARROWEST_PX)
+        return None if reach > MAX_REACH_PX else max(reach, MIN_REACH_PX)
 
     def _noise(self, image: Array, state: TrackState) -> float:
         """Return the noise around the target, measured on a strip of the image."""
@@ -268,7 +274,7 @@ class TrackingEstimator(Estimator):
         return image[y0 : y0 + 96]
 
 
-def distance_of(fit: TrackFit, q: Array, t: Array) -> float:
+def squared_distance(fit: TrackFit, q: Array, t: Array) -> float:
     """Return the squared Mahalanobis distance of a pose from one aligned on edges, by the latter's covariance."""
     off = innovation(first_state(fit.q, fit.t, fit.covariance), q, t)
     return float(off @ np.linalg.solve(fit.covariance, off))

@@ -25,7 +25,7 @@ from flyaround.hil.board.hybrid.hypotheses.hypothesis import PoseFit
 from flyaround.hil.board.hybrid.image.noise import clipped_noise
 from flyaround.hil.board.hybrid.image.observation import Observation
 from flyaround.hil.board.hybrid.model.face_gains import shade
-from flyaround.hil.board.hybrid.model.image_patch import cut_patch, straightened
+from flyaround.hil.board.hybrid.model.image_patch import cut_patch, undistort
 from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, fill_faces, order_faces
 from flyaround.hil.board.hybrid.model.shadow_map import ShadowMap, ShadowMapTable
@@ -61,7 +61,7 @@ def record() -> dict[str, Any]:
     )
     with pytest.MonkeyPatch.context() as patch:
         # four boxes need no fine cover
-        patch.setattr("flyaround.hil.board_model.outer_faces.PITCH", 0.006)
+        patch.setattr("flyaround.hil.board_model.outer_faces.SAMPLE_SPACING", 0.006)
         faces = make_faces([parts])
     assert faces is not None
     built: dict[str, Any] = msgspec.to_builtins(faces)
@@ -306,7 +306,7 @@ def test_a_bent_picture_is_straightened() -> None:
         return 128 + 60 * np.sin(40 * u) + 60 * np.cos(30 * v)
 
     bent = np.rint(scene(rays[..., 0], rays[..., 1])).astype(np.uint8)
-    flat = straightened(bent, lens, (30, 20, 170, 140)).astype(float)
+    flat = undistort(bent, lens, (30, 20, 170, 140)).astype(float)
     expected = scene((x - 99.5) / 400.0, (y - 79.5) / 400.0)[20:140, 30:170]
     assert np.abs(flat - expected).max() < 2.0
     assert np.abs(bent[20:140, 30:170] - expected).max() > 8.0

@@ -18,7 +18,7 @@ from flyaround.hil.board.hybrid.propose.keypoints.keypoint_proposal import Learn
 from flyaround.hil.board.hybrid.propose.keypoints.network import network_for, trunk_sha256
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL, INPUT_PX, channels
 from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, bin_centres, keypoints_m
-from flyaround.hil.board.hybrid.propose.keypoints.pose_search import likeliest_place, pose_modes
+from flyaround.hil.board.hybrid.propose.keypoints.pose_search import most_likely_position, pose_modes
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
 
@@ -65,7 +65,7 @@ def test_the_pose_is_found_from_distributions_of_keypoints(tango: BoardModel, se
     assert np.degrees(quat.angle_rad(modes.q[0], q)) < 1.0
     assert np.linalg.norm(modes.t[0] - t) < 0.02 * t[2]
     assert modes.log_likelihood[0] == modes.log_likelihood.max()
-    near = likeliest_place(distributions(points, (q, t)), points, FOCAL, log_size(t))
+    near = most_likely_position(distributions(points, (q, t)), points, FOCAL, log_size(t))
     assert np.linalg.norm((near - t)[:2]) < 0.35
     assert near[2] == pytest.approx(t[2])
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flyaround.hil.board.hybrid.prepare import BUSY
+from flyaround.hil.board.hybrid.prepare import MAX_BUSY_SHARE
 from flyaround.hil.board.hybrid.propose.regions import propose_regions
 from flyaround.hil.board.hybrid.propose.saliency import (
     CELL_PX,
@@ -72,9 +72,9 @@ def test_a_craft_that_fills_the_frame_is_not_taken_for_a_background() -> None:
             cv2.rectangle(near, (x, y), (x + 20, y + 20), 25.0, -1)
     near = np.clip(cv2.GaussianBlur(near, (0, 0), 0.7) + 5 + noise, 0, 255).astype(np.float32)
     _, busy, _ = propose_regions(near, eliminate_weak_gradients(near), 3.0)
-    assert busy < BUSY
+    assert busy < MAX_BUSY_SHARE
     cloudy = with_craft(clouds(5), 200, 100)
     regions, busy, likely = propose_regions(cloudy, eliminate_weak_gradients(cloudy), 4.0)
-    assert busy > BUSY
+    assert busy > MAX_BUSY_SHARE
     assert likely is not None
     assert regions[0].source == "saliency"

@@ -15,7 +15,7 @@ from flyaround.hil.board.hybrid.geometry.image_patch import ImagePatch
 from flyaround.hil.board.hybrid.model.many_groups import blurred
 from flyaround.hil.board.hybrid.model.rasteriser import draw_faces, order_faces
 from flyaround.hil.board.hybrid.tracking.pose_filter import first_state, innovation, predict, update
-from flyaround.hil.board.hybrid.tracking.tracking_estimator import SURE, TrackingEstimator
+from flyaround.hil.board.hybrid.tracking.tracking_estimator import CONFIDENT, TrackingEstimator
 from flyaround.hil.board.methods import make_estimator
 from flyaround.hil.evaluate.method_choice import board_model
 from flyaround.simulator.targets.library import load_target
@@ -155,7 +155,7 @@ def followed(tango: BoardModel, q0: np.ndarray) -> tuple[list[int], list[float]]
         result = tracker.estimate(picture_of(tango, q, t0, k), None, float(k))
         assert result.accepted
         assert ("initialised" in result.counts) == (k < 2)
-        assert result.confidence >= SURE
+        assert result.confidence >= CONFIDENT
         assert result.q_camera_from_target_wxyz is not None
         looked += [k] * result.counts.get("picture", 0)
         errors.append(float(np.degrees(quat.angle_rad(result.q_camera_from_target_wxyz, q))))

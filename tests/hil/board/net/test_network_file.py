@@ -82,7 +82,7 @@ def test_other_weights_are_refused_in_a_sentence(tmp_path, change, says):
 
 
 def test_a_small_file_that_unpacks_to_a_large_one_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(network_file, "MOST_BYTES", 4_000_000)
+    monkeypatch.setattr(network_file, "MAX_BYTES", 4_000_000)
     data = changed(lambda arrays: arrays.update(more=np.zeros(1_000_000, np.float32)))
     assert len(data) < 4_000_000
     assert "unpacks" in refusal(tmp_path, data)
@@ -129,7 +129,7 @@ def test_no_file_a_pipe_another_file_and_a_large_one_are_refused(tmp_path, monke
         NetworkFile.read(tmp_path / "pipe.npz")
     refusal(tmp_path, b"")
     refusal(tmp_path, b"\x89PNG\r\n\x1a\n" + bytes(100))
-    monkeypatch.setattr(network_file, "MOST_BYTES", 1000)
+    monkeypatch.setattr(network_file, "MAX_BYTES", 1000)
     refusal(tmp_path, network_bytes())
 
 

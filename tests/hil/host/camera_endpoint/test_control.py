@@ -15,7 +15,7 @@ from flyaround.hil.host.camera_endpoint import gvcp
 from flyaround.hil.host.camera_endpoint.endpoint import CameraEndpoint
 from flyaround.hil.host.camera_endpoint.genicam_xml import OWN_NAME
 from flyaround.hil.host.camera_endpoint.gvsp import StreamFormat
-from flyaround.hil.host.camera_endpoint.messages import FrameTaken, Note
+from flyaround.hil.host.camera_endpoint.messages import ImageResult, Note
 from flyaround.hil.host.camera_endpoint.registers import XML_ADDRESS, XML_URL, Place
 
 
@@ -137,7 +137,7 @@ def test_no_picture_leaves_before_its_exposure_is_over(endpoint):
         camera.step()
         assert isinstance(pipe.recv(), Note)
         wanted = pipe.recv()
-        pipe.send(FrameTaken(wanted.request_id, np.zeros(SIZE, np.uint8)))
+        pipe.send(ImageResult(wanted.request_id, np.zeros(SIZE, np.uint8)))
         while camera._registers[Place.FRAMES_SENT] == 0:
             camera.step()
         assert time.monotonic() - begun_s >= 0.19

@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 
-from flyaround.hil.host.camera_endpoint.messages import FrameWanted
+from flyaround.hil.host.camera_endpoint.messages import ImageRequest
 from flyaround.hil.host.camera_endpoint.pictures import (
     WARM_UP_PICTURES,
-    DrawnPictures,
     LoopedPictures,
-    exposed_as,
+    RenderedPictures,
+    with_exposure,
 )
 from flyaround.simulator.scenario.load import load_scenario
 from flyaround.simulator.scenario.plan import plan_flight
 
 
 def wanted(number=0, exposure_s=0.01, gain_db=0.0):
-    return FrameWanted(request_id=1, number=number, t_s=0.0, exposure_s=exposure_s, gain_db=gain_db)
+    return ImageRequest(request_id=1, number=number, t_s=0.0, exposure_s=exposure_s, gain_db=gain_db)
 
 
 def test_looped_pictures_take_exposure_and_gain():
@@ -28,7 +28,7 @@ def test_looped_pictures_take_exposure_and_gain():
 
 def test_drawn_scenes_take_exposure_and_gain():
     scene = plan_flight(load_scenario("tango-limb"), n=1).scene(0)
-    changed = exposed_as(scene, wanted(exposure_s=0.005, gain_db=6.0))
+    changed = with_exposure(scene, wanted(exposure_s=0.005, gain_db=6.0))
     assert changed.exposure_s == 0.005
     assert scene.sensor.full_scale_j_m2_sr / changed.sensor.full_scale_j_m2_sr == pytest.approx(
         1.9953, abs=1e-3
@@ -54,7 +54,7 @@ def test_moments_of_the_whole_flight_are_drawn_before_anybody_waits():
     """The first picture of a kind takes seconds: a client that waited 5 s for it took the camera for dead."""
     plan = plan_flight(load_scenario("tango-limb"), n=1)
     producer = CountingProducer()
-    drawn = DrawnPictures(plan, producer)
+    drawn = RenderedPictures(plan, producer)
     drawn.warm_up()
     times = [scene.t_s for scene in producer.scenes]
     assert len(times) == WARM_UP_PICTURES

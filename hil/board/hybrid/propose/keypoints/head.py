@@ -37,7 +37,7 @@ SHAPES: Dict[str, Tuple[int, ...]] = {
 }
 
 # Largest unpacked size [bytes].
-MOST_BYTES = 4_000_000
+MAX_BYTES = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class KeypointHead:
             If the data are not a head of this version, or hold values that are not finite.
         """
         try:
-            arrays = unpack_arrays(data, MOST_BYTES)
+            arrays = unpack_arrays(data, MAX_BYTES)
             sheet = json.loads(bytes(arrays["sheet"]).decode("utf-8"))
             weights = {key: np.asarray(arrays[key], np.float32) for key in SHAPES}
             if sheet.get("schema") != SCHEMA or sheet.get("version") != VERSION:

@@ -23,10 +23,10 @@ from flyaround.hil.board.hybrid.propose.keypoints.image_crop import ImageCrop, n
 from flyaround.hil.board.hybrid.propose.keypoints.network import KeypointNetwork, network_for
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
 from flyaround.hil.board.hybrid.propose.keypoints.pose_search import (
-    CORRELATED,
-    likeliest_place,
+    LIKELIHOOD_DIVISOR,
     likelihood_table,
     log_likelihoods,
+    most_likely_position,
     pose_modes,
     with_outliers,
 )
@@ -35,16 +35,16 @@ from flyaround.hil.board.svd.region_of_interest import Region
 Array = np.ndarray
 
 # Diameter of the bounding sphere over the diagonal of a region; the same for sources that often detect a part only.
-SPHERE_OVER_BOX, SPHERE_OVER_PART, PARTS = 1.15, 1.7, ("saliency", "straight")
+SPHERE_OVER_BOX, SPHERE_OVER_PART, PART_SOURCES = 1.15, 1.7, ("saliency", "straight")
 # Poses proposed per crop; the same in the second round, and the number of rolled crops that it averages.
-POSES, MORE_POSES, QUARTERS = 16, 24, 4
+POSES_PER_CROP, POSES_SECOND_ROUND, ROLLS = 16, 24, 4
 # Largest deficit of a crop's presence logit relative to the best one.
-DOUBT = 5.0
+MAX_LOGIT_DEFICIT = 5.0
 # Largest number of passes, crops in the second pass, and correction below which there is no further pass [sphere
 # diameters].
-LOOKS, SECOND, SETTLED = 3, 3, 0.06
+MAX_PASSES, SECOND_PASS_CROPS, CONVERGED = 3, 3, 0.06
 # Largest correction in one pass: shift [half sides], log size.
-SHIFT, SIZE = 0.9, 0.9
+MAX_SHIFT, MAX_LOG_SIZE = 0.9, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,19 +160,19 @@ class LearnedProposer:
                 camera,
                 0.5 * (r.x0 + r.x1),
                 0.5 * (r.y0 + r.y1),
-                (SPHERE_OVER_PART if r.source in PARTS else SPHERE_OVER_BOX) * r.diagonal_px,
+                (SPHERE_OVER_PART if r.source in PART_SOURCES else SPHERE_OVER_BOX) * r.diagonal_px,
             )
             for k, r in enumerate(regions)
         }
         chosen = self._apart(list(starts), starts, len(starts))
         crops, sources = [starts[k] for k in chosen], [regions[k] for k in chosen]
-        for look in range(LOOKS):
+        for look in range(MAX_PASSES):
             log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
-            sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - DOUBT]
+            sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
             moved = {k: self._corrected(crops[k], log_p[k], size[k]) for k in sure}
             # merge crops that converged to the same place
-            sure = self._apart(sure, moved, keep if look else SECOND)
-            if look == LOOKS - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
+            sure = self._apart(sure, moved, keep if look else SECOND_PASS_CROPS)
+            if look == MAX_PASSES - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
                 break
             crops, sources = [moved[k] for k in sure], [sources[k] for k in sure]
         return [self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in sure[:keep]]
@@ -204,17 +204,17 @@ class LearnedProposer:
         """
         crop = self._corrected(first.crop, np.log(first.p), first.log_size)
         look = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
-        turned = [np.rot90(look, k, axes=(1, 2)) for k in range(QUARTERS)]
+        turned = [np.rot90(look, k, axes=(1, 2)) for k in range(ROLLS)]
         log_p, craft, size = self.network(np.ascontiguousarray(turned))
         p = np.zeros_like(log_p[0])
-        for k in range(QUARTERS):
+        for k in range(ROLLS):
             back = np.exp(log_p[k])
             for _ in range(k):
                 # a quarter turn maps (x, y) to (y, -x)
                 back = np.stack([back[:, 1, ::-1], back[:, 0]], axis=1)
-            p += back / QUARTERS
+            p += back / ROLLS
         return self._proposal(
-            first.source, crop, np.log(p), float(craft.mean()), float(size.mean()), MORE_POSES
+            first.source, crop, np.log(p), float(craft.mean()), float(size.mean()), POSES_SECOND_ROUND
         )
 
     def log_likelihood(self, learned: Sequence[LearnedProposal], q: Array, t: Array) -> float:
@@ -240,9 +240,11 @@ class LearnedProposer:
         seen = quat.multiply(quat.from_matrix(back), q)[None]
         at = (back @ centre / self.radius_m)[None]
         score = log_likelihoods(g.table, self.points, self._focal(g.crop), seen, at)
-        return float(score[0] / CORRELATED - g.log_likely[0])
+        return float(score[0] / LIKELIHOOD_DIVISOR - g.log_likely[0])
 
-    def disbelief(self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0) -> float:
+    def log_likelihood_deficit(
+        self, image: Array, noise: float, q: Array, t: Array, black: float = 0.0
+    ) -> float:
         """Return the log-likelihood deficit of a pose relative to the most likely pose in a crop around it.
 
         Parameters
@@ -278,21 +280,21 @@ class LearnedProposer:
                 kept.append(k)
         return kept
 
-    def _moved(self, before: ImageCrop, after: ImageCrop) -> bool:
+    def _needs_another_pass(self, before: ImageCrop, after: ImageCrop) -> bool:
         """Return True if a correction is large enough for another pass."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         shift = f * float(np.linalg.norm(before.direction - after.direction)) / after.diameter_px
-        return shift > SETTLED or abs(np.log(after.diameter_px / before.diameter_px)) > 2 * SETTLED
+        return shift > CONVERGED or abs(np.log(after.diameter_px / before.diameter_px)) > 2 * CONVERGED
 
     def _focal(self, crop: ImageCrop) -> float:
         """Return the focal length of a crop's camera [half sides]."""
         return (self.camera.fx_px + self.camera.fy_px) * INPUT_FILL / crop.diameter_px
 
-    def _corrected(self, crop: ImageCrop, log_p: Array, log_size: float) -> ImageCrop:
+    def _correct_crop(self, crop: ImageCrop, log_p: Array, log_size: float) -> ImageCrop:
         """Return the crop centred on the target at its most likely pose."""
-        focal, log_size = self._focal(crop), float(np.clip(log_size, -SIZE, SIZE))
-        t = likeliest_place(log_p, self.points, focal, log_size)
-        shift = np.clip(focal * t[:2] / t[2], -SHIFT, SHIFT)
+        focal, log_size = self._focal(crop), float(np.clip(log_size, -MAX_LOG_SIZE, MAX_LOG_SIZE))
+        t = most_likely_position(log_p, self.points, focal, log_size)
+        shift = np.clip(focal * t[:2] / t[2], -MAX_SHIFT, MAX_SHIFT)
         return crop.moved(0.5 * (self.camera.fx_px + self.camera.fy_px), shift, log_size)
 
     def _proposal(
@@ -302,10 +304,10 @@ class LearnedProposer:
         log_p: Array,
         craft: float,
         log_size: float,
-        most: int = POSES,
+        most: int = POSES_PER_CROP,
     ) -> LearnedProposal:
         modes = pose_modes(log_p, self.points, self._focal(crop), log_size, most)
-        score = modes.log_likelihood / CORRELATED
+        score = modes.log_likelihood / LIKELIHOOD_DIVISOR
         swing = crop.swing()
         q = quat.multiply(quat.from_matrix(swing), modes.q)
         t = self.radius_m * modes.t @ swing.T - quat.matrix(q) @ self.centre_m

@@ -21,10 +21,10 @@ Array = np.ndarray
 PACKAGE = "flyaround.hil.board.hybrid.propose.keypoints"
 
 # Targets with the same shape but other surfaces share a head.
-SAME_SHAPE = {"tango-mockup": "tango"}
+SHARED_HEADS = {"tango-mockup": "tango"}
 
 # Largest displacement of a keypoint since the training [radii of the bounding sphere].
-SAME_RADII = 0.03
+MAX_DISPLACEMENT_RADII = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +86,16 @@ def network_for(model: BoardModel) -> Optional[KeypointNetwork]:
     """
     if model.network is not None:
         head = KeypointHead.read(model.network, f"of {model.name}")
-        if not _same(head, model):
+        if not _matches(head, model):
             raise BoardModelError(
                 f"the keypoint network of {model.name} was trained for another shape ({head.craft}); train it again"
             )
     else:
-        data = _shipped_head(SAME_SHAPE.get(model.name, model.name))
+        data = _shipped_head(SHARED_HEADS.get(model.name, model.name))
         if data is None:
             return None
         head = KeypointHead.read(data, model.name)
-        if not _same(head, model):
+        if not _matches(head, model):
             return None
     if head.trunk_sha256 != trunk_sha256():
         raise BoardModelError(
@@ -115,9 +115,9 @@ def _shipped_head(name: str) -> Optional[bytes]:
 
 def has_shipped_head(name: str) -> bool:
     """Return True if a head is shipped for the target."""
-    return _shipped_head(SAME_SHAPE.get(name, name)) is not None
+    return _shipped_head(SHARED_HEADS.get(name, name)) is not None
 
 
-def _same(head: KeypointHead, model: BoardModel) -> bool:
+def _matches(head: KeypointHead, model: BoardModel) -> bool:
     away = np.linalg.norm(head.keypoints_m - keypoints_m(model), axis=1).max()
-    return bool(away < SAME_RADII * model.radius_m)
+    return bool(away < MAX_DISPLACEMENT_RADII * model.radius_m)

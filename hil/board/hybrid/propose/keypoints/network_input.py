@@ -14,10 +14,10 @@ INPUT_PX, INPUT_FILL = 128, 0.72
 NEIGHBOURHOOD_PX = 23
 
 # Share of pixels above the reference level of brightness.
-BRIGHT = 0.005
+BRIGHT_SHARE = 0.005
 
 # Floors of the normalisation: brightness and contrast [standard deviations of the noise], share of the reference level.
-LEAST_BRIGHT, LEAST_CONTRAST, LEAST_SHARE = 6.0, 2.0, 0.004
+MIN_BRIGHTNESS_SIGMA, MIN_CONTRAST_SIGMA, MIN_LEVEL_SHARE = 6.0, 2.0, 0.004
 
 
 def channels(pictures: Array, noise: Array) -> Array:
@@ -33,11 +33,13 @@ def channels(pictures: Array, noise: Array) -> Array:
     out = np.empty((len(pictures), 2, *pictures.shape[1:]), np.float32)
     side = (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX)
     for picture, sigma, made in zip(pictures, noise, out):  # noqa: B905 - Python 3.9 has no strict=
-        top = np.partition(picture.ravel(), -1 - int(BRIGHT * picture.size))[-1 - int(BRIGHT * picture.size)]
-        bright = max(float(top), LEAST_BRIGHT * float(sigma), 1e-9)
+        top = np.partition(picture.ravel(), -1 - int(BRIGHT_SHARE * picture.size))[
+            -1 - int(BRIGHT_SHARE * picture.size)
+        ]
+        bright = max(float(top), MIN_BRIGHTNESS_SIGMA * float(sigma), 1e-9)
         made[0] = np.sqrt(np.clip(picture * np.float32(1 / bright), 0.0, 1.2)) - np.float32(0.3)
         away = picture - cv2.blur(picture, side)
-        least = (LEAST_CONTRAST * float(sigma) + LEAST_SHARE * bright) ** 2
+        least = (MIN_CONTRAST_SIGMA * float(sigma) + MIN_LEVEL_SHARE * bright) ** 2
         spread = np.sqrt(cv2.blur(away * away, side) + np.float32(least))
         made[1] = np.clip(0.5 * away / spread, -1.5, 1.5)
     return out

@@ -12,15 +12,15 @@ Array = np.ndarray
 KEYPOINTS, BINS = 24, 160
 
 # Half width of the binned range [half sides of the input]: keypoints outside the crop are located as well.
-REACH = 1.25
+HALF_RANGE = 1.25
 
 # Width of a bin [half sides].
-STEP = 2 * REACH / BINS
+BIN_WIDTH = 2 * HALF_RANGE / BINS
 
 
 def bin_centres() -> Array:
     """Return the bin centres (BINS,) relative to the input's centre [half sides]."""
-    return (np.arange(BINS) + 0.5) * STEP - REACH
+    return (np.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
 
 
 def keypoints_m(model: BoardModel) -> Array:

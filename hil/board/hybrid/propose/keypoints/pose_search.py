@@ -16,33 +16,33 @@ import numpy as np
 from flyaround.hil.board.estimation import quaternion as quat
 from flyaround.hil.board.estimation.even_attitudes import even_attitudes
 from flyaround.hil.board.hybrid.propose.keypoints.network_input import INPUT_FILL
-from flyaround.hil.board.hybrid.propose.keypoints.network_output import BINS, REACH, STEP
+from flyaround.hil.board.hybrid.propose.keypoints.network_output import BIN_WIDTH, BINS, HALF_RANGE
 
 Array = np.ndarray
 
 # Number of attitudes of the grid, about 15 degrees apart, and of the coarser one used for positioning.
-ATTITUDES, PLACING_ATTITUDES = 3200, 1200
+GRID_ATTITUDES, COARSE_ATTITUDES = 3200, 1200
 
 # Size factors tried around the network's size, and the standard deviation of its logarithm.
-SIZES, SIZE_SIGMA = (0.92, 1.0, 1.09), 0.08
+SIZE_FACTORS, SIZE_SIGMA = (0.92, 1.0, 1.09), 0.08
 
 # Smoothing of the distributions for the grid and for the two halves of the refinement [bins].
 GRID_BINS, REFINE_BINS = 6.0, (3.0, 1.0)
 
 # Share of probability spread over all bins, which bounds the penalty of a single keypoint.
-OUTLIERS = 0.05
+OUTLIER_SHARE = 0.05
 
 # Divisor of the log-likelihoods, because the errors of one image's keypoints are correlated.
-CORRELATED = 8.0
+LIKELIHOOD_DIVISOR = 8.0
 
 # Number of refined attitudes, least angle between them [rad], and iterations in each half of the refinement.
-REFINED, APART_RAD, STEPS = 20, float(np.radians(11.0)), 5
+N_REFINED, MIN_SEPARATION_RAD, NEWTON_STEPS = 20, float(np.radians(11.0)), 5
 
 # Least curvature of a log-probability [1 / bins^2], which limits the step where it is flat or convex.
-LEAST_CURVATURE = 0.01
+MIN_CURVATURE = 0.01
 
 # Least depth of a keypoint in front of the camera [radii].
-LEAST_DEPTH = 0.3
+MIN_DEPTH_RADII = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +81,14 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
         Largest number of poses.
     """
     p = with_outliers(log_p)
-    sizes = np.exp(log_size) * np.array(SIZES)
-    coarse, at, _ = _grid_maxima(p, points, focal, ATTITUDES, sizes, REFINED)
+    sizes = np.exp(log_size) * np.array(SIZE_FACTORS)
+    coarse, at, _ = _grid_maxima(p, points, focal, GRID_ATTITUDES, sizes, N_REFINED)
     distance = _distance(focal) * np.exp(-log_size)
     q, t = coarse, at
     for width in REFINE_BINS:
-        table = np.log(_smoothed(p, width))
-        for _ in range(STEPS):
-            q, t = _newton(table, points, focal, distance, q, t)
+        table = np.log(_smooth(p, width))
+        for _ in range(NEWTON_STEPS):
+            q, t = _newton_step(table, points, focal, distance, q, t)
     table = likelihood_table(p)
     score = log_likelihoods(table, points, focal, q, t)
     order = np.argsort(-score)
@@ -96,12 +96,12 @@ def pose_modes(log_p: Array, points: Array, focal: float, log_size: float, most:
     q, t = np.concatenate([q[order], coarse]), np.concatenate([t[order], at])
     kept: List[int] = []
     for k in range(len(q)):
-        if len(kept) < most and all(abs(float(q[k] @ q[j])) < np.cos(0.5 * APART_RAD) for j in kept):
+        if len(kept) < most and all(abs(float(q[k] @ q[j])) < np.cos(0.5 * MIN_SEPARATION_RAD) for j in kept):
             kept.append(k)
     return PoseModes(q[kept], t[kept], log_likelihoods(table, points, focal, q[kept], t[kept]))
 
 
-def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
+def most_likely_position(log_p: Array, points: Array, focal: float, log_size: float) -> Array:
     """Return the position (3,) of the sphere's centre at the most likely pose of a coarse grid [radii].
 
     Parameters
@@ -116,18 +116,20 @@ def likeliest_place(log_p: Array, points: Array, focal: float, log_size: float) 
         See `pose_modes`.
     """
     size = np.exp([log_size])
-    _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, PLACING_ATTITUDES, size, 1)
+    _, t, _ = _grid_maxima(with_outliers(log_p), points, focal, COARSE_ATTITUDES, size, 1)
     return np.asarray(t[0])
 
 
 def with_outliers(log_p: Array) -> Array:
     """Return probabilities from log-probabilities, mixed with a uniform outlier distribution."""
-    return np.asarray((1 - OUTLIERS) * np.exp(log_p.astype(np.float32)) + np.float32(OUTLIERS / BINS))
+    return np.asarray(
+        (1 - OUTLIER_SHARE) * np.exp(log_p.astype(np.float32)) + np.float32(OUTLIER_SHARE / BINS)
+    )
 
 
 def likelihood_table(p: Array) -> Array:
     """Return log-probabilities (K, 2, BINS) smoothed as for the grid, from probabilities with outliers."""
-    return np.asarray(np.log(_smoothed(p, GRID_BINS)))
+    return np.asarray(np.log(_smooth(p, GRID_BINS)))
 
 
 def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Array) -> Array:
@@ -146,12 +148,12 @@ def log_likelihoods(table: Array, points: Array, focal: float, q: Array, t: Arra
     t : (N, 3) array
         Positions of the sphere's centre [radii].
     """
-    uv, _ = _projected(points, focal, quat.matrix(q), t)
-    value, _, _ = _looked_up(table, uv)
+    uv, _ = _project(points, focal, quat.matrix(q), t)
+    value, _, _ = _look_up(table, uv)
     return np.asarray(value.sum(axis=(1, 2)))
 
 
-def _smoothed(p: Array, width: float) -> Array:
+def _smooth(p: Array, width: float) -> Array:
     """Return distributions after a Gaussian blur of ``width`` bins."""
     reach = int(3 * width)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
@@ -174,17 +176,17 @@ def _grid_maxima(
 ) -> Tuple[Array, Array, Array]:
     """Return the best distinct poses of the grid (N, 4), (N, 3), and their log-likelihoods (N,)."""
     q, R = _grid(attitudes)
-    table = np.log(_smoothed(p, GRID_BINS)).astype(np.float32)
+    table = np.log(_smooth(p, GRID_BINS)).astype(np.float32)
     row = (np.arange(len(points), dtype=np.int32) * 2 + np.arange(2, dtype=np.int32)[:, None]) * BINS
-    centre = (np.arange(BINS) + 0.5) * STEP - REACH
+    centre = (np.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
     middle = (p @ centre / p.sum(axis=-1)).mean(axis=0)
     # weak perspective: the keypoints' centroid projects to the centroid of their means
     turned = R[:, :2] @ (points - points.mean(axis=0)).astype(np.float32).T
     away = _distance(focal)
     scores = np.empty((len(sizes), len(q)), np.float32)
-    shift = ((middle + REACH) / STEP).astype(np.float32)[:, None]
+    shift = ((middle + HALF_RANGE) / BIN_WIDTH).astype(np.float32)[:, None]
     for score, factor in zip(scores, sizes):  # noqa: B905 - Python 3.9 has no strict=
-        at = (turned * np.float32(focal / away * factor / STEP) + shift).astype(np.int32)
+        at = (turned * np.float32(focal / away * factor / BIN_WIDTH) + shift).astype(np.int32)
         np.clip(at, 0, BINS - 1, out=at)
         at += row
         score[:] = table.ravel().take(at).sum(axis=(1, 2))
@@ -194,7 +196,7 @@ def _grid_maxima(
     for k in np.argsort(-best)[: 10 * most]:
         if len(kept) == most:
             break
-        if not kept or np.abs(q[kept] @ q[k]).max() < np.cos(0.5 * APART_RAD):
+        if not kept or np.abs(q[kept] @ q[k]).max() < np.cos(0.5 * MIN_SEPARATION_RAD):
             kept.append(int(k))
     z = away / size[kept]
     off = R[kept] @ points.mean(axis=0)
@@ -207,16 +209,16 @@ def _distance(focal: float) -> float:
     return float(np.hypot(1.0, focal / INPUT_FILL))
 
 
-def _projected(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
+def _project(points: Array, focal: float, R: Array, t: Array) -> Tuple[Array, Array]:
     """Return the projections (N, K, 2) [half sides], and the points (N, K, 3) in the crop's camera [radii]."""
     seen = points @ R.transpose(0, 2, 1) + t[:, None]
-    z = np.maximum(seen[..., 2:], LEAST_DEPTH)
+    z = np.maximum(seen[..., 2:], MIN_DEPTH_RADII)
     return focal * seen[..., :2] / z, seen
 
 
-def _looked_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
+def _look_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
     """Return values, slopes and curvatures (N, K, 2) of tables (K, 2, BINS) at positions [half sides; bins]."""
-    at = np.clip((uv + REACH) / STEP - 0.5, 1.0, BINS - 2.001)
+    at = np.clip((uv + HALF_RANGE) / BIN_WIDTH - 0.5, 1.0, BINS - 2.001)
     low = np.floor(at).astype(np.intp)
     part = at - low
     base = (np.arange(table.shape[0])[:, None] * 2 + np.arange(2)) * BINS
@@ -228,15 +230,15 @@ def _looked_up(table: Array, uv: Array) -> Tuple[Array, Array, Array]:
     return (1 - part) * b + part * c, slope, curve
 
 
-def _newton(
+def _newton_step(
     table: Array, points: Array, focal: float, distance: float, q: Array, t: Array
 ) -> Tuple[Array, Array]:
     """Return poses after one damped Newton step up the log-likelihood, with a prior on the distance."""
     R = quat.matrix(q)
-    uv, seen = _projected(points, focal, R, t)
-    value, slope, curve = _looked_up(table, uv)
-    slope, weight = slope / STEP, np.maximum(-curve, LEAST_CURVATURE) / STEP**2
-    x, y, z = seen[..., 0], seen[..., 1], np.maximum(seen[..., 2], LEAST_DEPTH)
+    uv, seen = _project(points, focal, R, t)
+    value, slope, curve = _look_up(table, uv)
+    slope, weight = slope / BIN_WIDTH, np.maximum(-curve, MIN_CURVATURE) / BIN_WIDTH**2
+    x, y, z = seen[..., 0], seen[..., 1], np.maximum(seen[..., 2], MIN_DEPTH_RADII)
     arm = seen - t[:, None]
     nought, arm_x, arm_y, arm_z = np.zeros_like(z), arm[..., 0], arm[..., 1], arm[..., 2]
     # derivatives of u and v by rotation about each axis (cross product of the arm), then by translation
@@ -249,7 +251,7 @@ def _newton(
     H = transposed @ (J * weight.reshape(len(q), -1, 1))
     g = (transposed @ slope.reshape(len(q), -1, 1))[..., 0]
     # wide distributions are biased towards the centre, which would shrink the target without the prior
-    prior = CORRELATED / (SIZE_SIGMA * distance) ** 2
+    prior = LIKELIHOOD_DIVISOR / (SIZE_SIGMA * distance) ** 2
     H[:, 5, 5] += prior
     g[:, 5] += prior * (distance - t[:, 2])
     H += np.eye(6) * (1e-3 * np.trace(H, axis1=1, axis2=2) / 6 + 1e-6)[:, None, None]
@@ -265,7 +267,7 @@ def _newton(
     new[:, 2] = np.maximum(new[:, 2], 1.05)
     # reject a step that decreases the likelihood
     before = value.sum(axis=(1, 2)) - 0.5 * prior * (t[:, 2] - distance) ** 2
-    after = _looked_up(table, _projected(points, focal, quat.matrix(moved), new)[0])[0].sum(axis=(1, 2))
+    after = _look_up(table, _project(points, focal, quat.matrix(moved), new)[0])[0].sum(axis=(1, 2))
     after -= 0.5 * prior * (new[:, 2] - distance) ** 2
     worse = after < before - 1e-6
     moved[worse], new[worse] = q[worse], t[worse]

@@ -48,7 +48,7 @@ def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     """Use the path for more than 255 groups for every craft."""
 
     def from_here() -> None:
-        monkeypatch.setattr(levels, "_shaded", many_groups.shaded)
+        monkeypatch.setattr(levels, "_shade_groups", many_groups.shaded)
         monkeypatch.setattr(levels, "_with_background", many_groups.with_background)
         monkeypatch.setattr(motion, "motion_images", steps.motion_images)
         monkeypatch.setattr(photometric, "_gram", steps.gram)
