@@ -38,7 +38,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
     options = _options(given, program)
     logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING)
     try:
-        with _terminated_as_interrupted():
+        with _sigterm_as_exception():
             if options.url is not None:
                 check_options(options.url, vars(options))
             if options.systemd_unit:
@@ -123,7 +123,7 @@ def _serve_camera(options: argparse.Namespace) -> int:
 
 
 @contextlib.contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
+def _sigterm_as_exception() -> Iterator[None]:
     def stop(_number: int, _frame: object) -> None:
         raise AgentTerminated
 

@@ -175,7 +175,7 @@ class BoardAgent:
         self._hello = replace(hello, window=window, pixel_formats=formats)
 
     @property
-    def is_well(self) -> bool:
+    def is_responsive(self) -> bool:
         """True unless a frame has taken twice the watchdog time; a supervisor restarts the program if False."""
         server = self._server
         return server is None or server.overdue_s < self._watchdog_s
@@ -218,9 +218,9 @@ class BoardAgent:
             self._server = None
             link.close(goodbye)
 
-    def serve_until_stopped(
+    def serve_repeatedly(
         self,
-        tell: Callable[[str], None] = logger.info,
+        report: Callable[[str], None] = logger.info,
         pause: Callable[[float], None] = time.sleep,
     ) -> BoardSummary:
         """Serve one session after another, whatever the outcome; only a hung estimator ends this.
@@ -229,7 +229,7 @@ class BoardAgent:
 
         Parameters
         ----------
-        tell : callable, optional
+        report : callable, optional
             Receives a sentence about the end of each session, and about each new reason why none could start.
         pause : callable, optional
             Sleeps for a number of seconds; the back-off doubles up to a bound and is reset by a session.
@@ -246,10 +246,10 @@ class BoardAgent:
             except LinkError as error:
                 sentence = str(error)
                 if sentence != reported:
-                    tell(f"{sentence}; trying again")
+                    report(f"{sentence}; trying again")
                 reported = sentence
             else:
-                tell(summary.ended)
+                report(summary.ended)
                 if summary.hung or summary.busy:
                     return summary
                 wait_s, reported = MIN_BACKOFF_S, ""

@@ -43,7 +43,7 @@ class ServiceManager:
 
     _watch_s = 0.0
 
-    def tell(self, state: str) -> None:
+    def notify(self, state: str) -> None:
         """Send a notification such as ``READY=1``."""
         if not self._address:
             return
@@ -51,19 +51,19 @@ class ServiceManager:
             line.setblocking(False)  # a manager that does not read must not block the agent
             line.sendto(state.encode(), self._address)
 
-    def beat_while(self, is_well: Callable[[], bool]) -> None:
-        """Send ``WATCHDOG=1`` periodically while ``is_well`` returns True, if the manager has a watchdog."""
+    def start_heartbeat(self, is_responsive: Callable[[], bool]) -> None:
+        """Send ``WATCHDOG=1`` periodically while ``is_responsive`` returns True, if the manager has a watchdog."""
         if self._address and self._watch_s > 0:
-            threading.Thread(target=self._beat, args=(is_well,), name="heartbeat", daemon=True).start()
+            threading.Thread(target=self._beat, args=(is_responsive,), name="heartbeat", daemon=True).start()
 
     def close(self) -> None:
         """Stop the heartbeat."""
         self._stop.set()
 
-    def _beat(self, is_well: Callable[[], bool]) -> None:
+    def _beat(self, is_responsive: Callable[[], bool]) -> None:
         while True:
-            if is_well():
-                self.tell("WATCHDOG=1")
+            if is_responsive():
+                self.notify("WATCHDOG=1")
             if self._stop.wait(self._watch_s / HEARTBEATS_PER_PERIOD):
                 return
 

@@ -33,11 +33,11 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
         If the single session could not be started.
     """
     manager = ServiceManager()
-    manager.beat_while(lambda: agent.is_well)
-    manager.tell("READY=1")
+    manager.start_heartbeat(lambda: agent.is_responsive)
+    manager.notify("READY=1")
     try:
         if reconnect:
-            summary = agent.serve_until_stopped(lambda sentence: _say(sentence, manager))
+            summary = agent.serve_repeatedly(lambda sentence: _say(sentence, manager))
             _say(summary.ended + RESTART_NOTE, manager)
             _start_anew(start)
         try:
@@ -45,7 +45,7 @@ def serve_sessions(agent: BoardAgent, *, reconnect: bool, start: List[str]) -> B
         except LinkError as error:
             raise NoSessionError(str(error)) from error
     finally:
-        manager.tell("STOPPING=1")
+        manager.notify("STOPPING=1")
         manager.close()
 
 
@@ -66,7 +66,7 @@ def exit_at_once(code: int) -> NoReturn:
 def _say(sentence: str, manager: ServiceManager) -> None:
     sys.stderr.write(sentence + "\n")
     sys.stderr.flush()
-    manager.tell(f"STATUS={sentence}")
+    manager.notify(f"STATUS={sentence}")
 
 
 def _start_anew(start: List[str]) -> NoReturn:

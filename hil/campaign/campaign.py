@@ -14,7 +14,7 @@ from flyaround.hil.campaign.case_run import (
     PART,
     RunResult,
     RunTask,
-    flown_by,
+    current_versions,
     fly_case,
     inputs_of,
     read_result,
@@ -200,7 +200,7 @@ def _outdated_runs(tasks: Sequence[RunTask]) -> dict[RunTask, str]:
     for task in tasks:
         if not task.folder.is_dir():
             continue
-        old, new = read_result(task.folder).flown_by, flown_by(task.ready)
+        old, new = read_result(task.folder).flown_by, current_versions(task.ready)
         for name, value in (
             ("flyaround", "another version"),
             ("model_sha256", "another model of the target"),
@@ -278,7 +278,7 @@ def _flown_case(ready: ReadyCase, results: Sequence[RunResult]) -> FlownCase:
         scenario=ready.scenario.name,
         scenario_sha256=ScenarioRecord.of(ready.scenario, ready.source).sha256,
         target=ready.scenario.target,
-        model_sha256=flown_by(ready).model_sha256,
+        model_sha256=current_versions(ready).model_sha256,
         seeds=ready.case.all_seeds,
         faults=ready.faults,
         boards=tuple(boards),

@@ -18,7 +18,7 @@ import msgspec
 
 from flyaround.hil.board.agent import describe_board
 from flyaround.hil.board.errors import BoardModelError
-from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_own_board
+from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.campaign.quantities import QUANTITIES, RunRecord, Value
 from flyaround.hil.host.closed_loop_run import (
     fly_without_pictures,
@@ -128,7 +128,7 @@ def inputs_of(ready: ReadyCase) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def flown_by(ready: ReadyCase) -> FlownBy:
+def current_versions(ready: ReadyCase) -> FlownBy:
     """Return the current software versions of a case; an external board's is still unknown."""
     own = ready.case.pose == "board" and ready.case.link.listen is None
     return FlownBy(
@@ -203,7 +203,7 @@ def _fly_unattended(task: RunTask, part: Path) -> RunResult:
         failure = f"{kind}{error}"[:1000]
     return RunResult(
         inputs=inputs_of(task.ready),
-        flown_by=flown_by(task.ready),
+        flown_by=current_versions(task.ready),
         board=board,
         gl_renderer=renderer,
         failure=failure,
@@ -273,7 +273,7 @@ def _fly_with_board(
         flight.run()
         return
     words = ("--target", plan.target.name, "--method", case.method)
-    run_with_own_board(flight, task.board_command, words, part / BOARD_LOG)
+    run_with_board_process(flight, task.board_command, words, part / BOARD_LOG)
 
 
 def _drop_wall_clock(part: Path) -> None:

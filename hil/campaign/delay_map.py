@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from flyaround.hil.campaign.delay_map_page import write_delay_map_page
-from flyaround.hil.campaign.map_flights import Cell, MapFlight, flown_cells
+from flyaround.hil.campaign.map_flights import Cell, MapFlight, fly_cells
 from flyaround.hil.campaign.map_results import (
     CellResult,
     CheckedCell,
@@ -193,7 +193,7 @@ class _Map:
     def _counted(self, table: str, what: str, tasks: Sequence[MapFlight]) -> dict[Cell, CellResult]:
         """Fly the flights missing in a table, and return the results of all its cells."""
         progress = partial(self._progress, what)
-        flown = flown_cells(self._folder / table, tasks, self._workers, progress)
+        flown = fly_cells(self._folder / table, tasks, self._workers, progress)
         n, good = Counter(cell for cell, _ in flown), Counter(cell for cell, success in flown if success)
         results = {}
         for cell, flights in n.items():
@@ -232,7 +232,7 @@ class _Map:
     def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
         """Verify some cells with rendered images and a board."""
         s = self._settings
-        chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in chosen_cells(cells, s.check)}
+        chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in select_cells(cells, s.check)}
         tasks = self._flights(chosen, s.check_flights, self._board_command)
         drawn = self._counted(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
         return tuple(
@@ -241,7 +241,7 @@ class _Map:
         )
 
 
-def chosen_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
+def select_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
     """Return cells to verify, from full to no success, each as close to the transition as possible."""
 
     def edge(result: CellResult) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_own_board
+from flyaround.hil.campaign.own_board import SILENCE_TIMEOUT_S, run_with_board_process
 from flyaround.hil.host.closed_loop_run import figures, fly_without_pictures, frame_every
 from flyaround.hil.host.flight_run import FlightOptions, FlightRun
 from flyaround.hil.host.link_process.ipc import LinkConfig
@@ -128,7 +128,7 @@ def _fly_with_board(
         url="tcp://127.0.0.1:0", mode="lockstep", truth="off", timeout_s=60.0, silence_s=SILENCE_TIMEOUT_S
     )
     flight = FlightRun(plan, RunConfig(link=wire), FlightOptions(closed_loop=loop, pose_link=link))
-    summary = run_with_own_board(flight, board_command, ("--target", plan.target.name))
+    summary = run_with_board_process(flight, board_command, ("--target", plan.target.name))
     if summary.ended != "completed" or summary.closed_loop is None:
         raise UserError(
             f"a board disconnected during its flight ({summary.board_gone}): start again to resume"
@@ -136,7 +136,7 @@ def _fly_with_board(
     return summary.closed_loop
 
 
-def flown_cells(
+def fly_cells(
     path: Path, tasks: Sequence[MapFlight], workers: int, progress: Callable[[int, int], None]
 ) -> list[tuple[Cell, bool]]:
     """Fly the flights missing in ``path``, and write their rows in order.

@@ -21,7 +21,7 @@ SILENCE_TIMEOUT_S = 60.0
 MAX_BYTES = 1 << 20
 
 
-def run_with_own_board(
+def run_with_board_process(
     flight: FlightRun, command: tuple[str, ...], options: tuple[str, ...], log: Path | None = None
 ) -> LedgerSummary:
     """Run a flight with a board process on this machine.

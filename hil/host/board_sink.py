@@ -171,7 +171,7 @@ class BoardSink:
     def _board(self) -> Board | None:
         return None if self.link.last_board is None else self.link.last_board.board
 
-    def _tell(self, what: Callable[[Recorder], None]) -> None:
+    def _notify(self, what: Callable[[Recorder], None]) -> None:
         """Notify the recorders. One that fails, such as on a full disk, is dropped; the run and its ledger continue."""
         for recorder in tuple(self._recorders):
             try:
@@ -203,7 +203,7 @@ class BoardSink:
         finally:
             if self._writer is not None:
                 self._writer.close()
-            self._tell(lambda recorder: recorder.close())
+            self._notify(lambda recorder: recorder.close())
 
     def _close_books(self, ended: Ended) -> LedgerSummary:
         """Drop frames without an outcome, and write the summary."""
@@ -242,7 +242,7 @@ class BoardSink:
             sun_camera=frame.scene.sun_direction_camera if self.config.send_sun else None,
         )
         self.link.submit(frame.image, job)
-        self._tell(lambda recorder: recorder.frame(frame))
+        self._notify(lambda recorder: recorder.frame(frame))
 
     def wait_for_outcomes(self) -> None:
         """Wait until every submitted frame has an outcome, which the link process guarantees."""
@@ -267,7 +267,7 @@ class BoardSink:
             self._deadline_ms,
         )
         self._tally.add(row)
-        self._tell(lambda recorder: recorder.row(frame, row))
+        self._notify(lambda recorder: recorder.row(frame, row))
         if self._writer is not None:
             self._writer.add(row)
         if self._on_row is not None:

@@ -94,9 +94,9 @@ class BoardPoses:
         pose = self._noise.measured(snapshot.t_s, q / np.linalg.norm(q), t, snapshot.q_camera_from_eci_wxyz)
         self._queue.put(row.frame_id, pose)
 
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses available by ``t_s``."""
-        return self._queue.arrived(t_s)
+        return self._queue.available(t_s)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,7 +144,7 @@ class BoardLoop:
         check_closed_loop(plan.flight, f"scenario {plan.scenario_name}")
         poses = BoardPoses(noise or PoseNoise(), None if realtime else link or PoseLink())
         mass = plan.target.mass
-        loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.arrived, config)
+        loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, poses.available, config)
         return BoardLoop(plan=plan, loop=loop, poses=poses, seed=config.seed)
 
     def frames(self, *, device_index: int | None = None, realtime: bool = False) -> Iterator[Frame]:

@@ -102,7 +102,7 @@ class FlightRun:
                 link=options.pose_link or PoseLink.in_lockstep(self._faults),
                 noise=options.pose_noise,
             )
-        self.n_frames = plan.n_frames if self._loop is None else self._loop.loop.most_pictures
+        self.n_frames = plan.n_frames if self._loop is None else self._loop.loop.max_pictures
         deadline_s = interval_s(plan) if self._realtime and self._loop is None else None
         self._config = replace(
             config,

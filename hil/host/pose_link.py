@@ -105,7 +105,7 @@ class PoseQueue:
             self._last_s = max(self._last_s, pose.t_s + delay_s)
             self._waiting.append((self._last_s, pose))
 
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses available by ``t_s`` that were not returned before."""
         ready = []
         while self._waiting and self._waiting[0][0] <= t_s + 1e-9:
@@ -125,13 +125,13 @@ class LinkedPoses:
     def __init__(self, source: PoseSource, link: PoseLink) -> None:
         self._source, self._queue, self._number = source, PoseQueue(link), 0
 
-    def look(self, snapshot: Snapshot) -> None:
+    def expose(self, snapshot: Snapshot) -> None:
         """Expose an image at this moment."""
-        self._source.look(snapshot)
-        for pose in self._source.arrived(snapshot.t_s):
+        self._source.expose(snapshot)
+        for pose in self._source.available(snapshot.t_s):
             self._queue.put(self._number, pose)
         self._number += 1
 
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses available by ``t_s``."""
-        return self._queue.arrived(t_s)
+        return self._queue.available(t_s)

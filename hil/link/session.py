@@ -135,7 +135,7 @@ class Link:
         self._sequence = 0
         self._heard_session = 0
         self.last_sequence: Optional[int] = None
-        self.gave_way = False
+        self.yielded = False
         """True if the last `recv` returned after ``MAX_IGNORED`` ignored packets: more may be buffered, so the caller
         must not wait on the line."""
 
@@ -148,7 +148,7 @@ class Link:
             self.stats.sent += 1
 
     def recv(self, timeout_s: float) -> Optional[Message]:
-        """Return the next message of this session; None after ``timeout_s`` or with ``gave_way``.
+        """Return the next message of this session; None after ``timeout_s`` or with ``yielded``.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Link:
             When the line is closed.
         """
         deadline = time.monotonic() + timeout_s
-        self.gave_way = False
+        self.yielded = False
         for _ in range(MAX_IGNORED):
             try:
                 packet = self.transport.recv_packet(max(0.0, deadline - time.monotonic()))
@@ -182,7 +182,7 @@ class Link:
             except PacketError:
                 self.stats.corrupt += 1
                 raise
-        self.gave_way = True
+        self.yielded = True
         return None
 
     def _belongs_here(self, packet: Packet) -> bool:

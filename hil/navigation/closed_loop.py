@@ -197,9 +197,9 @@ def fly_closed_loop(
     UserError
         See `check_closed_loop`.
     """
-    loop = ClosedLoop(flight, com_target_m, inertia_kg_m2, poses.arrived, config)
+    loop = ClosedLoop(flight, com_target_m, inertia_kg_m2, poses.available, config)
     for picture in loop.pictures():
-        poses.look(picture)
+        poses.expose(picture)
     return loop.result()
 
 
@@ -214,7 +214,7 @@ class ClosedLoop:
         See `fly_closed_loop`.
     inertia_kg_m2 : array
         See `fly_closed_loop`.
-    arrived : callable
+    available_poses : callable
         Returns the poses that became available by a time and were not returned before.
     config : ClosedLoopConfig, optional
         See `fly_closed_loop`.
@@ -225,14 +225,15 @@ class ClosedLoop:
         flight: Flight,
         com_target_m: ArrayLike,
         inertia_kg_m2: ArrayLike,
-        arrived: Callable[[float], Sequence[PoseMeasurement]],
+        available_poses: Callable[[float], Sequence[PoseMeasurement]],
         config: ClosedLoopConfig = ClosedLoopConfig(),
     ) -> None:
         check_closed_loop(flight, "the flight")
         thrusters = flight.guidance.acting_thrusters
         assert thrusters is not None  # noqa: S101 - check_closed_loop requires thrusters
         self.steps: list[LoopStep] = []
-        self._flight, self._arrived, self._config, self._thrusters = flight, arrived, config, thrusters
+        self._flight, self._available_poses = flight, available_poses
+        self._config, self._thrusters = config, thrusters
         self._com = np.asarray(com_target_m, float)
         self._rng = np.random.default_rng([config.seed, 1])
         self._end, _ = flight.guidance.state_lvlh(END_S, flight.n_rad_s)
@@ -254,7 +255,7 @@ class ClosedLoop:
         self._mass_kg, self._delta_v_m_s = thrusters.mass_kg, 0.0
 
     @property
-    def most_pictures(self) -> int:
+    def max_pictures(self) -> int:
         """Number of images of a flight that never arrives."""
         periods = int(np.floor(self._flight.duration_s / self._thrusters.period_s))
         return -(-periods // self._config.frame_every)
@@ -273,7 +274,7 @@ class ClosedLoop:
         h = self._thrusters.period_s
         for k in range(int(np.floor(self._flight.duration_s / h))):
             t = k * h
-            for pose in self._arrived(t):
+            for pose in self._available_poses(t):
                 self._filter.add(pose)
             frame = self._flight.orbit.frame(t)
             estimate = self._filter.estimate(t)

@@ -218,7 +218,7 @@ class NavigationFilter:
         target = matrix_from_quat(old.q_eci_from_target_wxyz) @ old.omega_target_rad_s
         turn = (target - np.cross(p, v) / (p @ p)) * (new.t_s - old.t_s)
         ratio = np.linalg.norm(new.position_lvlh_m) / np.linalg.norm(old.position_lvlh_m)
-        return new.with_older_bias(self.settings.memory.kept(float(np.linalg.norm(turn)), float(ratio)))
+        return new.with_decayed_bias(self.settings.memory.kept(float(np.linalg.norm(turn)), float(ratio)))
 
     def _forget(self, t_s: float) -> None:
         oldest = t_s - self.settings.history_s

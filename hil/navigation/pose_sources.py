@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 class PoseSource(Protocol):
     """Source of poses: exposes on request, and answers with a delay."""
 
-    def look(self, snapshot: Snapshot) -> None:
+    def expose(self, snapshot: Snapshot) -> None:
         """Expose an image at this moment."""
 
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses available by ``t_s`` that were not returned before."""
 
 
@@ -86,7 +86,7 @@ class LatePoses:
         """Store a pose until its delay has passed."""
         self._waiting.append(pose)
 
-    def arrived(self, t_s: float) -> Sequence[PoseMeasurement]:
+    def available(self, t_s: float) -> Sequence[PoseMeasurement]:
         """Return the poses whose delay has passed."""
         ready = []
         while self._waiting and self._waiting[0].t_s + self._latency_s <= t_s + 1e-9:
@@ -111,7 +111,7 @@ class NoisyPoses(LatePoses):
         super().__init__(latency_s)
         self._errors = PoseErrors(noise, np.random.default_rng([seed, 0]))
 
-    def look(self, snapshot: Snapshot) -> None:
+    def expose(self, snapshot: Snapshot) -> None:
         """Draw the errors of this moment's pose."""
         pose = self._errors.draw(snapshot)
         if pose is not None:
@@ -125,7 +125,7 @@ class TruePoses(LatePoses):
         super().__init__(latency_s)
         self._noise = noise
 
-    def look(self, snapshot: Snapshot) -> None:
+    def expose(self, snapshot: Snapshot) -> None:
         """Record the pose of this moment."""
         q, t = snapshot.pose()
         self.wait(self._noise.measured(snapshot.t_s, q, t, snapshot.q_camera_from_eci_wxyz))

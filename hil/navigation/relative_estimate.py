@@ -94,7 +94,7 @@ class RelativeEstimate:
             pose_bias=self.pose_bias + error[B],
         )
 
-    def with_older_bias(self, kept: float) -> RelativeEstimate:
+    def with_decayed_bias(self, kept: float) -> RelativeEstimate:
         """Return the estimate with the correlated pose errors decayed to a share ``kept``.
 
         A first-order Gauss-Markov process of unit variance: white noise replaces the decayed part.

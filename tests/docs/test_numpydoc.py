@@ -61,12 +61,14 @@ def failures(path):
     for node in ast.walk(tree):
         if not isinstance(node, (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
             continue
+        where = f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
+        if (section(ast.get_docstring(node) or "", "Raises") or ["name"])[0].startswith((" ", "If ")):
+            yield f"{where}: a Raises section names the exception before its condition"
         body = section(ast.get_docstring(node) or "", "Parameters")
         if body is None:
             continue
         known = fields(node, classes) if isinstance(node, ast.ClassDef) else arguments(node)
         foreign = isinstance(node, ast.ClassDef) and any(ast.unparse(b) not in classes for b in node.bases)
-        where = f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
         order = []
         for number, line in enumerate(body):
             if not line or line.startswith(" "):

@@ -60,7 +60,7 @@ class DrawnPoses(LatePoses):
         self.looks: list[Snapshot] = []
         self.answers: list[tuple[bool, np.ndarray, np.ndarray, np.ndarray]] = []
 
-    def look(self, snapshot: Snapshot) -> None:
+    def expose(self, snapshot: Snapshot) -> None:
         """Draw and estimate an image, and record the answer."""
         self._draw.submit(
             FrameRequest(scene=scene_flown(self._plan, snapshot, len(self.looks)), labels=False)
@@ -100,11 +100,11 @@ def fly(plan: Plan, draw: FrameProducer[Frame], pose: str) -> tuple[ClosedLoopRe
     drawn = DrawnPoses(plan, draw, make_estimator(board_model(plan.target), intrinsics))
     true = TruePoses(PoseNoise(), LATENCY_S)
     mass = plan.target.mass
-    flown_on = true.arrived if pose == "truth" else drawn.arrived
+    flown_on = true.available if pose == "truth" else drawn.available
     loop = ClosedLoop(plan.flight, mass.com_m, mass.inertia_kg_m2, flown_on, ClosedLoopConfig(seed=plan.seed))
     for picture in loop.pictures():
-        drawn.look(picture)
-        true.look(picture)
+        drawn.expose(picture)
+        true.expose(picture)
     return loop.result(), drawn
 
 

@@ -98,8 +98,8 @@ class BoardModel:
 
         Raises
         ------
+        BoardModelError
             If the file is missing, too large, not a regular file, not JSON, or not a board model of a known version.
-            version.
         """
         try:
             data = json.loads(read_bounded(path, MAX_BYTES).decode("utf-8"))

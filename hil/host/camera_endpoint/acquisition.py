@@ -40,12 +40,12 @@ class Acquisition:
         The camera's registers, which the controller reads and writes.
     stream : StreamChannel
         Channel on which images are sent.
-    tell : callable
+    send : callable
         Sends a message to the render process.
     """
 
-    def __init__(self, registers: Registers, stream: StreamChannel, tell: Callable[[object], None]) -> None:
-        self._registers, self._stream, self._tell = registers, stream, tell
+    def __init__(self, registers: Registers, stream: StreamChannel, send: Callable[[object], None]) -> None:
+        self._registers, self._stream, self._send_message = registers, stream, send
         self.answers: AnswerPort | None = None
         """Port for answers of boards; None without one."""
         self._origin_ns = time.monotonic_ns()
@@ -92,7 +92,7 @@ class Acquisition:
     def _forget(self) -> None:
         """Discard the requested image."""
         if self._exposed is not None:
-            self._tell_unsent(self._exposed)
+            self._report_unsent(self._exposed)
         self._due = self._exposed = None
 
     def trigger(self) -> None:
@@ -127,7 +127,7 @@ class Acquisition:
             1 / registers.number(Place.ACQUISITION_FRAME_RATE), 1e-6 * registers.number(Place.EXPOSURE_TIME)
         )
 
-    def ask_for_frame(self, now_s: float) -> None:
+    def request_frame(self, now_s: float) -> None:
         """Request an image from the renderer when due."""
         registers = self._registers
         if not self.wants_frame or now_s < self.next_s:
@@ -148,7 +148,7 @@ class Acquisition:
             registers.region,
             registers.pixel_format,
         )
-        self._tell(
+        self._send_message(
             ImageRequest(
                 request_id=self._request_id,
                 number=self._number,
@@ -162,7 +162,7 @@ class Acquisition:
     def take(self, result: ImageResult) -> None:
         """Store a rendered image until its exposure is over. Reject one of a stopped acquisition."""
         if self._due is None or result.request_id != self._due.request_id:
-            self._tell_unsent(result)
+            self._report_unsent(result)
         else:
             self._exposed = result
 
@@ -180,11 +180,11 @@ class Acquisition:
             return
         self._exposed = self._due = None
         if not self._send(picture, due, to):
-            self._tell_unsent(picture)
+            self._report_unsent(picture)
 
-    def _tell_unsent(self, result: ImageResult) -> None:
+    def _report_unsent(self, result: ImageResult) -> None:
         if self.answers is not None:
-            self._tell(PictureOutcome(result.request_id, None))
+            self._send_message(PictureOutcome(result.request_id, None))
 
     def _send(self, result: ImageResult, due: _Due, to: tuple[str, int] | None) -> bool:
         """Start sending an image; return False if there is no receiver."""

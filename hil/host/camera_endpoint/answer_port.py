@@ -55,7 +55,7 @@ class AnswerPort:
         self._key = terms.link.key
         self._report, self._note = report, note
         self._requests: dict[int, int] = {}
-        self._in_flight = FramesInFlight(self._came_to, terms.link.timeout_s)
+        self._in_flight = FramesInFlight(self._report_outcome, terms.link.timeout_s)
         self._board = BoardSession(terms.link, self._report_event, self._in_flight)
         self._board.terms = Terms(terms.ack, 0, 0)
         self._pending = PendingLinks(lambda reason: note(f"a connection was closed: {reason}"))
@@ -138,7 +138,7 @@ class AnswerPort:
         self._pending.add(transport)
         return self._pending.hear([transport])
 
-    def _came_to(self, record: FrameRecord) -> None:
+    def _report_outcome(self, record: FrameRecord) -> None:
         self._report(replace(record, frame_id=self._requests.pop(record.frame_id)))
 
     def _report_event(self, event: object) -> None:

@@ -63,7 +63,7 @@ class CameraLedger:
         """Register an image that was passed to the endpoint."""
         self._open[request_id] = scene, drawing_ms
 
-    def came_to(self, request_id: int, record: FrameRecord | None) -> None:
+    def record_outcome(self, request_id: int, record: FrameRecord | None) -> None:
         """Record the outcome of an image; None if it was not sent."""
         scene, drawing_ms = self._open.pop(request_id)
         if record is None:

@@ -96,7 +96,7 @@ class CameraEndpoint:
                     self._sockets.append(open_socket(interface, address, gvcp.PORT))
             stream = open_socket(interface, interface.address, 0)
             if config.answers is not None:
-                self._answers = AnswerPort(config.answers, self._came_to, self._note)
+                self._answers = AnswerPort(config.answers, self._report_outcome, self._note)
         except LinkError as error:
             self.close()
             raise UserError(str(error)) from error
@@ -168,7 +168,7 @@ class CameraEndpoint:
         if self._controller is not None and now > self._heard_s + self._registers[Place.HEARTBEAT_MS] * 1e-3:
             self._release(f"controller {self._controller[0]} sent no heartbeat: control was released")
         self._acquisition.send_exposed(now, self._receiver)
-        self._acquisition.ask_for_frame(now)
+        self._acquisition.request_frame(now)
         self._stream.step(now)
         return True
 
@@ -242,7 +242,7 @@ class CameraEndpoint:
         if request.command == GvcpCommand.PACKET_RESEND:
             # a receiver sends requests from its stream socket, so only the address can be compared
             if self._controller is not None and peer[0] == self._controller[0]:
-                self._stream.send_again(gvcp.parse_resend(payload))
+                self._stream.resend(gvcp.parse_resend(payload))
             return b""
         if request.command == GvcpCommand.READ_REGISTER:
             self._check_may_read(peer)
@@ -365,7 +365,7 @@ class CameraEndpoint:
         self._registers[Place.ACQUISITION_STOP] = 0
         self._acquisition.stop()
 
-    def _came_to(self, record: FrameRecord) -> None:
+    def _report_outcome(self, record: FrameRecord) -> None:
         self._pipe.send(PictureOutcome(record.frame_id, record))
 
 

@@ -84,7 +84,7 @@ def run_camera(
                 _draw(pictures, message, pipe, ledger)
             elif isinstance(message, PictureOutcome):
                 if ledger is not None:
-                    ledger.came_to(message.request_id, message.record)
+                    ledger.record_outcome(message.request_id, message.record)
             elif isinstance(message, Note) and on_note is not None:
                 on_note(message.sentence)
             elif isinstance(message, Opened) and on_opened is not None:
@@ -121,4 +121,4 @@ def _stop(pipe: Connection, ledger: CameraLedger | None) -> None:
     while pipe.poll(STOP_TIMEOUT_S):
         message = pipe.recv()
         if isinstance(message, PictureOutcome) and ledger is not None:
-            ledger.came_to(message.request_id, message.record)
+            ledger.record_outcome(message.request_id, message.record)

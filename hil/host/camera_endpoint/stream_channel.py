@@ -125,7 +125,7 @@ class StreamChannel:
                     (block, to, gap_s), self._waiting = self._waiting, None
                     self._begin(block, to, gap_s, now_s)
 
-    def send_again(self, request: ResendRequest) -> None:
+    def resend(self, request: ResendRequest) -> None:
         """Resend packets that a receiver requests, or report that they are not available.
 
         Limited by `RESENT_PER_PACKET`, so that small requests cannot cause large traffic.

@@ -84,14 +84,14 @@ class BoardSession:
     ----------
     config : LinkConfig
         Settings of the link.
-    tell : callable
+    send : callable
         Sends a message to the run.
     in_flight : FramesInFlight
         Frames in flight.
     """
 
-    def __init__(self, config: LinkConfig, tell: Callable[[object], None], in_flight: FramesInFlight) -> None:
-        self._config, self._tell, self._in_flight = config, tell, in_flight
+    def __init__(self, config: LinkConfig, send: Callable[[object], None], in_flight: FramesInFlight) -> None:
+        self._config, self._send, self._in_flight = config, send, in_flight
         self._serial = config.url.startswith("serial")
         self.terms: Terms | None = None
         self.link: Link | None = None
@@ -152,7 +152,7 @@ class BoardSession:
                 self.leave(str(error))
                 return
             if message is None:
-                if self.link.gave_way:
+                if self.link.yielded:
                     continue
                 return
             self._handle(message, now_ns(), self.link)
@@ -227,7 +227,7 @@ class BoardSession:
             self.counts = msgspec.structs.replace(self.counts, sessions=self.counts.sessions + 1)
         self.ack = ack
         link.transport.be_patient(self._config.silence_s)
-        self._tell(BoardGreeted())
+        self._send(BoardGreeted())
         try:
             link.send(ack)
             if not repeated:
@@ -252,7 +252,7 @@ class BoardSession:
         if 0 <= trip_ns < MAX_TRIP_NS:
             self._trips_ns.append(trip_ns)
         if reply.newest_frame is not None:
-            self._in_flight.lost_on_the_line(reply.asked_ns, reply.newest_frame)
+            self._in_flight.drop_unreceived(reply.asked_ns, reply.newest_frame)
         if self._up is None:
             return
         if len(self._clock) >= SYNC_BURST:
@@ -263,12 +263,12 @@ class BoardSession:
 
     def _announce(self) -> None:
         if self._up is not None:
-            self._tell(self._up)
+            self._send(self._up)
             self._up = None
             self.next_sync_ns = now_ns() + SYNC_EVERY_NS
 
     def _take_pose(self, pose: PoseMessage, at_ns: int, link: Link) -> None:
-        mistake = self._in_flight.mistake_of(pose.frame_id)
+        mistake = self._in_flight.violation_of(pose.frame_id)
         if mistake:
             link.stats.add_mistake(mistake, f"frame {pose.frame_id}")
             return
@@ -302,7 +302,7 @@ class BoardSession:
             self._count_packets(link)
             link.close()
         # first, so that a run in lockstep does not send its next frame in vain
-        self._tell(BoardDown(reason))
+        self._send(BoardDown(reason))
         self._in_flight.lose(reason)
 
     def _count_packets(self, link: Link) -> None:
@@ -324,7 +324,7 @@ class BoardSession:
             clock_drift_ppm_sigma=None if line is None else line.sigma_ppm,
         )
 
-    def ask_what_came(self) -> None:
+    def request_newest_frame(self) -> None:
         """Schedule a request for the newest received frame, unless one was sent since the last was due."""
         sent_ns = self._in_flight.last_sent_ns
         if sent_ns is None:
@@ -364,7 +364,6 @@ class BoardSession:
 
         A board that sends such requests does so from a separate thread, however long its estimator takes. A board that
         never sends them may be single-threaded, and only its frame time-outs count.
-        in one thread: of it only frames that run out of time tell.
         """
         if self.link is None or not self._beats or self.unread:
             return

@@ -118,7 +118,7 @@ class HostLink:
         self.counts = LinkTotals()
         self.closed = False
         try:
-            self._tell(config)
+            self._send_message(config)
             deadline = time.monotonic() + START_TIMEOUT_S
             while self._listening is None and time.monotonic() < deadline:
                 self.pump(0.2)
@@ -149,7 +149,7 @@ class HostLink:
         os.ftruncate(self._fd, n_slots * slot_bytes)
         self._slots = FrameSlots(self._fd, n_slots, slot_bytes)
         self._free = list(range(n_slots))
-        self._tell(Terms(ack, n_slots, slot_bytes))
+        self._send_message(Terms(ack, n_slots, slot_bytes))
 
     @property
     def has_room(self) -> bool:
@@ -163,11 +163,11 @@ class HostLink:
         slot = self._free.pop()
         self._slots.view(slot, image.shape, image.dtype.str)[...] = image
         record = job.record.at(ready_ns=time.monotonic_ns())
-        self._tell(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
+        self._send_message(replace(job, record=record, slot=slot, shape=image.shape, dtype=image.dtype.str))
 
     def add_line_fault(self, fault: LineFault) -> None:
         """Add a fault of the line, if the configuration allows it."""
-        self._tell(AddLineFault(fault))
+        self._send_message(AddLineFault(fault))
 
     def pump(self, timeout_s: float) -> None:
         """Process messages of the link process, waiting up to ``timeout_s`` for the first one."""
@@ -201,14 +201,14 @@ class HostLink:
         try:
             if not self.closed:
                 with contextlib.suppress(UserError, OSError):
-                    self._tell(Close(reason))
+                    self._send_message(Close(reason))
                     deadline = time.monotonic() + timeout_s
                     while not self.closed and time.monotonic() < deadline:
                         self.pump(0.2)
         finally:
             self._kill()
 
-    def _tell(self, message: object) -> None:
+    def _send_message(self, message: object) -> None:
         try:
             self._pipe.send(message)
         except OSError as error:

@@ -101,7 +101,7 @@ class FramesInFlight:
         """Return True if sending the frame was started."""
         return frame_id in self._history
 
-    def mistake_of(self, frame_id: int) -> str:
+    def violation_of(self, frame_id: int) -> str:
         """Return the protocol violation of an answer to a frame; empty if the answer is allowed, in time or late."""
         if frame_id not in self._history:
             return "an answer to a frame that was never sent"
@@ -155,7 +155,7 @@ class FramesInFlight:
         self._held.pop(frame_id, None)
         return flying
 
-    def lost_on_the_line(self, asked_ns: int, newest_frame: int) -> None:
+    def drop_unreceived(self, asked_ns: int, newest_frame: int) -> None:
         """Drop frames that did not reach the board, according to the newest frame that it reports.
 
         Parameters

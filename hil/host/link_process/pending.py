@@ -94,7 +94,7 @@ class PendingLinks:
                 return None
             if isinstance(message, Hello):
                 return message
-            if message is None and not link.gave_way:
+            if message is None and not link.yielded:
                 return None
         self._drop(link, "it sent nothing that the link protocol knows")
         return None

@@ -222,7 +222,7 @@ class LinkServer:
             self._newest = None
             self._drop(job, "no_credit", f"the board still held {self._in_flight.held} frames")
         else:
-            self._board.ask_what_came()
+            self._board.request_newest_frame()
 
     def _send_in_step(self) -> None:
         while self._waiting:
@@ -234,7 +234,7 @@ class LinkServer:
                 # nothing is lost by waiting for the board to finish a frame that timed out
                 self._blocked_until_ns = self._blocked_until_ns or now_ns() + self._timeout_ns
                 if now_ns() < self._blocked_until_ns:
-                    self._board.ask_what_came()
+                    self._board.request_newest_frame()
                     return
                 self._blocked_until_ns = 0
                 self._waiting.popleft()

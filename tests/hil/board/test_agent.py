@@ -97,7 +97,7 @@ def test_a_board_that_lost_its_host_meets_the_next_and_brings_nothing_along():
         agent = BoardAgent(url, make_estimator=Slow, connect_timeout_s=PATIENCE_S)
         agents.append(agent)
         try:
-            agent.serve_until_stopped(sentences.append, pause)
+            agent.serve_repeatedly(sentences.append, pause)
         except StopAgent:
             return "stopped"
 
@@ -320,7 +320,7 @@ def test_the_service_manager_hears_that_the_agent_is_ready_and_alive(stub, notif
 
 def test_an_agent_that_is_not_well_is_silent(notified):
     manager, well = ServiceManager(), threading.Event()
-    manager.beat_while(well.is_set)
+    manager.start_heartbeat(well.is_set)
     time.sleep(0.4)
     assert notified == []
     well.set()

@@ -72,8 +72,8 @@ def test_a_link_delays_keeps_order_and_loses_by_the_flights_clock():
     came: dict[float, float] = {}
     for t in np.arange(0.0, 80.0, 0.1):
         if abs(t - round(t)) < 1e-6 and t < 60.0:
-            poses.look(At(float(round(t))))
-        for pose in poses.arrived(float(t)):
+            poses.expose(At(float(round(t))))
+        for pose in poses.available(float(t)):
             assert pose.t_s not in came
             came[pose.t_s] = float(t)
     assert list(came) == sorted(came)
@@ -119,7 +119,7 @@ def test_a_map_is_flown_refined_and_the_same_after_a_kill(tmp_path):
 
 def test_a_map_that_is_refused_takes_nothing_away_from_the_one_that_is_flown(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "flyaround.hil.campaign.delay_map.flown_cells",
+        "flyaround.hil.campaign.delay_map.fly_cells",
         lambda path, tasks, _w, _p: path.touch() or [(t.cell, False) for t in tasks],
     )
     one = settings_for(SCENARIO, latencies_s=(2,), jitters_s=(0,), drops=(0,), flights=2, check=1)
@@ -143,7 +143,7 @@ def test_a_range_in_which_nothing_fails_is_extended_or_that_is_said(
     def flown(_path, tasks, _workers, _progress):
         return [(t.cell, t.cell.latency_s + t.cell.jitter_s < bears_s) for t in tasks]
 
-    monkeypatch.setattr("flyaround.hil.campaign.delay_map.flown_cells", flown)
+    monkeypatch.setattr("flyaround.hil.campaign.delay_map.fly_cells", flown)
     settings = settings_for(SCENARIO, latencies_s=(2, 4), jitters_s=(0, 1), drops=(0,), flights=20)
     outcome = map_delays(settings, tmp_path / "m", board_command=())
     assert outcome.extended == extended

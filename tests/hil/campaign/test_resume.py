@@ -7,7 +7,7 @@ import pytest
 
 from flyaround.hil.campaign import campaign as campaigns
 from flyaround.hil.campaign.campaign import run_campaign
-from flyaround.hil.campaign.case_run import RunResult, flown_by, inputs_of, read_result
+from flyaround.hil.campaign.case_run import RunResult, current_versions, inputs_of, read_result
 from flyaround.hil.host.link_process.ipc import Board
 
 TOML = """
@@ -41,7 +41,7 @@ class Bench:
         self.flown.append(task.seed)
         result = RunResult(
             inputs=inputs_of(task.ready),
-            flown_by=flown_by(task.ready),
+            flown_by=current_versions(task.ready),
             board=self.board,
             gl_renderer="llvmpipe",
             values={"ended": "completed", "deadline_misses": 0.0},

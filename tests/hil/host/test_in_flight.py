@@ -105,17 +105,17 @@ def test_frames_that_the_board_never_got_whole_are_given_up_once_it_was_asked():
         if k < 2:
             sky.flights.sent(flight, SENT_NS + 10 + k)
     # asked before frame 1 was out: it may come yet
-    sky.flights.lost_on_the_line(SENT_NS + 11, NO_FRAME)
+    sky.flights.drop_unreceived(SENT_NS + 11, NO_FRAME)
     assert sky.outcomes == {0: "dropped:lost"}
     # and the board has 1; 2 is still being sent
-    sky.flights.lost_on_the_line(SENT_NS + 20, 1)
+    sky.flights.drop_unreceived(SENT_NS + 20, 1)
     assert sky.outcomes == {0: "dropped:lost"}
     assert sky.flights.held == 2
     # one that ran out of time gives its credit back as well
     sky.flights.sent(sky.sent[2], SENT_NS + 30)
     sky.flights.expire(SENT_NS + TIMEOUT_NS + 5_000_000)
     assert (sky.flights.held, sky.flights.misses) == (2, 2)
-    sky.flights.lost_on_the_line(SENT_NS + 40, 1)
+    sky.flights.drop_unreceived(SENT_NS + 40, 1)
     assert (sky.flights.held, sky.flights.misses) == (1, 0)
     assert sky.outcomes[2] == "dropped:timeout"
 

@@ -160,12 +160,12 @@ def test_a_flood_of_what_does_not_belong_comes_back_to_the_caller():
     link = Link(b, 5)
     a.send_packet(Packet(PacketType.BYE, Bye("end").encode(), 5, MAX_IGNORED + 10))
     assert link.recv(0.0) is None
-    assert link.gave_way  # there may be more
+    assert link.yielded  # there may be more
     # and there is; nothing of it was damaged on the line
     assert link.recv(0.0) == Bye("end")
-    assert not link.gave_way
+    assert not link.yielded
     assert link.recv(0.0) is None
-    assert not link.gave_way
+    assert not link.yielded
     assert (link.stats.corrupt, link.stats.stale) == (0, MAX_IGNORED + 10)
 
     class Endless:

@@ -41,7 +41,7 @@ def send(channel, block_id):
 
 
 def ask(channel, block_id, first, last):
-    channel.send_again(ResendRequest(channel=0, block_id=block_id, first=first, last=last))
+    channel.resend(ResendRequest(channel=0, block_id=block_id, first=first, last=last))
 
 
 def test_missed_packets_come_again(channel):
