@@ -104,11 +104,11 @@ def draw_code(
             f"a code at {place.box_px} does not fit a picture of {image.shape[1]} x {image.shape[0]}"
         )
     left, top, right, bottom = place.box_px
-    drawn = image.copy()
+    output = image.copy()
     block = np.kron(code_cells(code), np.ones((place.cell_px, place.cell_px), bool))
     levels = np.where(block, white_dn, 0).astype(image.dtype)
-    drawn[top:bottom, left:right] = levels if image.ndim == 2 else levels[..., None]
-    return drawn
+    output[top:bottom, left:right] = levels if image.ndim == 2 else levels[..., None]
+    return output
 
 
 def read_code(image: NDArray[Any], place: CodePlace) -> CornerCode | None:

@@ -34,15 +34,15 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
     Exit codes: 0, the host ended the session; 1, the connection was lost; 2, an argument is invalid; 3, the watchdog
     stopped the estimator; 4, no session could be started; 130 and 143, stopped by Ctrl-C or SIGTERM.
     """
-    given = sys.argv[1:] if arguments is None else arguments
-    options = _options(given, program)
+    argv = sys.argv[1:] if arguments is None else arguments
+    options = _options(argv, program)
     logging.basicConfig(level=logging.INFO if options.verbose else logging.WARNING)
     try:
         with _sigterm_as_exception():
             if options.url is not None:
                 check_options(options.url, vars(options))
             if options.systemd_unit:
-                sys.stdout.write(_unit(given, options))
+                sys.stdout.write(_unit(argv, options))
                 return ExitCode.ORDERLY
             if options.image is not None:
                 answer = _answer(options.image, options.camera, options.model, options.method)
@@ -50,7 +50,7 @@ def main(arguments: Optional[List[str]] = None, program: str = "flyaround.hil.bo
                 return ExitCode.ORDERLY
             if options.url.startswith(SCHEME):
                 return _serve_camera(options)
-            return _serve(options, given, program)
+            return _serve(options, argv, program)
     except LinkError as error:
         sys.stderr.write(f"{error}\n")
         return ExitCode.NO_SESSION if isinstance(error, NoSessionError) else ExitCode.MISTAKE
@@ -93,8 +93,8 @@ def _options(arguments: List[str], program: str) -> argparse.Namespace:
     return options
 
 
-def _unit(given: List[str], options: argparse.Namespace) -> str:
-    words = [word for word in given if word != "--systemd-unit"]
+def _unit(argv: List[str], options: argparse.Namespace) -> str:
+    words = [word for word in argv if word != "--systemd-unit"]
     if not options.reconnect:
         words.append("--reconnect")
     if options.watchdog is None:
@@ -102,11 +102,11 @@ def _unit(given: List[str], options: argparse.Namespace) -> str:
     return systemd_unit(program_path(sys.argv[0]), words, options.url or "")
 
 
-def _serve(options: argparse.Namespace, given: List[str], program: str) -> int:
+def _serve(options: argparse.Namespace, argv: List[str], program: str) -> int:
     """Serve the host, once, or repeatedly with ``--reconnect``, and return the exit code."""
     start = [sys.argv[0]] if program.endswith(".pyz") else ["-m", program]
     agent = make_agent(options.url, options.model, vars(options))
-    summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *given])
+    summary = serve_sessions(agent, reconnect=options.reconnect, start=[*start, *argv])
     sys.stdout.write(f"{summary.ended}: {summary.accepted} of {summary.frames} poses accepted\n")
     return exit_code(summary)
 

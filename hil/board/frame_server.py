@@ -224,7 +224,7 @@ class FrameServer:
     # --- receiving --------------------------------------------------------------------------
 
     def _receive(self) -> None:
-        heard, heard_ns, beat_ns = -1, now_ns(), 0
+        last_received, last_received_ns, beat_ns = -1, now_ns(), 0
         try:
             while not self._stop.is_set():
                 if now_ns() >= beat_ns:
@@ -243,9 +243,9 @@ class FrameServer:
                     self._damaged(error)
                 self._report_lost()
                 stats = self._link.stats
-                if stats.received - stats.stale != heard:
-                    heard, heard_ns = stats.received - stats.stale, now_ns()
-                elif now_ns() - heard_ns > (patience_s := self._silence_s * self._patience) * 1e9:
+                if stats.received - stats.stale != last_received:
+                    last_received, last_received_ns = stats.received - stats.stale, now_ns()
+                elif now_ns() - last_received_ns > (patience_s := self._silence_s * self._patience) * 1e9:
                     self._ended = f"the host said nothing for {patience_s:g} s: it hangs, or the line is cut"
                     return
         except LinkClosed as error:

@@ -89,8 +89,8 @@ def add_options(parser: argparse._ActionsContainer, table: Tuple[AgentOption, ..
 def make_agent(
     url: str,
     model_path: str,
-    given: Dict[str, Any],
-    own: Optional[Tuple[EstimatorFactory, str, str]] = None,
+    values: Dict[str, Any],
+    custom: Optional[Tuple[EstimatorFactory, str, str]] = None,
 ) -> BoardAgent:
     """Return the agent that a set of option values describes.
 
@@ -100,9 +100,9 @@ def make_agent(
         URL of the host.
     model_path : str
         Board model file, or the name of a bundled one.
-    given : dict of str to object
+    values : dict of str to object
         Option values by `AgentOption.name`.
-    own : tuple of EstimatorFactory and str, optional
+    custom : tuple of EstimatorFactory and str, optional
         Another estimator than the built-in ones: its factory, and the name and hash of its model.
 
     Raises
@@ -111,20 +111,20 @@ def make_agent(
         If a value, the URL, the model, the method, the key or the kernels cannot be used; the message is one sentence.
     """
     for name in ("timeout", "watchdog", "silence"):
-        if given[name] is not None and not given[name] > 0:
-            raise LinkError(f"--{name} {given[name]:g} is invalid: give seconds above 0")
-    if not 1 <= given["window"] <= MAX_WINDOW:
-        raise LinkError(f"--window {given['window']} is invalid: give 1 to {MAX_WINDOW} frames")
+        if values[name] is not None and not values[name] > 0:
+            raise LinkError(f"--{name} {values[name]:g} is invalid: give seconds above 0")
+    if not 1 <= values["window"] <= MAX_WINDOW:
+        raise LinkError(f"--window {values['window']} is invalid: give 1 to {MAX_WINDOW} frames")
     names = ("make_estimator", "model_name", "model_sha256")
-    more: Dict[str, Any] = {} if own is None else dict(zip(names, own))  # noqa: B905 - Python 3.9 has no strict=
+    more: Dict[str, Any] = {} if custom is None else dict(zip(names, custom))  # noqa: B905 - Python 3.9 has no strict=
     return BoardAgent(
         url,
         model_path,
-        given["method"],
-        connect_timeout_s=given["timeout"],
-        window=given["window"],
-        key=None if given["key"] is None else read_key(given["key"]),
-        watchdog_s=math.inf if given["watchdog"] is None else given["watchdog"],
-        silence_s=given["silence"],
+        values["method"],
+        connect_timeout_s=values["timeout"],
+        window=values["window"],
+        key=None if values["key"] is None else read_key(values["key"]),
+        watchdog_s=math.inf if values["watchdog"] is None else values["watchdog"],
+        silence_s=values["silence"],
         **more,
     )

@@ -164,8 +164,8 @@ def _view(
     places, inward = _sample_outline(filled, count)
     border = cv2.dilate(filled, KERNEL) - cv2.erode(filled, KERNEL, iterations=2)
     x, y = np.rint(xy).astype(int).T
-    kept = np.flatnonzero(border[y, x])
-    owner, share, xy = owner[kept], share[kept], xy[kept]
+    outline = np.flatnonzero(border[y, x])
+    owner, share, xy = owner[outline], share[outline], xy[outline]
     # the outermost mesh point near each contour pixel
     neighbours = cKDTree(xy).query(places, k=min(12, len(xy)))
     distance, near = (np.asarray(x).reshape(count, -1) for x in neighbours)
@@ -269,6 +269,6 @@ def _curvature(s: _Surface, face: IntArray, sight: FloatArray) -> FloatArray:
     area2 = np.maximum(g11 * g22 - g12 * g12, 1e-30)
     a, b = (g22 * s1 - g12 * s2) / area2, (g11 * s2 - g12 * s1) / area2
     tangent = a[:, None] * e1 + b[:, None] * e2
-    turned = a[:, None] * (n[:, 1] - n[:, 0]) + b[:, None] * (n[:, 2] - n[:, 0])
+    change = a[:, None] * (n[:, 1] - n[:, 0]) + b[:, None] * (n[:, 2] - n[:, 0])
     length2 = np.maximum(np.einsum("ij,ij->i", tangent, tangent), 1e-30)
-    return np.asarray(np.einsum("ij,ij->i", tangent, turned) / length2)
+    return np.asarray(np.einsum("ij,ij->i", tangent, change) / length2)

@@ -65,7 +65,7 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
     u[fold], v[fold] = 1 - u[fold], 1 - v[fold]
     a, b, c = (triangles_m[owner, i] for i in range(3))
     points = (a + u[:, None] * (b - a) + v[:, None] * (c - a)).astype(np.float32)
-    seen, looked = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
+    seen, n_views = np.zeros(len(triangles_m)), np.zeros(len(triangles_m))
     for d in sphere_directions(DIRECTIONS):
         x = np.cross([0.0, 0.0, 1.0] if abs(d[2]) < 0.8 else [1.0, 0.0, 0.0], d)
         x /= np.linalg.norm(x)
@@ -79,9 +79,9 @@ def visible_area(triangles_m: FloatArray) -> FloatArray:
         depth[flat[far_first]] = p[far_first, 2]
         visible = owner[front[p[:, 2] <= depth[flat] + 0.4 * pitch]]
         seen += np.bincount(visible, minlength=len(triangles_m))
-        looked += np.bincount(owner[front], minlength=len(triangles_m))
+        n_views += np.bincount(owner[front], minlength=len(triangles_m))
     # an occasional empty cell makes inner faces appear visible
-    seen[seen < MAX_LEAK_SHARE * looked] = 0.0
+    seen[seen < MAX_LEAK_SHARE * n_views] = 0.0
     return np.asarray(0.5 * twice * seen / (count * DIRECTIONS))
 
 
@@ -130,11 +130,11 @@ def _most_informative_parts(parts: Sequence[Part], coarse: int) -> tuple[FloatAr
     new = np.zeros(len(triangles))
     new[hidden] = _distinctiveness(parts, triangles, owner, surface, hidden, MIN_DISTANCE_SHARE * size)
     side = face_vectors(triangles)
-    shown = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
+    new_area = np.bincount(owner, 0.5 * np.linalg.norm(side, axis=1) * new, len(parts))
     number = np.bincount(owner, seen, len(parts)).astype(int)
     chosen_parts, count = np.arange(len(parts)) < coarse, int(surface.sum())
-    for k in np.argsort(-shown / np.maximum(number, 1)):
-        if not chosen_parts[k] and shown[k] > MIN_PART * size**2 and count + number[k] <= MAX_VISIBLE:
+    for k in np.argsort(-new_area / np.maximum(number, 1)):
+        if not chosen_parts[k] and new_area[k] > MIN_PART * size**2 and count + number[k] <= MAX_VISIBLE:
             chosen_parts[k] = True
             count += number[k]
     # faces hidden only by omitted parts become visible
@@ -148,7 +148,7 @@ def _distinctiveness(
     triangles_m: FloatArray,
     owner: IntArray,
     surface: BoolArray,
-    asked: IntArray,
+    candidates: IntArray,
     within_m: float,
 ) -> FloatArray:
     """Return weights of triangles near a surface: 1 for another material, `PROTRUSION_WEIGHT` if well off it, else 0.
@@ -159,7 +159,7 @@ def _distinctiveness(
         Part of each triangle.
     surface : BoolArray
         Mask (T,) of the triangles that form the surface.
-    asked : IntArray
+    candidates : IntArray
         Indices of the triangles to weight.
     within_m : float
         Distance within which a triangle of the same material adds no information.
@@ -176,9 +176,9 @@ def _distinctiveness(
         points.append(a + u[inside, None] * (b - a) + v[inside, None] * (c - a))
         of.append(np.full(int(inside.sum()), material[k]))
     if not points:
-        return np.ones(len(asked))
-    distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[asked].mean(axis=1))
-    other = (distance > within_m) | (np.concatenate(of)[nearest] != material[asked])
+        return np.ones(len(candidates))
+    distance, nearest = cKDTree(np.concatenate(points)).query(triangles_m[candidates].mean(axis=1))
+    other = (distance > within_m) | (np.concatenate(of)[nearest] != material[candidates])
     return np.where(distance > 3.0 * within_m, PROTRUSION_WEIGHT, other.astype(float))
 
 

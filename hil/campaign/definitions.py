@@ -274,8 +274,8 @@ def _check_requirement(requirement: Requirement, campaign: Campaign, where: str)
 
 def _ready(case: Case, path: Path) -> ReadyCase:
     where, folder = f"{path}: case {case.name!r}", path.parent
-    beside = folder / case.scenario
-    named = beside if case.scenario.endswith(".toml") else case.scenario
+    scenario_path = folder / case.scenario
+    named = scenario_path if case.scenario.endswith(".toml") else case.scenario
     scenario = load_scenario(named)
     faults = case.faults
     if isinstance(faults, str):

@@ -175,10 +175,10 @@ class _Map:
 
     def _fly(self, cells: Iterable[Cell]) -> dict[Cell, CellResult]:
         """Return the results of some cells, flown after all earlier ones."""
-        wanted = list(cells)
-        self._tasks += self._flights(wanted, self._settings.flights)
+        target_share = list(cells)
+        self._tasks += self._flights(target_share, self._settings.flights)
         counted = self._counted(FLIGHTS_CSV, "flights", self._tasks)
-        return {cell: counted[cell] for cell in wanted}
+        return {cell: counted[cell] for cell in target_share}
 
     def _flights(
         self, cells: Iterable[Cell], n: int, board_command: tuple[str, ...] | None = None
@@ -232,12 +232,12 @@ class _Map:
     def _checked(self, cells: Sequence[CellResult]) -> tuple[CheckedCell, ...]:
         """Verify some cells with rendered images and a board."""
         s = self._settings
-        chosen = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in select_cells(cells, s.check)}
-        tasks = self._flights(chosen, s.check_flights, self._board_command)
+        selected = {Cell(r.latency_s, r.jitter_s, r.drops): r for r in select_cells(cells, s.check)}
+        tasks = self._flights(selected, s.check_flights, self._board_command)
         drawn = self._counted(CHECKS_CSV, "drawn flights", tasks) if tasks else {}
         return tuple(
             CheckedCell(without_pictures=r, drawn=again, agree=again.low <= r.high and r.low <= again.high)
-            for r, again in ((chosen[cell], again) for cell, again in drawn.items())
+            for r, again in ((selected[cell], again) for cell, again in drawn.items())
         )
 
 
@@ -248,12 +248,12 @@ def select_cells(cells: Sequence[CellResult], n: int) -> list[CellResult]:
         burden = result.latency_s + result.jitter_s + 10 * result.drops
         return -burden if result.share > 0.5 else burden
 
-    left, chosen = list(cells), []
-    for wanted in np.linspace(1.0, 0.0, n) if n > 1 else [0.5] * n:
-        best = min(left, key=lambda r: (abs(r.share - wanted), edge(r), r.latency_s, r.jitter_s))
+    left, selected = list(cells), []
+    for target_share in np.linspace(1.0, 0.0, n) if n > 1 else [0.5] * n:
+        best = min(left, key=lambda r: (abs(r.share - target_share), edge(r), r.latency_s, r.jitter_s))
         left.remove(best)
-        chosen.append(best)
-    return chosen
+        selected.append(best)
+    return selected
 
 
 def _grid(latencies_s: Iterable[float], s: MapSettings) -> list[Cell]:

@@ -25,8 +25,8 @@ ERRORS = "No images were rendered: poses are the truth with the measured errors 
 
 def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     """Write the image and the page that shows it."""
-    drawn = draw_delay_map(outcome)
-    write_atomic(folder / PICTURE, drawn)
+    picture = draw_delay_map(outcome)
+    write_atomic(folder / PICTURE, picture)
     s, first = outcome.settings, outcome.half[0]
     page = Page("Flyaround: delay map", f"Success over the link's delays: {s.scenario}", width_px=1240)
     every = "once per control period" if s.every_s is None else f"every {s.every_s:g} s"
@@ -47,7 +47,7 @@ def write_delay_map_page(folder: Path, outcome: DelayMapOutcome) -> None:
     )
     page.add(
         plot(
-            drawn,
+            picture,
             "A successful approach arrives within 0.2 m and 2 deg and never enters the sphere outside its corridor; "
             "the line marks 50 % success. Latency: from mid-exposure to the pose in the filter; jitter: additional, "
             "uniform from 0; lost: share of poses. " + ERRORS,

@@ -82,11 +82,11 @@ def run_demo(
     plan = plan_flight(scenario, n=N_IMAGES)
     say(f"{scenario.title}: {scenario.duration_s:.0f} s of simulated time")
     with progress_bar("capture 20 images") as progress:
-        captured = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
+        capture_summary = capture(plan, folder / "dataset", formats=("native", "speed"), progress=progress)
     with progress_bar("check every label") as progress:
         checked = check_dataset(folder / "dataset", progress)
-    if checked.faults or captured.quarantined:
-        first = checked.faults[0].what if checked.faults else captured.quarantined[0][1]
+    if checked.faults or capture_summary.quarantined:
+        first = checked.faults[0].what if checked.faults else capture_summary.quarantined[0][1]
         raise UserError(
             f"the demo's labels in {folder / 'dataset'} disagree: {first}; run flyaround check there"
         )
@@ -94,16 +94,16 @@ def run_demo(
     loop = _run_loop(plan_flight(scenario, n=N_LOOP_FRAMES), folder / "hil", board_command, progress_bar)
     write_report(folder / "hil")
     with progress_bar(f"{N_COMPARED} frames by three methods") as progress:
-        compared = compare_methods(loop.frames, plan.target, progress)
+        answers = compare_methods(loop.frames, plan.target, progress)
     page = write_page(
         DemoResults(
             folder=folder,
             plan=plan,
-            captured=captured,
+            captured=capture_summary,
             checked=checked,
             summary=loop.summary,
             rows=loop.rows,
-            compared=compared,
+            compared=answers,
             loop_frames=loop.frames,
             truth_records=loop.truth_records,
             run_s=time.monotonic() - started,
@@ -118,7 +118,7 @@ def run_demo(
             "images": checked.n_frames,
             "labels": checked.n_labels,
             "truth_records": loop.truth_records,
-            "methods": [asdict(answer) for answer in compared],
+            "methods": [asdict(answer) for answer in answers],
             "ledger": json.loads(msgspec.json.encode(loop.summary)),
         },
     )

@@ -78,10 +78,10 @@ def _image(results: DemoResults, place: Path, k: int) -> Markup:
     """Return a labelled image with its truth overlaid, plain on hover."""
     paths = frame_paths(results.folder / "dataset", k)
     truth, image = read_truth(paths.truth), np.asarray(read_png(paths.image), np.uint8)
-    drawn = draw_truth(image, truth, results.plan.target)
+    truth_image = draw_truth(image, truth, results.plan.target)
     plain = screen_rgb(image, truth.scene.sensor, truth.camera.pixel_encoding)
     names = {"truth": f"truth_{k:02d}.jpg", "plain": f"plain_{k:02d}.jpg"}
-    _write_small(place / names["truth"], with_inset(drawn, truth), THUMBNAIL_PX)
+    _write_small(place / names["truth"], with_inset(truth_image, truth), THUMBNAIL_PX)
     _write_small(place / names["plain"], with_inset(plain, truth), THUMBNAIL_PX)
     n_visible = sum(p.state == "visible" for p in truth.keypoints)
     notes = [f"{truth.t_s:.0f} s", f"{_range(truth):.1f} m", f"{n_visible}/{len(truth.keypoints)} keypoints"]
@@ -156,8 +156,12 @@ def _page(results: DemoResults, images: Sequence[Markup], answers: Sequence[Mark
     scenario = results.plan.scenario
     page = Page(f"Flyaround: {scenario.title}", scenario.title, width_px=1500, dark=True, style=STYLE)
     page.add(note(scenario.description))
-    made = f"flyaround {card.machine.flyaround}"
-    about = (f"{scenario.epoch_utc}, {scenario.duration_s:.0f} s of flight", card.machine.gl_renderer, made)
+    version = f"flyaround {card.machine.flyaround}"
+    about = (
+        f"{scenario.epoch_utc}, {scenario.duration_s:.0f} s of flight",
+        card.machine.gl_renderer,
+        version,
+    )
     page.add(note(_dotted((*about, f"generated in {results.run_s:.0f} s"))))
     page.add(
         key_figures(

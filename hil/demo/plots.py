@@ -34,7 +34,7 @@ def plot_trajectory(plan: Plan) -> Figure:
     times = np.linspace(0, plan.scenario.duration_s, 181)
     states = [plan.flight.state(float(t)) for t in times]
     p = np.array([s.position_lvlh_m for s in states])
-    taken = np.array([plan.flight.state(t).position_lvlh_m for t in plan.times_s])
+    positions = np.array([plan.flight.state(t).position_lvlh_m for t in plan.times_s])
     figure, axes = figure_with_axes(1, 3, 4.2, width=WIDTH_INCHES, dark=True)
     views = (
         (1, 0, "along-track [m]", "radial, outward [m]"),
@@ -42,7 +42,7 @@ def plot_trajectory(plan: Plan) -> Figure:
     )
     for ax, (i, j, x, y) in zip(axes, views, strict=False):
         ax.plot(p[:, i], p[:, j], color=SKY, lw=2)
-        ax.plot(taken[:, i], taken[:, j], ".", color=ORANGE, ms=8, label="image taken")
+        ax.plot(positions[:, i], positions[:, j], ".", color=ORANGE, ms=8, label="image taken")
         ax.plot(0, 0, "s", color=DARK_INK, ms=8, label="target")
         ax.plot(p[0, i], p[0, j], "o", mfc="none", mec=DARK_INK, ms=9, label="start")
         ax.set(xlabel=x, ylabel=y, aspect="equal")

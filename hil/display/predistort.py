@@ -67,6 +67,6 @@ class Predistorter:
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=0.0,
         )
-        wanted = np.clip(on_screen * self._gain, 0.0, 1.0)
-        levels = self._levels[np.rint(wanted * (len(self._levels) - 1)).astype(np.intp)]
+        relative_light = np.clip(on_screen * self._gain, 0.0, 1.0)
+        levels = self._levels[np.rint(relative_light * (len(self._levels) - 1)).astype(np.intp)]
         return np.rint(levels).astype(np.uint8)

@@ -238,8 +238,8 @@ def decision_figure(by_method: dict[str, list[EvaluatedFrame]]) -> Figure | None
         left.plot(100 * wrong, 100 * sum(r.feasible for r in accepted) / feasible, "o", color=colour)
         bins = reliability(rows)
         x, y = (np.array([getattr(b, name) for b in bins]) for name in ("confidence", "right"))
-        away = np.array([[b.right - b.low, b.high - b.right] for b in bins]).T
-        right.errorbar(x, y, np.maximum(away, 0), fmt="o", color=colour, lw=1.2, capsize=2)
+        error_bars = np.array([[b.right - b.low, b.high - b.right] for b in bins]).T
+        right.errorbar(x, y, np.maximum(error_bars, 0), fmt="o", color=colour, lw=1.2, capsize=2)
     left.set(
         xlabel="wrong, of accepted [%]", ylabel="accepted, of feasible [%]", xlim=(0, 10), ylim=(40, 101)
     )

@@ -210,9 +210,11 @@ def bootstrap_intervals(
     if len(values) < MIN_BOOTSTRAP:
         return None, None
     sample = np.asarray(values, float)
-    drawn = sample[np.random.default_rng(len(sample)).integers(0, len(sample), (resamples, len(sample)))]
-    median = np.percentile(np.median(drawn, axis=1), [2.5, 97.5])
-    mean = np.percentile(drawn.mean(axis=1), [2.5, 97.5])
+    resamples_drawn = sample[
+        np.random.default_rng(len(sample)).integers(0, len(sample), (resamples, len(sample)))
+    ]
+    median = np.percentile(np.median(resamples_drawn, axis=1), [2.5, 97.5])
+    mean = np.percentile(resamples_drawn.mean(axis=1), [2.5, 97.5])
     return (float(median[0]), float(median[1])), (float(mean[0]), float(mean[1]))
 
 

@@ -53,8 +53,8 @@ def pose_spread(records: Sequence[FrameScore]) -> PoseSpread | None:
     accepted = [r for r in feasible if r.accepted]
     if len(accepted) < MIN_POSES:
         return None
-    away = np.array([r.range_m for r in accepted])[:, None]
-    shift = np.array([r.shift_camera_m for r in accepted], float) / away
+    ranges_m = np.array([r.range_m for r in accepted])[:, None]
+    shift = np.array([r.shift_camera_m for r in accepted], float) / ranges_m
     turn = np.radians(np.array([r.turn_camera_deg for r in accepted], float))
     parts = np.concatenate([shift, turn], axis=1)
     robust = MAD_TO_SIGMA * np.median(np.abs(parts), axis=0)

@@ -88,7 +88,7 @@ def fly_forecasts(
     return Forecasts(rigid_body=rigid, constant_rate=constant)
 
 
-def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
+def write_forecasts(folder: Path, results: Forecasts, title: str) -> None:
     """Write ``forecast.csv`` and ``forecast.png`` into an existing folder.
 
     Raises
@@ -99,10 +99,10 @@ def write_forecasts(folder: Path, found: Forecasts, title: str) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["model", *(field.name for field in fields(ForecastError))])
-    for model, errors in (("rigid_body", found.rigid_body), ("constant_rate", found.constant_rate)):
+    for model, errors in (("rigid_body", results.rigid_body), ("constant_rate", results.constant_rate)):
         writer.writerows([model, *(f"{value:.6g}" for value in astuple(error))] for error in errors)
     write_atomic(folder / FORECAST_CSV, text.getvalue().encode())
-    write_atomic(folder / FORECAST_PNG, png(forecast_figure([(title, found)])))
+    write_atomic(folder / FORECAST_PNG, png(forecast_figure([(title, results)])))
 
 
 def forecast_figure(panels: Sequence[tuple[str, Forecasts]]) -> Figure:

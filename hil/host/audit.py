@@ -76,7 +76,7 @@ def audit_pictures(
         Position of the time code in the run.
     """
     place = CodePlace() if place is None else place
-    by_frame, matched, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
+    by_frame, matched_frames, audit = {row.frame_id: row for row in rows}, set(), PictureAudit()
     for name, image in pictures:
         audit.pictures += 1
         code = read_code(image, place)
@@ -91,13 +91,13 @@ def audit_pictures(
             audit.wrong.append(
                 f"{name} has the code of frame {code.frame_id}, {off_ms:+.3f} ms from its time in the ledger"
             )
-        elif code.frame_id in matched:
+        elif code.frame_id in matched_frames:
             audit.twice.append(name)
         else:
             audit.agree += 1
-            matched.add(code.frame_id)
+            matched_frames.add(code.frame_id)
     answered = (row.frame_id for row in rows if row.outcome in {"accepted", "declined"})
-    audit.missing = [frame_id for frame_id in answered if frame_id not in matched]
+    audit.missing = [frame_id for frame_id in answered if frame_id not in matched_frames]
     return audit
 
 

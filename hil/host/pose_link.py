@@ -71,12 +71,12 @@ class PoseLink:
         for k, fault in enumerate(self.faults):
             if not isinstance(fault, SUPPORTED_FAULTS) or not fault.acts(t_s):
                 continue
-            drawn = np.random.default_rng([self.seed, 2, k, number]).random()
+            uniform = np.random.default_rng([self.seed, 2, k, number]).random()
             if isinstance(fault, Delay):
                 delay_s += 1e-3 * fault.delay_ms
             elif isinstance(fault, Jitter):
-                delay_s += 1e-3 * fault.most_ms * drawn
-            elif drawn < fault.chance:
+                delay_s += 1e-3 * fault.most_ms * uniform
+            elif uniform < fault.chance:
                 return None
         return delay_s
 

@@ -244,8 +244,8 @@ def _loop(c: ClosedLoopFigures, steps: dict[str, list[str]]) -> Markup:
         *([INSIDE_LABEL] if c.keep_out_violations else []),
     ]
     reason = note(f"{c.outcome} after {_text(c.duration_s, 's')}" + (f": {c.reason}" if c.reason else ""))
-    drawn = plot(plot_closed_loop(steps), CAPTIONS["closed loop"], alt="closed loop") if steps else None
-    return markup(key_figures(figures, bad=bad), reason, drawn)
+    loop_plot = plot(plot_closed_loop(steps), CAPTIONS["closed loop"], alt="closed loop") if steps else None
+    return markup(key_figures(figures, bad=bad), reason, loop_plot)
 
 
 def _mistakes(s: LedgerSummary) -> str:

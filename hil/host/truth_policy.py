@@ -79,10 +79,10 @@ def is_private(url: str) -> bool:
 def is_loopback(host: str, port: int) -> bool:
     """Return True if a host name resolves to this machine only; False if it cannot be resolved."""
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except OSError:
         return False  # listen() reports the error
-    addresses = {str(address[0]).partition("%")[0] for *_, address in found}
+    addresses = {str(address[0]).partition("%")[0] for *_, address in resolved}
     return bool(addresses) and all(ipaddress.ip_address(a).is_loopback for a in addresses)
 
 

@@ -162,11 +162,11 @@ class Approach:
         return retreat_impulse(estimate.position_lvlh_m, estimate.velocity_lvlh_m_s, keep_out)
 
     def _is_near(self, estimate: RelativeEstimate) -> bool:
-        away = float(np.linalg.norm(estimate.position_lvlh_m - self._end))
+        distance_m = float(np.linalg.norm(estimate.position_lvlh_m - self._end))
         speed = float(np.linalg.norm(estimate.velocity_lvlh_m_s))
         rules = self._rules
         return (
-            away <= rules.arrived_within_m
+            distance_m <= rules.arrived_within_m
             and speed <= rules.arrived_speed_m_s
             and estimate.attitude_sigma_rad <= rules.arrived_sigma_rad
         )

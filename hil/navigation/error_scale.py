@@ -19,18 +19,18 @@ class ScaleSettings:
     ----------
     prior_poses : float, optional
         Weight of the initial factor of 1 [poses].
-    kept : float, optional
+    retention : float, optional
         Share of the information that remains at the next pose; the rest returns to the prior.
-    least : float, optional
+    min_factor : float, optional
         Lower bound of a factor.
-    most : float, optional
+    max_factor : float, optional
         Upper bound of a factor.
     """
 
     prior_poses: float = 4.0
-    kept: float = 0.97
-    least: float = 0.5
-    most: float = 8.0
+    retention: float = 0.97
+    min_factor: float = 0.5
+    max_factor: float = 8.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +42,8 @@ class ErrorScale:
 
     Parameters
     ----------
+    settings : ScaleSettings, optional
+        Prior and forgetting.
     weight : float, optional
         Weight of the poses in the belief [poses].
     squares : (6,) array, optional
@@ -71,13 +73,13 @@ class ErrorScale:
         degrees = self.degrees_of_freedom
         # mean logarithm of an inverse gamma variable, up to second-order terms
         squared = (self.settings.prior_poses + self.squares) / (degrees - 1.0)
-        return np.clip(np.sqrt(squared), self.settings.least, self.settings.most)
+        return np.clip(np.sqrt(squared), self.settings.min_factor, self.settings.max_factor)
 
-    def faded(self) -> ErrorScale:
+    def predicted(self) -> ErrorScale:
         """Return the belief predicted to the next pose."""
-        kept = self.settings.kept
-        return replace(self, weight=kept * self.weight, squares=kept * self.squares)
+        retention = self.settings.retention
+        return replace(self, weight=retention * self.weight, squares=retention * self.squares)
 
-    def after(self, squares: FloatArray) -> ErrorScale:
+    def updated(self, squares: FloatArray) -> ErrorScale:
         """Return the belief updated with squared errors (6,), relative to the variance for a factor of 1."""
         return replace(self, weight=self.weight + 1.0, squares=self.squares + squares)

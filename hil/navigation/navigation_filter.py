@@ -153,11 +153,11 @@ class NavigationFilter:
         if newest is not None and _same(newest, pose):
             return "repeated"
         if self._track:
-            used = self._with(self._track, pose)
-            if used == "too old":
+            accepted_fixes = self._with(self._track, pose)
+            if accepted_fixes == "too old":
                 return "too old"
-            if used is not None:
-                self._track, self._candidate, self._gated_in_a_row = used, [], 0
+            if accepted_fixes is not None:
+                self._track, self._candidate, self._gated_in_a_row = accepted_fixes, [], 0
                 self._predicted = None
                 self._forget(pose.t_s)
                 return "used"
@@ -197,7 +197,7 @@ class NavigationFilter:
         if not before:
             return "too old"
         updated, distance = self.updated(self._predicted_to(before[-1], pose), pose)
-        if distance > self._gate(before[-1].after.error_scale.faded()):
+        if distance > self._gate(before[-1].after.error_scale.predicted()):
             return None
         result = [*before, _Fix(pose, updated)]
         for fix in later:
@@ -229,7 +229,7 @@ class NavigationFilter:
 
     def updated(self, estimate: RelativeEstimate, pose: PoseMeasurement) -> tuple[RelativeEstimate, float]:
         """Return the estimate updated by a simultaneous pose, and the innovation's squared Mahalanobis distance."""
-        estimate = estimate.with_scaled_errors(estimate.error_scale.faded())
+        estimate = estimate.with_scaled_errors(estimate.error_scale.predicted())
         factors = estimate.error_scale.factors
         new = pose.new_errors(factors)
         H, C, R = self._sensitivity(estimate, pose, factors), estimate.joint_covariance, new @ new.T
@@ -246,7 +246,7 @@ class NavigationFilter:
         whiten = np.linalg.inv(pose.new_errors())
         residual = whiten @ self._residual(after, pose, factors)
         unknown = np.diag(whiten @ H @ after.joint_covariance @ H.T @ whiten.T)
-        scale = after.error_scale.after(residual**2 + unknown)
+        scale = after.error_scale.updated(residual**2 + unknown)
         return after.with_scaled_errors(scale), distance
 
     def _residual(self, estimate: RelativeEstimate, pose: PoseMeasurement, factors: FloatArray) -> FloatArray:

@@ -57,8 +57,8 @@ class PoseErrors:
         if self._before is not None:
             turn = float(np.linalg.norm(rotvec_between(self._before[0], q)))
             ratio = float(np.linalg.norm(t) / np.linalg.norm(self._before[1]))
-            kept = self._noise.memory.kept(turn, ratio)
-            self._bias = kept * self._bias + np.sqrt(1.0 - kept * kept) * fresh
+            correlation = self._noise.memory.kept(turn, ratio)
+            self._bias = correlation * self._bias + np.sqrt(1.0 - correlation * correlation) * fresh
         self._before = q, t
         if not is_there:
             return None

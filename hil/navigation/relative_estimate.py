@@ -83,12 +83,12 @@ class RelativeEstimate:
 
         The attitude error is multiplicative (Lefferts, Markley & Shuster 1982).
         """
-        turned = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
+        attitude = quat_multiply(self.q_eci_from_target_wxyz, quat_from_rotvec(error[A]))
         return replace(
             self,
             position_lvlh_m=self.position_lvlh_m + error[P],
             velocity_lvlh_m_s=self.velocity_lvlh_m_s + error[V],
-            q_eci_from_target_wxyz=quat_normalize(turned),
+            q_eci_from_target_wxyz=quat_normalize(attitude),
             omega_target_rad_s=self.omega_target_rad_s + error[W],
             joint_covariance=covariance,
             pose_bias=self.pose_bias + error[B],
@@ -221,7 +221,9 @@ class MotionModel:
         Phi = np.eye(18)
         Phi[:6, :6] = transition_matrix(self.n_rad_s, h)
         Phi[6:12, 6:12] = self._attitude_transition(estimate.omega_target_rad_s, h)
-        moved = Phi[:6, :6] @ np.concatenate([estimate.position_lvlh_m, estimate.velocity_lvlh_m_s])
+        propagated_state = Phi[:6, :6] @ np.concatenate(
+            [estimate.position_lvlh_m, estimate.velocity_lvlh_m_s]
+        )
         Q = np.zeros((18, 18))
         I3 = np.eye(3)
         for at, density in ((0, self.acceleration_noise), (6, self.rate_noise)):
@@ -234,15 +236,15 @@ class MotionModel:
             # Simpson's rule over the step: thrust at tau acts for the remaining h - tau
             pushes = (self._pushed(push, since + tau, h - tau) for tau in (0.0, h / 2, h))
             first, middle, last = pushes
-            moved = moved + h / 6 * (first + 4 * middle + last)
+            propagated_state = propagated_state + h / 6 * (first + 4 * middle + last)
             G = np.vstack([h * h / 2 * I3, h * I3])
             Q[:6, :6] += G @ np.diag((self.thrust_sigma * push) ** 2) @ G.T
         q, w = self._rotated(estimate.q_eci_from_target_wxyz, estimate.omega_target_rad_s, h)
         return replace(
             estimate,
             t_s=estimate.t_s + h,
-            position_lvlh_m=moved[:3],
-            velocity_lvlh_m_s=moved[3:],
+            position_lvlh_m=propagated_state[:3],
+            velocity_lvlh_m_s=propagated_state[3:],
             q_eci_from_target_wxyz=q,
             omega_target_rad_s=w,
             joint_covariance=Phi @ estimate.joint_covariance @ Phi.T + Q,
@@ -252,8 +254,8 @@ class MotionModel:
         """Return the effect (6,), ``left_s`` later, of a constant acceleration that began ``since_s`` ago."""
         c, s = np.cos(self.n_rad_s * since_s), np.sin(self.n_rad_s * since_s)
         x, y, z = push.tolist()
-        turned = np.array([c * x + s * y, c * y - s * x, z])
-        return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ turned)
+        attitude = np.array([c * x + s * y, c * y - s * x, z])
+        return np.asarray(transition_matrix(self.n_rad_s, left_s)[:, 3:] @ attitude)
 
     def _rotated(self, q: FloatArray, w: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         """Return attitude and rate after one step.

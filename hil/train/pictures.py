@@ -158,8 +158,8 @@ def read_training_set(
         signals.append(np.rint(255 * np.clip(reduce(image), 0, 1)).astype(np.uint8))
         q.append(truth.q_camera_from_target_wxyz)
         t.append(truth.t_camera_from_target_m)
-    held = np.array([k % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 for k in frames], bool)
-    if held.sum() < 2 or len(frames) - held.sum() < MIN_PICTURES:
+    is_held_out = np.array([k % HELD_OUT_EVERY == HELD_OUT_EVERY - 1 for k in frames], bool)
+    if is_held_out.sum() < 2 or len(frames) - is_held_out.sum() < MIN_PICTURES:
         raise UserError(
             f"data set {folder} has {len(frames)} feasible frames, but training needs {MIN_PICTURES} and two of "
             f"every {HELD_OUT_EVERY}th frame, which are held out: capture more"
@@ -168,9 +168,9 @@ def read_training_set(
     return TrainingSet(
         (card.target.name, card.target.sha256),
         camera,
-        whole.subset(~held),
-        whole.subset(held),
-        tuple(k for k, out in zip(frames, held, strict=True) if out),
+        whole.subset(~is_held_out),
+        whole.subset(is_held_out),
+        tuple(k for k, out in zip(frames, is_held_out, strict=True) if out),
     )
 
 
@@ -194,10 +194,10 @@ def sample(pictures: LabelledPictures, rng: np.random.Generator, size: int) -> S
 
 def with_labels(signal: Float32Array, camera: NetworkCamera, q_wxyz: FloatArray, t_m: FloatArray) -> Samples:
     """Return images (B, h, w) as samples, with the network's labels computed from their poses."""
-    away = np.linalg.norm(t_m, axis=1)
-    back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / away[:, None]])
+    range_m = np.linalg.norm(t_m, axis=1)
+    back = np.stack([quat_from_matrix(swing(d).T) for d in t_m / range_m[:, None]])
     relative = quat_multiply(back, q_wxyz)
-    return Samples(standardise(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(away))
+    return Samples(standardise(signal), relative, t_m[:, :2] / t_m[:, 2:] / camera.half_view, np.log(range_m))
 
 
 def _random_rotation(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -208,8 +208,8 @@ def _random_rotation(camera: NetworkCamera, t_m: FloatArray, rng: np.random.Gene
         R = matrix_from_quat(quat_from_rotvec(np.array([0.0, 0.0, roll]))) @ matrix_from_quat(
             quat_from_rotvec(np.array([np.arctan(y), -np.arctan(x), 0.0]))
         )
-        turned = R @ t_m
-        if turned[2] > 0 and np.all(np.abs(turned[:2] / turned[2]) < 0.85 * camera.half_view):
+        rotated = R @ t_m
+        if rotated[2] > 0 and np.all(np.abs(rotated[:2] / rotated[2]) < 0.85 * camera.half_view):
             return R
     return np.eye(3)
 

@@ -71,7 +71,7 @@ class Faces:
         children = np.asarray(record["children"], int).reshape(-1, 2)
         plane = np.asarray(record["plane"], float).reshape(-1, 4)
         members = tuple(np.asarray(m, int).reshape(-1) for m in record["members"])
-        named = np.concatenate(members) if members else np.zeros(0, int)
+        indices = np.concatenate(members) if members else np.zeros(0, int)
         if (
             not len(corners)
             or len(material) != len(corners)
@@ -81,7 +81,7 @@ class Faces:
         below = np.arange(len(children))[:, None]
         if np.any((children >= len(children)) | ((children >= 0) & (children <= below))):
             raise ValueError("a node of the tree of faces names a node that is not below it")
-        if not np.all(np.isfinite(corners)) or np.any((named < 0) | (named >= len(corners))):
+        if not np.all(np.isfinite(corners)) or np.any((indices < 0) | (indices >= len(corners))):
             raise ValueError("the tree of faces names a face that is not there")
         n = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-18)

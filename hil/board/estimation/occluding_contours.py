@@ -87,11 +87,11 @@ class Outlines:
         """
         p, n, radius = self.points_m[view], self.normals[view], self.radius_m[view][:, None]
         middle = p - radius * n  # centre of curvature
-        turned = n
+        normal = n
         for _ in range(3):  # fixed-point iteration: the line of sight depends on the moved point
-            sight = _unit(C_m - (middle + radius * turned))
-            turned = _unit(n - np.sum(n * sight, axis=-1, keepdims=True) * sight)
-        return middle + radius * turned, turned
+            sight = _unit(C_m - (middle + radius * normal))
+            normal = _unit(n - np.sum(n * sight, axis=-1, keepdims=True) * sight)
+        return middle + radius * normal, normal
 
 
 def _unit(v: Array) -> Array:

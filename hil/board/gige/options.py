@@ -51,12 +51,12 @@ CAMERA_OPTIONS: Tuple[AgentOption, ...] = (
 OF_HOSTS = ("window", "reconnect", "watchdog")
 
 
-def check_options(url: str, given: Dict[str, Any]) -> None:
+def check_options(url: str, values: Dict[str, Any]) -> None:
     """Raise for options of a host given with a camera URL, and vice versa.
 
     Parameters
     ----------
-    given : dict of str to object
+    values : dict of str to object
         Option values by `AgentOption.name`.
 
     Raises
@@ -66,7 +66,7 @@ def check_options(url: str, given: Dict[str, Any]) -> None:
     """
     at_camera = url.startswith(SCHEME)
     table = [o for o in AGENT_OPTIONS if o.name in OF_HOSTS] if at_camera else CAMERA_OPTIONS
-    wrong = [option.flag for option in table if given[option.name] != option.default]
+    wrong = [option.flag for option in table if values[option.name] != option.default]
     if wrong:
         other = "a host, not with a camera" if at_camera else f"a camera ({SCHEME}ADDRESS), not with a host"
         raise LinkError(
@@ -74,12 +74,12 @@ def check_options(url: str, given: Dict[str, Any]) -> None:
         )
 
 
-def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
+def camera_board_options(values: Dict[str, Any]) -> CameraBoardOptions:
     """Return the options of a board that reads a camera.
 
     Parameters
     ----------
-    given : dict of str to object
+    values : dict of str to object
         Option values by `AgentOption.name`, of both tables.
 
     Raises
@@ -88,24 +88,24 @@ def camera_board_options(given: Dict[str, Any]) -> CameraBoardOptions:
         If a value or the key cannot be used; the message is one sentence.
     """
     for name, least in (("timeout", 1e-9), ("silence", 1e-9), ("frames", 1), ("packet_size", 0)):
-        if given[name] is not None and not given[name] >= least:
-            raise LinkError(f"--{name.replace('_', '-')} {given[name]:g} is too small")
+        if values[name] is not None and not values[name] >= least:
+            raise LinkError(f"--{name.replace('_', '-')} {values[name]:g} is too small")
     return CameraBoardOptions(
         settings=CameraSettings(
-            exposure_us=given["exposure"],
-            gain_db=given["gain"],
-            rate_hz=given["rate"],
-            roi_px=None if given["roi"] is None else parse_roi(given["roi"]),
-            pixel_format=given["pixel_format"],
-            packet_bytes=given["packet_size"],
-            software_trigger=given["trigger"],
-            packet_socket=not given["no_packet_socket"],
+            exposure_us=values["exposure"],
+            gain_db=values["gain"],
+            rate_hz=values["rate"],
+            roi_px=None if values["roi"] is None else parse_roi(values["roi"]),
+            pixel_format=values["pixel_format"],
+            packet_bytes=values["packet_size"],
+            software_trigger=values["trigger"],
+            packet_socket=not values["no_packet_socket"],
         ),
-        camera_file=given["camera"],
-        poses_file=given["poses"],
-        answer_url=given["answer"],
-        key=None if given["key"] is None else read_key(given["key"]),
-        timeout_s=given["timeout"],
-        most_frames=given["frames"],
-        silence_s=given["silence"],
+        camera_file=values["camera"],
+        poses_file=values["poses"],
+        answer_url=values["answer"],
+        key=None if values["key"] is None else read_key(values["key"]),
+        timeout_s=values["timeout"],
+        most_frames=values["frames"],
+        silence_s=values["silence"],
     )

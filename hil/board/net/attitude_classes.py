@@ -56,7 +56,7 @@ def mean_attitude(probability: Array) -> Tuple[Array, float]:
     total = near @ probability
     best = int(np.argmax(total))
     # the outer product does not depend on a quaternion's sign
-    among = grid[near[best]]
-    moment = (among * probability[near[best]][:, None]).T @ among
+    neighbours = grid[near[best]]
+    moment = (neighbours * probability[near[best]][:, None]).T @ neighbours
     q = np.linalg.eigh(moment)[1][:, -1]
     return (-q if q[0] < 0 else q), float(total[best])

@@ -87,8 +87,8 @@ class NetworkEstimator(Estimator):
 
     def _covariance(self, t: Array) -> Array:
         """Return the covariance (6, 6) of rotation [rad] and translation [m], camera axes, from the held-out errors."""
-        e, away = self.network.errors, float(np.linalg.norm(t))
-        across, along = (e.across_share * away) ** 2, (e.along_share * away) ** 2
+        e, range_m = self.network.errors, float(np.linalg.norm(t))
+        across, along = (e.across_share * range_m) ** 2, (e.along_share * range_m) ** 2
         return np.diag([e.turn_rad**2] * 3 + [across, across, along])
 
 

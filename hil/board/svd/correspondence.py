@@ -86,21 +86,21 @@ def solve_all(
             for kind, p in image.by_kind.items()
         }
     )
-    turns, shifts = [np.zeros((0, 4))], [np.zeros((0, 3))]
-    solved = 0
+    rotations, translations = [np.zeros((0, 4))], [np.zeros((0, 3))]
+    n_solved = 0
     for points, target in correspondences(rays, model):
         n, size = points.shape[:2]
-        solved += n
-        used: Any = slice(None)
+        n_solved += n
+        selection: Any = slice(None)
         if config.ransac and size > needed:
-            drawn = np.array([rng.permutation(size) for _ in range(n)], int).reshape(n, size)
-            used = np.arange(n)[:, None], np.sort(drawn[:, :needed], axis=1)
+            samples = np.array([rng.permutation(size) for _ in range(n)], int).reshape(n, size)
+            selection = np.arange(n)[:, None], np.sort(samples[:, :needed], axis=1)
         elif config.solver in ("p3p", "ap3p"):
-            used = np.s_[:, :needed]
-        q, t = _poses(target[used], points[used], config.solver)
-        turns.append(q)
-        shifts.append(t)
-    return np.concatenate(turns), np.concatenate(shifts), solved
+            selection = np.s_[:, :needed]
+        q, t = _poses(target[selection], points[selection], config.solver)
+        rotations.append(q)
+        translations.append(t)
+    return np.concatenate(rotations), np.concatenate(translations), n_solved
 
 
 def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
@@ -109,10 +109,10 @@ def _poses(target: Array, points: Array, solver: str) -> Tuple[Array, Array]:
         q, t, _ = three_point_poses(target, points)
         return q, t
     solve = point_solver(solver)
-    turns: List[Array] = []
-    shifts: List[Array] = []
+    rotations: List[Array] = []
+    translations: List[Array] = []
     for figure, image_points in zip(target, points):  # noqa: B905 - Python 3.9 has no strict=
         turn, shift = solve(figure, image_points)
-        turns += turn
-        shifts += shift
-    return from_rotvecs(turns, shifts)
+        rotations += turn
+        translations += shift
+    return from_rotvecs(rotations, translations)

@@ -158,12 +158,12 @@ def lsd_lines(image: Array, shortest_px: float) -> Array:
     if scaled is None:
         return np.zeros((0, 4))
     try:
-        found = cv2.createLineSegmentDetector().detect(scaled)[0]
+        segments = cv2.createLineSegmentDetector().detect(scaled)[0]
     except (cv2.error, AttributeError):
         # removed from 3.4.6-3.4.15 and 4.1.0-4.5.3 for licensing reasons
         return np.zeros((0, 4))
     # None without a result, which OpenCV's type stubs omit
-    lines = np.asarray([] if np.ndim(found) == 0 else found, float).reshape(-1, 4)
+    lines = np.asarray([] if np.ndim(segments) == 0 else segments, float).reshape(-1, 4)
     return lines[np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]) >= shortest_px]
 
 
@@ -235,8 +235,8 @@ def find_streams(
     return Streams(lines, streams, corners, ellipses, sobel, grown, own)
 
 
-def _concatenate(found: Dict[str, Array]) -> Array:
-    return np.concatenate([np.zeros((0, 4)), *found.values()])
+def _concatenate(segments: Dict[str, Array]) -> Array:
+    return np.concatenate([np.zeros((0, 4)), *segments.values()])
 
 
 def _inside(lines: Array, region: Region) -> Array:

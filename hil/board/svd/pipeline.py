@@ -134,10 +134,10 @@ class PublishedEstimator(Estimator):
         q, t = self._rank(q, t, image)
         frame.keep_poses("rank", q, t)
         frame.mark("rank")
-        found = self._refine(q, t, image, streams.region)
-        frame.keep_poses("refine", np.array([f.q for f in found]), np.array([f.t for f in found]))
+        refined = self._refine(q, t, image, streams.region)
+        frame.keep_poses("refine", np.array([f.q for f in refined]), np.array([f.t for f in refined]))
         frame.mark("refine")
-        return self._decide(frame, found)
+        return self._decide(frame, refined)
 
     def _poses(self, frame: StageRecord, groups: PointGroups, streams: Streams) -> Tuple[Array, Array]:
         """Return plausible poses q (N, 4), t (N, 3) of pairs of groups, and of pairs of circles and ellipses."""
@@ -182,12 +182,12 @@ class PublishedEstimator(Estimator):
             for k in range(len(q))
         ]
 
-    def _decide(self, frame: StageRecord, found: List[ScoredPose]) -> PoseResult:
+    def _decide(self, frame: StageRecord, refined: List[ScoredPose]) -> PoseResult:
         """Return the pose of least reprojection error, accepted if the error is small and the pose unambiguous."""
-        if not found:
+        if not refined:
             return self._declined(frame, "no target found")
-        best = min(found, key=lambda f: f.error)
-        rival = min((f.error for f in found if differs(f.q, f.t, best.q, best.t)), default=1.0)
+        best = min(refined, key=lambda f: f.error)
+        rival = min((f.error for f in refined if differs(f.q, f.t, best.q, best.t)), default=1.0)
         lead = (rival / max(best.error, 1e-6) - 1.0) / 0.6
         reason = ""
         if best.inliers < MIN_INLIERS or best.met < MIN_CORNERS:
@@ -204,7 +204,7 @@ class PublishedEstimator(Estimator):
             frame.stages_ms,
             frame.counts,
             covariance=best.covariance,
-            alternatives=alternatives([(f.q, f.t, -f.error) for f in found], best.q, best.t),
+            alternatives=alternatives([(f.q, f.t, -f.error) for f in refined], best.q, best.t),
             method=self.method,
         )
 

@@ -88,10 +88,10 @@ class AnswerPort:
         self._board.sync_clock()
         if self._board.link is not None and (self._board.unread or self._board.link.transport in ready):
             self._board.listen()
-        heard = None if self._board.link is not None else self._pending.hear(ready)
+        greeting = None if self._board.link is not None else self._pending.hear(ready)
         if self._listener in ready:
-            heard = self._accept() or heard
-        if heard is not None and self._board.begin(*heard):
+            greeting = self._accept() or greeting
+        if greeting is not None and self._board.begin(*greeting):
             self._pending.turn_away(BUSY)
             self._board.listen()
 

@@ -332,10 +332,10 @@ class LinkServer:
     def _hear_pending(self, ready: Collection[Any]) -> None:
         if self._board.link is not None:
             return
-        heard = self._pending.hear(ready)
-        if heard is None:
+        greeting = self._pending.hear(ready)
+        if greeting is None:
             return
-        if self._board.begin(*heard):
+        if self._board.begin(*greeting):
             self._pending.turn_away(BUSY)
             self._board.listen()
 

@@ -237,16 +237,16 @@ def _parameter(
     kind = {"float": "FloatParameterType", "uint": "IntegerParameterType", "enum": "EnumeratedParameterType"}
     signed = {"signed": "false"} if field.kind == "uint" else {}
     size = {"sizeInBits": str(field.bits)} if field.kind == "float" else {}
-    declared = _element(types, kind[field.kind], name=f"{name}_Type", **signed, **size)
-    units = _element(declared, "UnitSet")
+    type_element = _element(types, kind[field.kind], name=f"{name}_Type", **signed, **size)
+    units = _element(type_element, "UnitSet")
     if field.unit:
         _element(units, "Unit").text = field.unit
     if field.kind == "float":
-        _element(declared, "FloatDataEncoding", sizeInBits=str(field.bits))
+        _element(type_element, "FloatDataEncoding", sizeInBits=str(field.bits))
     else:
-        _element(declared, "IntegerDataEncoding", sizeInBits=str(field.bits), encoding="unsigned")
+        _element(type_element, "IntegerDataEncoding", sizeInBits=str(field.bits), encoding="unsigned")
     if field.kind == "enum":
-        labels = _element(declared, "EnumerationList")
+        labels = _element(type_element, "EnumerationList")
         for value, label in enumerate(OUTCOMES):
             _element(labels, "Enumeration", value=str(value), label=label)
     _element(parameters, "Parameter", name=name, parameterTypeRef=f"{name}_Type")

@@ -144,7 +144,7 @@ def train_head(
     training = _HeadTraining(trunk, load_views(drawing, points), image_pyramid(earths_of(drawing)), seed)
     state = partial / "head.pt"
     steps = training.run(budget, workers, state, lambda d, text: report(0.3 + 0.7 * d, text))
-    kept = training.judged()
+    errors_held_out = training.judged()
     head = KeypointHead(name, trunk_sha256(), points_m, arrays_of(training.mean))
     write_atomic(output, head.to_bytes())
     shutil.rmtree(partial)
@@ -153,9 +153,9 @@ def train_head(
         target=name,
         views=views,
         steps=steps,
-        median_px=kept[0],
-        within_10_px=kept[1],
-        present=kept[2],
+        median_px=errors_held_out[0],
+        within_10_px=errors_held_out[1],
+        present=errors_held_out[2],
         symmetries=len(model.symmetry_wxyz),
     )
 

@@ -218,9 +218,9 @@ def sample(
 def _keypoint_pixels(views: LitViews, k: int) -> FloatArray:
     """Return the pixels (K, 2) of the keypoints in a view."""
     p = views.keypoints @ matrix_from_quat(views.q_wxyz[k]).T
-    away = views.range_in_radii[k]
-    f = float(focal_length_px(away))
-    return f * p[:, :2] / (p[:, 2:] + away) + 0.5 * (VIEW_PX - 1)
+    view_range = views.range_in_radii[k]
+    f = float(focal_length_px(view_range))
+    return f * p[:, :2] / (p[:, 2:] + view_range) + 0.5 * (VIEW_PX - 1)
 
 
 def _affine(turn: float, box: FloatArray) -> FloatArray:
@@ -311,8 +311,8 @@ def _orbit_picture(
         earth = _window(earths, reduced / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
     # clipping at black and white: noise on black raises the mean
-    lifted = np.float32(0.8 * noise)
-    return np.minimum(0.5 * (picture + np.sqrt(picture * picture + lifted * lifted)), 1.0)
+    raised = np.float32(0.8 * noise)
+    return np.minimum(0.5 * (picture + np.sqrt(picture * picture + raised * raised)), 1.0)
 
 
 def _laboratory_picture(

@@ -94,22 +94,22 @@ def _create_arrays(drawing: Drawing) -> None:
         drawing.views,
         drawing.seed,
     ]
-    kept = drawing.folder / "drawing.json"
+    specification = drawing.folder / "drawing.json"
     drawing.folder.mkdir(parents=True, exist_ok=True)
-    if kept.is_file() and kept.read_bytes() != msgspec.json.encode(plan):
+    if specification.is_file() and specification.read_bytes() != msgspec.json.encode(plan):
         raise UserError(
             f"{drawing.folder} holds views of another target, number or seed; use the same again, or remove the folder"
         )
     for name, (kind, shape) in ARRAYS.items():
         path = drawing.folder / f"{name}.npy"
-        if not kept.is_file():
+        if not specification.is_file():
             np.lib.format.open_memmap(path, "w+", kind, (drawing.views, *shape)).flush()
             if hasattr(os, "posix_fallocate"):
                 # preallocate: writing into a hole of a sparse file on a full disk would kill the process with a signal
                 with path.open("r+b") as file:
                     os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
-    if not kept.is_file():
-        write_atomic(kept, msgspec.json.encode(plan))
+    if not specification.is_file():
+        write_atomic(specification, msgspec.json.encode(plan))
 
 
 def earths_of(drawing: Drawing) -> Float32Array:

@@ -213,14 +213,14 @@ def _lit_by_lamp(
 ) -> SceneState:
     """Return the scene lit only by an area light in a direction of the camera frame, seen from the target."""
     origin = np.asarray(scene.t_camera_from_target_m)
-    away = radius_m * float(rng.uniform(*AWAY_RADII))
+    distance_m = radius_m * float(rng.uniform(*AWAY_RADII))
     width, height = radius_m * rng.uniform(*(LAMP_RADII if lamp else BOX_RADII), size=2)
     light = AreaLight(
-        position_m=vec3(origin + away * direction),
+        position_m=vec3(origin + distance_m * direction),
         width_m=float(width),
         height_m=float(height),
         turn_deg=float(rng.uniform(0, 180)),
-        radiance_w_m2_sr=float(SUN_W_M2 * away**2 / (width * height)),
+        radiance_w_m2_sr=float(SUN_W_M2 * distance_m**2 / (width * height)),
         half_angle_deg=float(rng.uniform(*LAMP_DEG)) if lamp else DIFFUSE_DEG,
     )
     dark = msgspec.structs.replace(scene.environment, sunlight=False, earthshine=False)

@@ -102,9 +102,9 @@ def stage_pictures(
         out["learned_proposal"] = learned_proposal_picture(
             image, proposal, noise, model, camera, (WIDTH, HEIGHT)
         )
-    drawn = trace.get("drawn")
-    if drawn is not None:
-        out["drawn"] = synthetic_view_picture(drawn, (WIDTH, HEIGHT))
+    renderings = trace.get("drawn")
+    if renderings is not None:
+        out["drawn"] = synthetic_view_picture(renderings, (WIDTH, HEIGHT))
     q, t = result.q_camera_from_target_wxyz, result.t_camera_from_target_m
     if q is not None and t is not None:
         canvas = back.copy()
@@ -285,13 +285,13 @@ def _streams(trace: Trace) -> Dict[str, Array]:
     field, lines = trace.get("stream_field"), trace.get("merged")
     if field is None or lines is None:
         return {}
-    found = {**trace.get("streams", {}), "merged": lines.ends.reshape(-1, 4)}
+    stream_segments = {**trace.get("streams", {}), "merged": lines.ends.reshape(-1, 4)}
 
     def full(segments: Array) -> Array:
         points = (segments.reshape(-1, 2) + 0.5) * field.factor - 0.5 + (field.x0, field.y0)
         return np.asarray(points.reshape(-1, 4))
 
-    return {name: full(np.asarray(s, float)) for name, s in found.items()}
+    return {name: full(np.asarray(s, float)) for name, s in stream_segments.items()}
 
 
 def _points(trace: Trace, back: Array, corner: Array, scale: float) -> Dict[str, Array]:

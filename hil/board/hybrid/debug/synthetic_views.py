@@ -50,9 +50,9 @@ def learned_proposal_picture(
         Width and height of the picture [px].
     """
     side = min(size[0] // 3, size[1] // 2)
-    shown = network_inputs(image, noise, camera, [proposal.crop])[0, 0]
-    low, high = np.percentile(shown, [1, 99.5])
-    first = cv2.resize(shown, (side, side), interpolation=cv2.INTER_NEAREST)
+    input_image = network_inputs(image, noise, camera, [proposal.crop])[0, 0]
+    low, high = np.percentile(input_image, [1, 99.5])
+    first = cv2.resize(input_image, (side, side), interpolation=cv2.INTER_NEAREST)
     tiles = [grey(first - low, float(high - low))]
     label(tiles[0], "shown to the network")
     view = crop_image(image, camera, proposal.crop, side, INPUT_FILL * side)
@@ -68,21 +68,21 @@ def learned_proposal_picture(
     return _grid(tiles, 3, size)
 
 
-def synthetic_view_picture(drawn: Drawn, size: Tuple[int, int]) -> Array:
+def synthetic_view_picture(views: Drawn, size: Tuple[int, int]) -> Array:
     """Return a picture (H, W, 3) of the image, the synthetic views with and without shadows, and their residuals."""
-    top = max(float(np.percentile(drawn.picture, 99.8)), 1.0)
-    best = drawn.plain if drawn.shadowed is None else drawn.shadowed
-    named = [
-        (grey(drawn.picture, top), "the picture"),
-        (grey(drawn.plain, top), "rendered, no shadows"),
-        (_residual_colours(drawn.picture - drawn.plain, drawn.noise), "residual, no shadows"),
+    top = max(float(np.percentile(views.picture, 99.8)), 1.0)
+    best = views.plain if views.shadowed is None else views.shadowed
+    panels = [
+        (grey(views.picture, top), "the picture"),
+        (grey(views.plain, top), "rendered, no shadows"),
+        (_residual_colours(views.picture - views.plain, views.noise), "residual, no shadows"),
     ]
-    if drawn.shadowed is not None:
-        named.insert(2, (grey(best, top), "rendered, with shadows"))
-        named.append((_residual_colours(drawn.picture - best, drawn.noise), "residual, with shadows"))
-        named.insert(3, (_compass(drawn.sun, named[0][0].shape), "the Sun, seen from the camera"))
+    if views.shadowed is not None:
+        panels.insert(2, (grey(best, top), "rendered, with shadows"))
+        panels.append((_residual_colours(views.picture - best, views.noise), "residual, with shadows"))
+        panels.insert(3, (_compass(views.sun, panels[0][0].shape), "the Sun, seen from the camera"))
     tiles = []
-    for picture, text in named:
+    for picture, text in panels:
         tile = _fit(picture, size[0] // 3, size[1] // 2)
         label(tile, text)
         tiles.append(tile)

@@ -58,10 +58,10 @@ def _structure(faces: Faces) -> Structure:
 def _one_parent(children: Array) -> Array:
     """Return children (N, 2), int64, each under its first parent: an untrusted file may list a node twice."""
     out = contiguous(children, "int64").copy()
-    taken = set()
+    seen_children = set()
     for entry in range(out.size):
         child = int(out.flat[entry])
-        if child >= 0 and child in taken:
+        if child >= 0 and child in seen_children:
             out.flat[entry] = -1
-        taken.add(child)
+        seen_children.add(child)
     return out

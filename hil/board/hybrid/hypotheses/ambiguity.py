@@ -29,8 +29,8 @@ def same_end(a: PoseFit, b: PoseFit) -> bool:
 
 def converges_elsewhere(pose: PoseFit, better: PoseFit, apart_rad: float) -> bool:
     """Return True if ``pose`` differs from ``better`` so much that it will not converge to it."""
-    away = pose.t - better.t
-    elsewhere = away.dot(away) > SAME_SHARE**2 * better.t.dot(better.t)
+    offset = pose.t - better.t
+    elsewhere = offset.dot(offset) > SAME_SHARE**2 * better.t.dot(better.t)
     return bool(elsewhere or quat.angle_rad(pose.q, better.q) > apart_rad)
 
 

@@ -58,9 +58,9 @@ class Observation(StageRecord):
         """Return an observation that continues the times and counters of ``record``."""
         if isinstance(record, Observation):
             return record
-        made = Observation(record.image, record.trace, record.sun_camera)
-        made.stages_ms, made.counts = record.stages_ms, record.counts
-        return made
+        observation = Observation(record.image, record.trace, record.sun_camera)
+        observation.stages_ms, observation.counts = record.stages_ms, record.counts
+        return observation
 
     @cached_property
     def clipped(self) -> float:

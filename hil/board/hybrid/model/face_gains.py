@@ -54,31 +54,31 @@ def shade(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array] = 
             picture = picture + np.float32(over) * part
     behind = None
     if patch.textured:
-        made = group, level, picture, centre, core, empty, ground
-        behind, picture = _with_background(patch, made, LOCAL_PX / 4)
+        view_data = group, level, picture, centre, core, empty, ground
+        behind, picture = _with_background(patch, view_data, LOCAL_PX / 4)
     return Shading(seen, group, level, picture, centre, area, behind)
 
 
-def _with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+def _with_background(patch: ImagePatch, view_data: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
     """Return the background minus its level (h, w), and the synthetic view with it added.
 
     Parameters
     ----------
     patch : ImagePatch
         Reduced region of the image around the target.
-    made : tuple of array
+    view_data : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
         and the background's mean.
     blur_px : float
         Standard deviation of the blur, in units of 4 x 4 pixels.
     """
-    if made[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
-        return many_groups.with_background(patch, made, blur_px)
-    _, level, picture, centre, core, empty, shown = made
+    if view_data[0].dtype != np.uint8 or min(patch.gray.shape) < 2:
+        return many_groups.with_background(patch, view_data, blur_px)
+    _, level, picture, centre, core, empty, background_level = view_data
     h, w = patch.gray.shape
     gray, out = contiguous(patch.gray, "float32"), np.empty((h, w), np.float32)
     curve, blur, picture = response_tables(patch.response), gaussian(blur_px), contiguous(picture, "float32")
-    ground = float(shown[0]), float(level[0])
+    ground = float(background_level[0]), float(level[0])
     if library().fly_background(gray, core, centre, h, w, *ground, curve, blur, empty, out, picture) < 0:
         raise MemoryError("out of memory while computing the background")
     return out, picture

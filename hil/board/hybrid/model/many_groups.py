@@ -61,25 +61,27 @@ def shaded(faces: Faces, seen: Array, patch: ImagePatch, dark: Optional[Array]) 
     return group, level, picture, centre, area, core, empty, ground
 
 
-def with_background(patch: ImagePatch, made: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
+def with_background(patch: ImagePatch, view_data: Tuple[Array, ...], blur_px: float) -> Tuple[Array, Array]:
     """Return the background minus its level (h, w), and the synthetic view with it added.
 
     Parameters
     ----------
     patch : ImagePatch
         Reduced region of the image around the target.
-    made : tuple of array
+    view_data : tuple of array
         Groups, levels, view, groups at pixel centres, pixels well inside a group, the background's share of each pixel,
         and the background's mean.
     blur_px : float
         Standard deviation of the blur, in units of 4 x 4 pixels.
     """
-    _, level, picture, centre, core, empty, ground = made
-    shown = float(ground[0])
+    _, level, picture, centre, core, empty, ground = view_data
+    background_level = float(ground[0])
     own = (core & (centre == 0)).astype(np.float32)
-    behind = _wide_mean(own * (patch.gray - np.float32(shown)), own, blur_px)
+    behind = _wide_mean(own * (patch.gray - np.float32(background_level)), own, blur_px)
     if patch.clipped > 0:
-        behind = patch.response.brightness(behind + shown).astype(np.float32) - np.float32(level[0])
+        behind = patch.response.brightness(behind + background_level).astype(np.float32) - np.float32(
+            level[0]
+        )
     # the background's share of each pixel is fractional at borders
     return behind, picture + empty * behind
 
@@ -136,9 +138,9 @@ def _levels(centre: Array, solid: Array, core: Array, patch: ImagePatch, n: int)
         total = np.maximum(np.add.reduceat(weight, first), 1e-9)
         mean = np.add.reduceat(weight * value, first) / total
         if not last:
-            away = np.abs(value - np.repeat(mean, number))
-            spread = np.add.reduceat(weight * away, first) / total
-            weight = trust * (away < np.repeat(2.5 * spread + patch.sigma, number))
+            deviation = np.abs(value - np.repeat(mean, number))
+            spread = np.add.reduceat(weight * deviation, first) / total
+            weight = trust * (deviation < np.repeat(2.5 * spread + patch.sigma, number))
     level[some], area[some] = mean, np.add.reduceat(inner, first, dtype=np.intp)
     return level, area
 
@@ -175,14 +177,14 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
     # count thin groups as well, because their brightness is the least certain
     count = np.bincount(shading.centre.ravel(), minlength=len(shading.level))
     order = 1 + np.argsort(-count[1:], kind="stable")[: min(most, 62)]
-    chosen = np.concatenate([[0], order[count[order] > 3]])
+    kept_groups = np.concatenate([[0], order[count[order] > 3]])
     slot = np.full(max(len(shading.level), 256), 255, np.uint8)
-    slot[chosen] = np.arange(len(chosen))
+    slot[kept_groups] = np.arange(len(kept_groups))
     byte = shading.group.dtype == np.uint8
     slots = cv2.LUT(shading.group, slot[:256]) if byte else np.take(slot, shading.group, mode="clip")
     # one pixel beyond the blur's radius, so that border reflection at the box's edge sees empty pixels
     far = blur_reach(blur_px) + 1
-    x0, y0, x1, y1 = _boxes(slots, len(chosen), f)
+    x0, y0, x1, y1 = _boxes(slots, len(kept_groups), f)
     x0, y0 = np.maximum(x0 - far, 0), np.maximum(y0 - far, 0)
     x1, y1 = np.minimum(x1 + 1 + far, w), np.minimum(y1 + 1 + far, h)
     first, last = np.searchsorted(rows, y0 * w).tolist(), np.searchsorted(rows, y1 * w).tolist()
@@ -202,10 +204,10 @@ def coverage(shading: Shading, patch: ImagePatch, most: int, blur_px: float, row
             own[:] = share
         flat.take(rows[a:b], None, out[k, a:b], "clip")
         own[:] = 0.0
-    share = out[: len(chosen)]
+    share = out[: len(kept_groups)]
     share *= np.float32(1.0 / (f * f))
     share[share <= MIN_COVERAGE] = 0.0
-    return len(chosen)
+    return len(kept_groups)
 
 
 def _boxes(slots: Array, n: int, f: int) -> Array:
@@ -284,11 +286,11 @@ def _thin_levels(level: Array, picture: Array, group: Array, thin: Array, patch:
     place[cells] = np.arange(len(cells))
     at = place[cell]
     n = len(level)
-    covered = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
+    coverage_sum = np.maximum(np.bincount(own, number[cell] / float(f * f), n) + 2.0, 1e-9)
     gray = patch.gray.ravel()[cells]
     drawn = picture.ravel()[cells]
     for _ in range(2):
-        step = np.bincount(own, (gray - patch.response.of(drawn)[0])[at], n) / covered
+        step = np.bincount(own, (gray - patch.response.of(drawn)[0])[at], n) / coverage_sum
         after = np.clip(level + np.where(thin, step, 0.0), 0.0, 1.5 * patch.full)
         change = np.bincount(at, (after - level)[own], len(cells)) / (f * f)
         drawn += change.astype(np.float32)

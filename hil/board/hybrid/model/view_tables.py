@@ -104,9 +104,9 @@ def build_views(
         ids = np.flatnonzero(visible)
         if not len(ids):
             ids = np.arange(1)
-        chosen = _spread(ids, TRACK_SAMPLES, rng)
-        track[v, : len(chosen)] = chosen
-        weight[v, : len(chosen)] = 1.0
+        samples_kept = _spread(ids, TRACK_SAMPLES, rng)
+        track[v, : len(samples_kept)] = samples_kept
+        weight[v, : len(samples_kept)] = 1.0
         t = -R[v] @ C
         pr = project(samples, unit, R[v][None], t[None], ids[None])
         p = pr.pixels[0] * distance_m
@@ -148,7 +148,7 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
     xy, angle, box = table.shape_xy.copy(), table.shape_angle.copy(), table.box.copy()
     turns = np.arange(N_ROLLS) * 2 * np.pi / N_ROLLS
     c, s = np.cos(turns), np.sin(turns)
-    taken = int(CONTOUR_SHARE * SHAPE_SAMPLES)
+    n_contour = int(CONTOUR_SHARE * SHAPE_SAMPLES)
     for v, direction in enumerate(table.directions):
         C = centre_m + table.distance_m * direction
         p, a = _visible_contour(outlines, table.R_camera_from_target[v], C, table.distance_m)
@@ -158,9 +158,9 @@ def with_outlines(table: ViewTable, outlines: Outlines, centre_m: Array) -> View
         high = np.stack([px.max(axis=0), py.max(axis=0)], axis=-1)
         box[v] = np.concatenate([np.minimum(box[v, :, :2], low), np.maximum(box[v, :, 2:], high)], axis=-1)
         # evenly spaced contour points replace every second wireframe sample
-        stretch = len(p) / taken
-        pick = np.floor((np.arange(taken) + rng.random(taken)) * stretch).astype(int) % len(p)
-        at = np.linspace(0, SHAPE_SAMPLES - 1, taken).astype(int)
+        stretch = len(p) / n_contour
+        pick = np.floor((np.arange(n_contour) + rng.random(n_contour)) * stretch).astype(int) % len(p)
+        at = np.linspace(0, SHAPE_SAMPLES - 1, n_contour).astype(int)
         xy[v, at], angle[v, at] = p[pick], a[pick]
     return replace(table, shape_xy=xy, shape_angle=angle, box=box)
 

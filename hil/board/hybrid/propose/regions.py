@@ -150,8 +150,8 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
     # a resolution of two pixels suffices for windows
     h, w = (h + 1) // 2, (w + 1) // 2
     x, y = np.clip((0.5 * middle + 0.25).astype(int), 0, [w - 1, h - 1]).T
-    turned = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
-    heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in turned]
+    moments = (weight, weight * (d[:, 0] ** 2 - d[:, 1] ** 2), weight * 2 * d[:, 0] * d[:, 1])
+    heat = [np.bincount(y * w + x, t, h * w).reshape(h, w).astype(np.float32) for t in moments]
     mean = 0.25 * float(heat[0].mean())
     windows: List[Tuple[float, Box]] = []
     for side in (44, 72, 116, 190, 290):
@@ -162,8 +162,8 @@ def straight_windows(small: Array, segments: Array, count: int = 3) -> List[Box]
         )
         # in texture the number of segments is proportional to the area; the target has more of them, in crossing
         # directions, unlike waves and limbs
-        crossed = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
-        score = (total - mean * side * side) * crossed / side
+        crossing = 1.0 - cv2.magnitude(c, s) / np.maximum(total, 1e-6)
+        score = (total - mean * side * side) * crossing / side
         own = half // 2
         for _ in range(2):
             row, col = (int(v) for v in np.unravel_index(int(np.argmax(score)), score.shape))

@@ -157,8 +157,8 @@ def _segments(segments: Array, w: int, h: int) -> List[Array]:
         out[k] += np.bincount(at[part], minlength=cells).reshape(h, w)
     weight = np.minimum(size, 20.0)
     u, v = d[which, 0], d[which, 1]
-    turned = (weight, weight * (u * u - v * v), weight * 2 * u * v)
-    total, out[3], out[4] = (np.bincount(at, t, cells).reshape(h, w).astype(np.float32) for t in turned)
+    moments = (weight, weight * (u * u - v * v), weight * 2 * u * v)
+    total, out[3], out[4] = (np.bincount(at, t, cells).reshape(h, w).astype(np.float32) for t in moments)
     about, c, s = (cv2.blur(v, (11, 11)) for v in (total, out[3], out[4]))
     return [*out[:3], about - np.hypot(c, s)]
 

@@ -74,13 +74,13 @@ def tilts(target: PreparedTarget, h: Hypothesis) -> List[Hypothesis]:
 
 
 def over_its_image(
-    target: PreparedTarget, patch: ImagePatch, variants: List[Hypothesis], held: Hypothesis
+    target: PreparedTarget, patch: ImagePatch, variants: List[Hypothesis], reference: Hypothesis
 ) -> List[Hypothesis]:
-    """Return poses shifted across the line of sight until their silhouettes' centroids match that of ``held``.
+    """Return poses shifted across the line of sight until their silhouettes' centroids match that of ``reference``.
 
     A rotation about the centre of the bounding sphere displaces the silhouette if an antenna or a panel is on one side.
     """
-    middle = _silhouette_centroid(target, patch, held)
+    middle = _silhouette_centroid(target, patch, reference)
     out = []
     for h in variants:
         shift = middle - _silhouette_centroid(target, patch, h)

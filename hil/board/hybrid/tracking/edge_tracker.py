@@ -153,8 +153,8 @@ def outline_polarity(samples: EdgeSamples, R: Array, t: Array) -> Array:
     turned_away = (samples.faces == 2) & (facing.sum(axis=1) == 1)
     outward = np.where(facing[:, :1], samples.normals[:, 1], samples.normals[:, 0])
     round_member = samples.radius_m != 0
-    grazed = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
-    outward = np.where(round_member[:, None], grazed, outward)
+    tangent_side = cross(T, X - C) * np.sign(samples.radius_m)[:, None]
+    outward = np.where(round_member[:, None], tangent_side, outward)
     # the projected normal is the projected tangent rotated by 90 degrees: its sense in space is sight x tangent
     n = cross(T, sight)
     side = np.sign(np.einsum("sj,sj->s", outward, n))

@@ -86,24 +86,24 @@ def align_photometrically(
     """
     faces, camera = faces_of(craft), craft.camera.pinhole
     patch = _patch(craft, frame, poses[0])
-    painted = None if sun is None else ShadowMap.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
-    shadings = [photo_draw(q, t, faces, patch, camera, painted) for q, t in poses]
+    shadow = None if sun is None else ShadowMap.of(faces, quat.matrix(poses[0][0]).T @ sun, SUN_PX)
+    shadings = [photo_draw(q, t, faces, patch, camera, shadow) for q, t in poses]
     scores = [explained(shading, patch) for shading in shadings]
     first = int(np.argmax(scores))
     if scores[first] < scores[0] + MIN_SCORE_GAIN:
         first = 0
-    drawn, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
-    if painted is not None and follow_sun:
-        painted, drawn = _follow_sun(craft, patch, fit, painted, drawn)
+    view, fit = shadings[first], PoseFit(*poses[first], 9.9, np.eye(6))
+    if shadow is not None and follow_sun:
+        shadow, view = _follow_sun(craft, patch, fit, shadow, view)
     for k, blur in enumerate(BLURS_PX):
         if k:
-            drawn = photo_draw(fit.q, fit.t, faces, patch, camera, painted)
-        step = photo_step(fit, drawn, faces, patch, camera, craft.radius_m, blur)
+            view = photo_draw(fit.q, fit.t, faces, patch, camera, shadow)
+        step = photo_step(fit, view, faces, patch, camera, craft.radius_m, blur)
         if step is None:
             break
         fit = step
     fit = replace(fit, covariance=COVARIANCE_SCALE * fit.covariance)
-    return PhotometricTrack(fit, None if painted is None else quat.matrix(fit.q) @ painted.direction)
+    return PhotometricTrack(fit, None if shadow is None else quat.matrix(fit.q) @ shadow.direction)
 
 
 def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
@@ -112,18 +112,20 @@ def _patch(craft: PreparedTarget, frame: Observation, pose: Pose) -> ImagePatch:
 
 
 def _follow_sun(
-    craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, drawn: Shading
+    craft: PreparedTarget, patch: ImagePatch, fit: PoseFit, sun: ShadowMap, view: Shading
 ) -> Tuple[ShadowMap, Shading]:
     """Return a Sun direction whose shadows explain the image at least as well, and the view shaded with it.
 
     Four neighbouring directions are tried until one is better.
     """
-    best = explained(drawn, patch)
+    best = explained(view, patch)
     for k in range(4):
         side = (1 - k // 2 * 2) * sun.axes[k % 2]
-        beside = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
-        tried = ShadowMap.of(faces_of(craft), beside, SUN_PX)
-        shading = photo_shade(drawn.seen, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, tried)
+        neighbour = np.cos(SUN_STEP_RAD) * sun.direction + np.sin(SUN_STEP_RAD) * side
+        candidate = ShadowMap.of(faces_of(craft), neighbour, SUN_PX)
+        shading = photo_shade(
+            view.seen, fit.q, fit.t, faces_of(craft), patch, craft.camera.pinhole, candidate
+        )
         if explained(shading, patch) > best:
-            return tried, shading
-    return sun, drawn
+            return candidate, shading
+    return sun, view

@@ -164,18 +164,21 @@ class LearnedProposer:
             )
             for k, r in enumerate(regions)
         }
-        chosen = self._apart(list(starts), starts, len(starts))
-        crops, sources = [starts[k] for k in chosen], [regions[k] for k in chosen]
-        for look in range(MAX_PASSES):
+        distinct = self._distinct(list(starts), starts, len(starts))
+        crops, sources = [starts[k] for k in distinct], [regions[k] for k in distinct]
+        for pass_index in range(MAX_PASSES):
             log_p, craft, size = self.network(network_inputs(image, noise, camera, crops, reduced, black))
-            sure = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
-            moved = {k: self._corrected(crops[k], log_p[k], size[k]) for k in sure}
+            likely = [int(k) for k in np.argsort(-craft) if craft[k] >= craft.max() - MAX_LOGIT_DEFICIT]
+            corrected = {k: self._correct_crop(crops[k], log_p[k], size[k]) for k in likely}
             # merge crops that converged to the same place
-            sure = self._apart(sure, moved, keep if look else SECOND_PASS_CROPS)
-            if look == MAX_PASSES - 1 or not any(self._moved(crops[k], moved[k]) for k in sure):
+            likely = self._distinct(likely, corrected, keep if pass_index else SECOND_PASS_CROPS)
+            unfinished = any(self._needs_another_pass(crops[k], corrected[k]) for k in likely)
+            if pass_index == MAX_PASSES - 1 or not unfinished:
                 break
-            crops, sources = [moved[k] for k in sure], [sources[k] for k in sure]
-        return [self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in sure[:keep]]
+            crops, sources = [corrected[k] for k in likely], [sources[k] for k in likely]
+        return [
+            self._proposal(sources[k], crops[k], log_p[k], float(craft[k]), size[k]) for k in likely[:keep]
+        ]
 
     def look_again(
         self,
@@ -202,10 +205,10 @@ class LearnedProposer:
         black : float
             See `propose`.
         """
-        crop = self._corrected(first.crop, np.log(first.p), first.log_size)
-        look = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
-        turned = [np.rot90(look, k, axes=(1, 2)) for k in range(ROLLS)]
-        log_p, craft, size = self.network(np.ascontiguousarray(turned))
+        crop = self._correct_crop(first.crop, np.log(first.p), first.log_size)
+        pass_index = network_inputs(image, noise, self.camera, [crop], reduced, black)[0]
+        rolled = [np.rot90(pass_index, k, axes=(1, 2)) for k in range(ROLLS)]
+        log_p, craft, size = self.network(np.ascontiguousarray(rolled))
         p = np.zeros_like(log_p[0])
         for k in range(ROLLS):
             back = np.exp(log_p[k])
@@ -230,12 +233,12 @@ class LearnedProposer:
             Target position, camera frame [m].
         """
         centre = t + quat.matrix(q) @ self.centre_m
-        away = float(np.linalg.norm(centre))
+        range_m = float(np.linalg.norm(centre))
 
-        def off(g: LearnedProposal) -> float:
-            return float(np.linalg.norm(g.crop.direction - centre / away) / g.crop.diameter_px)
+        def angular_offset(g: LearnedProposal) -> float:
+            return float(np.linalg.norm(g.crop.direction - centre / range_m) / g.crop.diameter_px)
 
-        g = min(learned, key=off)
+        g = min(learned, key=angular_offset)
         back = g.crop.swing().T
         seen = quat.multiply(quat.from_matrix(back), q)[None]
         at = (back @ centre / self.radius_m)[None]
@@ -261,22 +264,22 @@ class LearnedProposer:
             See `propose`.
         """
         centre = t + quat.matrix(q) @ self.centre_m
-        away = float(np.linalg.norm(centre))
-        half_angle = np.arcsin(min(self.radius_m / away, 0.9))
+        range_m = float(np.linalg.norm(centre))
+        half_angle = np.arcsin(min(self.radius_m / range_m, 0.9))
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
-        crop = ImageCrop(centre / away, float(2 * f * np.tan(half_angle)))
+        crop = ImageCrop(centre / range_m, float(2 * f * np.tan(half_angle)))
         log_p, craft, size = self.network(network_inputs(image, noise, self.camera, [crop], None, black))
         whole = Region(0.0, 0.0, float(image.shape[1]), float(image.shape[0]), "predicted")
         return -self.log_likelihood(
             [self._proposal(whole, crop, log_p[0], float(craft[0]), float(size[0]))], q, t
         )
 
-    def _apart(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
+    def _distinct(self, order: Sequence[int], crops: Dict[int, ImageCrop], most: int) -> List[int]:
         """Return the first ``most`` of the crops that do not overlap."""
         f = 0.5 * (self.camera.fx_px + self.camera.fy_px)
         kept: List[int] = []
         for k in order:
-            if len(kept) < most and all(_apart(crops[k], crops[j], f) for j in kept):
+            if len(kept) < most and all(_are_distinct(crops[k], crops[j], f) for j in kept):
                 kept.append(k)
         return kept
 
@@ -314,7 +317,7 @@ class LearnedProposer:
         return LearnedProposal(source, crop, q, t, score, craft, with_outliers(log_p), log_size)
 
 
-def _apart(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
+def _are_distinct(a: ImageCrop, b: ImageCrop, f_px: float) -> bool:
     """Return True if two crops differ by a quarter of the target's size or in scale."""
     size = min(a.diameter_px, b.diameter_px)
     ratio = max(a.diameter_px, b.diameter_px) / size

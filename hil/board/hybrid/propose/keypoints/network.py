@@ -119,5 +119,5 @@ def has_shipped_head(name: str) -> bool:
 
 
 def _matches(head: KeypointHead, model: BoardModel) -> bool:
-    away = np.linalg.norm(head.keypoints_m - keypoints_m(model), axis=1).max()
-    return bool(away < MAX_DISPLACEMENT_RADII * model.radius_m)
+    displacement = np.linalg.norm(head.keypoints_m - keypoints_m(model), axis=1).max()
+    return bool(displacement < MAX_DISPLACEMENT_RADII * model.radius_m)

@@ -32,14 +32,14 @@ def channels(pictures: Array, noise: Array) -> Array:
     """
     out = np.empty((len(pictures), 2, *pictures.shape[1:]), np.float32)
     side = (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX)
-    for picture, sigma, made in zip(pictures, noise, out):  # noqa: B905 - Python 3.9 has no strict=
+    for picture, sigma, channels_out in zip(pictures, noise, out):  # noqa: B905 - Python 3.9 has no strict=
         top = np.partition(picture.ravel(), -1 - int(BRIGHT_SHARE * picture.size))[
             -1 - int(BRIGHT_SHARE * picture.size)
         ]
         bright = max(float(top), MIN_BRIGHTNESS_SIGMA * float(sigma), 1e-9)
-        made[0] = np.sqrt(np.clip(picture * np.float32(1 / bright), 0.0, 1.2)) - np.float32(0.3)
-        away = picture - cv2.blur(picture, side)
+        channels_out[0] = np.sqrt(np.clip(picture * np.float32(1 / bright), 0.0, 1.2)) - np.float32(0.3)
+        contrast = picture - cv2.blur(picture, side)
         least = (MIN_CONTRAST_SIGMA * float(sigma) + MIN_LEVEL_SHARE * bright) ** 2
-        spread = np.sqrt(cv2.blur(away * away, side) + np.float32(least))
-        made[1] = np.clip(0.5 * away / spread, -1.5, 1.5)
+        spread = np.sqrt(cv2.blur(contrast * contrast, side) + np.float32(least))
+        channels_out[1] = np.clip(0.5 * contrast / spread, -1.5, 1.5)
     return out

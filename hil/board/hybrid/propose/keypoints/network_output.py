@@ -32,6 +32,6 @@ def keypoints_m(model: BoardModel) -> Array:
     if not len(points):
         points = model.ends_m[:1]
     while len(points) < KEYPOINTS:
-        away = np.linalg.norm(model.ends_m[:, None] - points[None], axis=-1).min(axis=1)
-        points = np.vstack([points, model.ends_m[int(np.argmax(away))]])
+        distance = np.linalg.norm(model.ends_m[:, None] - points[None], axis=-1).min(axis=1)
+        points = np.vstack([points, model.ends_m[int(np.argmax(distance))]])
     return points

@@ -181,12 +181,12 @@ def _grid_maxima(
     centre = (np.arange(BINS) + 0.5) * BIN_WIDTH - HALF_RANGE
     middle = (p @ centre / p.sum(axis=-1)).mean(axis=0)
     # weak perspective: the keypoints' centroid projects to the centroid of their means
-    turned = R[:, :2] @ (points - points.mean(axis=0)).astype(np.float32).T
-    away = _distance(focal)
+    rotated = R[:, :2] @ (points - points.mean(axis=0)).astype(np.float32).T
+    sphere_distance = _distance(focal)
     scores = np.empty((len(sizes), len(q)), np.float32)
     shift = ((middle + HALF_RANGE) / BIN_WIDTH).astype(np.float32)[:, None]
     for score, factor in zip(scores, sizes):  # noqa: B905 - Python 3.9 has no strict=
-        at = (turned * np.float32(focal / away * factor / BIN_WIDTH) + shift).astype(np.int32)
+        at = (rotated * np.float32(focal / sphere_distance * factor / BIN_WIDTH) + shift).astype(np.int32)
         np.clip(at, 0, BINS - 1, out=at)
         at += row
         score[:] = table.ravel().take(at).sum(axis=(1, 2))
@@ -198,7 +198,7 @@ def _grid_maxima(
             break
         if not kept or np.abs(q[kept] @ q[k]).max() < np.cos(0.5 * MIN_SEPARATION_RAD):
             kept.append(int(k))
-    z = away / size[kept]
+    z = sphere_distance / size[kept]
     off = R[kept] @ points.mean(axis=0)
     xy = middle * (z / focal)[:, None] - off[:, :2]
     return q[kept], np.column_stack([xy, z]), best[kept]
@@ -261,14 +261,14 @@ def _newton_step(
     step[:, 3:] = np.clip(step[:, 3:], -bound, bound)
     half = 0.5 * step[:, :3]
     turn = np.concatenate([np.ones((len(q), 1)), half], axis=1)
-    moved = quat.multiply(turn, q)
-    moved /= np.linalg.norm(moved, axis=1, keepdims=True)
+    q_new = quat.multiply(turn, q)
+    q_new /= np.linalg.norm(q_new, axis=1, keepdims=True)
     new = t + step[:, 3:]
     new[:, 2] = np.maximum(new[:, 2], 1.05)
     # reject a step that decreases the likelihood
     before = value.sum(axis=(1, 2)) - 0.5 * prior * (t[:, 2] - distance) ** 2
-    after = _look_up(table, _project(points, focal, quat.matrix(moved), new)[0])[0].sum(axis=(1, 2))
+    after = _look_up(table, _project(points, focal, quat.matrix(q_new), new)[0])[0].sum(axis=(1, 2))
     after -= 0.5 * prior * (new[:, 2] - distance) ** 2
     worse = after < before - 1e-6
-    moved[worse], new[worse] = q[worse], t[worse]
-    return moved, new
+    q_new[worse], new[worse] = q[worse], t[worse]
+    return q_new, new
