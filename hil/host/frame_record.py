@@ -255,7 +255,6 @@ def complete(
         True quaternion and position, camera from target.
     utc_minus_monotonic_ns : int
         Offset between the host's clocks, the same for all rows of a run.
-        Of the host's clocks, the same for all rows of a run.
     deadline_ms : float, optional
         Deadline of an answer, from the start of sending.
     """

@@ -34,7 +34,7 @@ LAB_EARTH_SHARE, EMPTY_SHARE = 0.4, 0.08
 LOG_SIZES = (-1.1, 0.7)
 
 # Pixels of the SPEED camera per input pixel, times range over radius.
-REDUCED = 65.0
+PIXELS_PER_INPUT_PIXEL = 65.0
 
 # Width and height of an image [px of the SPEED camera].
 FRAME_PX = (1920.0, 1200.0)
@@ -66,38 +66,37 @@ _V, _U = (np.mgrid[:INPUT_PX, :INPUT_PX] / (0.5 * INPUT_PX) - 1.0).astype(np.flo
 
 
 @dataclass(frozen=True)
-class Mix:
+class SampleMix:
     """Distribution of the training samples.
 
     Parameters
     ----------
-    off : tuple of (float, float)
+    crop_sigmas : tuple of (float, float)
         Standard deviations of a crop's shift [half sides] and log size, for the first and later passes.
-    off_share : tuple of float
+    pass_shares : tuple of float
         Shares of samples from each of these passes.
-    orbit : float
+    orbit_share : float
         Share of orbit samples.
-    earth : float
+    earth_share : float
         Share of orbit samples with the Earth in the background.
-    astray : float
+    misexposed_share : float
         Share of orbit samples with a grossly wrong exposure.
     noise : tuple of float, optional
         Range of the noise per pixel [full scale].
-        (float, float) Bounds of the noise of one pixel [full scale].
     """
 
-    off: tuple[tuple[float, float], ...] = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08))
-    off_share: tuple[float, ...] = (0.25, 0.3, 0.45)
-    orbit: float = 0.4
-    earth: float = 0.65
-    astray: float = 0.3
+    crop_sigmas: tuple[tuple[float, float], ...] = ((0.28, 0.42), (0.12, 0.2), (0.04, 0.08))
+    pass_shares: tuple[float, ...] = (0.25, 0.3, 0.45)
+    orbit_share: float = 0.4
+    earth_share: float = 0.65
+    misexposed_share: float = 0.3
     noise: tuple[float, float] = (0.002, 0.075)
 
 
 # Full range of conditions, and an easier curriculum for the start: from random weights, attitudes are then learned much
 # sooner (docs/lab/2026-11-keypoint-network.md).
-HARD = Mix()
-EASY = Mix(((0.1, 0.15), (0.06, 0.1), (0.03, 0.05)), (0.2, 0.3, 0.5), 0.75, 0.25, 0.1, (0.002, 0.02))
+HARD = SampleMix()
+EASY = SampleMix(((0.1, 0.15), (0.06, 0.1), (0.03, 0.05)), (0.2, 0.3, 0.5), 0.75, 0.25, 0.1, (0.002, 0.02))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +162,11 @@ def image_pyramid(earths: Float32Array, levels: int = 3) -> tuple[Float32Array, 
 
 
 def sample(
-    views: LitViews, earths: Sequence[Float32Array], which: NDArray[Any], rng: Generator, mix: Mix = HARD
+    views: LitViews,
+    earths: Sequence[Float32Array],
+    which: NDArray[Any],
+    rng: Generator,
+    mix: SampleMix = HARD,
 ) -> Batch:
     """Return a batch with one sample of each of the given views.
 
@@ -177,19 +180,24 @@ def sample(
         Indices of the views.
     rng : Generator
         Random generator.
-    mix : Mix
+    mix : SampleMix
         Distribution of the samples.
     """
     size = len(which)
-    off = np.array(mix.off)[rng.choice(len(mix.off), size, p=mix.off_share)]
+    off = np.array(mix.crop_sigmas)[rng.choice(len(mix.crop_sigmas), size, p=mix.pass_shares)]
     box = rng.normal(0, 1, (size, 3)) * off[:, [0, 0, 1]]
     box[:, 2] = np.clip(box[:, 2], *LOG_SIZES)
     present = rng.random(size) >= EMPTY_SHARE
     empty = np.flatnonzero(~present)
     box[empty, :2] = rng.uniform(1.0, 2.2, (len(empty), 2)) * rng.choice([-1, 1], (len(empty), 2))
-    reduced = REDUCED / views.range_in_radii[which] * np.exp(-box[:, 2]) * rng.uniform(0.7, 1.4, size)
+    reduced = (
+        PIXELS_PER_INPUT_PIXEL
+        / views.range_in_radii[which]
+        * np.exp(-box[:, 2])
+        * rng.uniform(0.7, 1.4, size)
+    )
     turn = rng.uniform(0, 2 * np.pi, size)
-    orbit = rng.random(size) < mix.orbit
+    orbit = rng.random(size) < mix.orbit_share
     noise = rng.uniform(*mix.noise, size)
     fine = (noise / np.maximum(reduced, 1.0)).astype(np.float32)
     pictures = np.empty((size, INPUT_PX, INPUT_PX), np.float32)
@@ -298,16 +306,18 @@ def _orbit_picture(
     present: bool,  # noqa: FBT001 - positional in a private call
     noise: float,
     rng: Generator,
-    mix: Mix,
+    mix: SampleMix,
 ) -> Float32Array:
-    astray = rng.random() < mix.astray
+    misexposed = rng.random() < mix.misexposed_share
     gain = np.float32(
         np.exp(
-            rng.uniform(-MAX_EXPOSURE_ERROR, MAX_EXPOSURE_ERROR) if astray else rng.normal(0, EXPOSURE_SIGMA)
+            rng.uniform(-MAX_EXPOSURE_ERROR, MAX_EXPOSURE_ERROR)
+            if misexposed
+            else rng.normal(0, EXPOSURE_SIGMA)
         )
     )
     picture = _add_shadow(signal, rng) * gain
-    if not present or rng.random() < mix.earth:
+    if not present or rng.random() < mix.earth_share:
         earth = _window(earths, reduced / 4, rng)
         picture = picture + (1 - cover) * earth * np.float32(gain * rng.uniform(0.6, 1.4))
     # clipping at black and white: noise on black raises the mean
@@ -323,7 +333,7 @@ def _laboratory_picture(
     present: bool,  # noqa: FBT001 - positional in a private call
     _noise: float,
     rng: Generator,
-    _mix: Mix,
+    _mix: SampleMix,
 ) -> Float32Array:
     picture = np.minimum(_add_shadow(signal, rng), np.float32(MAX_SIGNAL))
     if rng.random() < TEXTURE_SHARE:
